@@ -1,0 +1,60 @@
+"""Every error that sindyjoint raises on purpose.
+
+Each derives from :class:`SindyJointError` and from the builtin that fits, so both kinds of ``except`` work.
+A message says what was given, what was wanted and what to do. The command line turns any of them into one
+line on stderr and exit status 2.
+"""
+
+
+class SindyJointError(Exception):
+    """Base of every deliberate error of this package."""
+
+
+class InputError(SindyJointError, ValueError):
+    """A value, a file's content or an option that cannot be used."""
+
+
+class MissingInputError(SindyJointError, FileNotFoundError):
+    """A file or folder that was named does not exist."""
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
+
+class UnitError(InputError):
+    """An unknown unit, or one of the wrong dimension."""
+
+
+class FormulaError(InputError):
+    """A formula that cannot be parsed, or that reaches outside the allow-list."""
+
+
+class UnknownNameError(SindyJointError, KeyError):
+    """A term, library, method or option name that nobody knows."""
+
+    def __str__(self) -> str:
+        # KeyError shows repr(message); a sentence should read as a sentence.
+        return str(self.args[0]) if self.args else ""
+
+
+class OutputError(SindyJointError, OSError):
+    """A result that cannot be written where it was asked for."""
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
+
+class MissingExtraError(SindyJointError, ImportError):
+    """An optional dependency that this call needs is not installed."""
+
+
+class SimulationError(SindyJointError, ArithmeticError):
+    """A simulation that left the range where its law holds; carries the time at which it did."""
+
+    def __init__(self, message: str, time: float | None = None):
+        super().__init__(message)
+        self.time = time
+
+
+class SindyJointWarning(UserWarning):
+    """Base of every warning of this package."""

@@ -1,0 +1,202 @@
+"""The measured record: what a campaign of vibration runs is, in SI units, checked on creation.
+
+Everything past ``files/`` is rad, N·m, s; for a translational joint (``motion = "translation"``) read metre for
+radian and newton for newton-metre. The attribute names stay those of the rotational case.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import InputError
+
+Motion = Literal["rotation", "translation"]
+Use = Literal["identify", "validate"]
+
+MINIMUM_SAMPLES = 32
+
+
+def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
+    """Return a read-only float64 copy of a one-dimensional finite signal."""
+    array = np.array(values, dtype=np.float64)
+    if array.ndim != 1:
+        raise InputError(f"run {run!r}: {name} has shape {array.shape}; a one-dimensional signal is wanted")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise InputError(
+            f"run {run!r}: {name} holds {bad.size} value(s) that are not finite, the first at sample {bad[0]}; "
+            "remove or repair them before the run is used"
+        )
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True)
+class Joint:
+    """The joint under test.
+
+    Parameters
+    ----------
+    name : str
+        What the joint is called in reports.
+    motion : {"rotation", "translation"}
+        Whether angle and moment (rad, N·m) or displacement and force (m, N) are meant.
+    inertia : float or None
+        Moving inertia between moment sensor and joint, kg·m² (kg). ``None``: identified as a term.
+    """
+
+    name: str = "joint"
+    motion: Motion = "rotation"
+    inertia: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.motion not in ("rotation", "translation"):
+            raise InputError(f"motion is {self.motion!r}; 'rotation' or 'translation' is wanted")
+        if self.inertia is not None and not (np.isfinite(self.inertia) and self.inertia >= 0):
+            raise InputError(f"inertia is {self.inertia!r}; a finite number that is not negative is wanted")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a run came from: the file's name and the SHA-256 of its bytes, for provenance."""
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One measured run, uniformly sampled.
+
+    Parameters
+    ----------
+    name : str
+    moment, angle : array_like, shape (n,)
+        Moment at the sensor, N·m (N), and joint angle, rad (m), at the same instants.
+    sample_rate : float
+        Hz.
+    rate : array_like, shape (n,), optional
+        Measured angular velocity, rad/s (m/s).
+    frequency : float, optional
+        Excitation frequency, Hz; ``None`` for an aperiodic run.
+    level : str, optional
+        Free label of the excitation level.
+    use : {"identify", "validate"}
+        Runs marked ``"validate"`` are never used for fitting.
+    source : Source, optional
+
+    Raises
+    ------
+    InputError
+        For signals of different length, too few samples, values that are not finite, or a sampling rate that
+        cannot resolve the frequency.
+    """
+
+    name: str
+    moment: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    sample_rate: float
+    rate: NDArray[np.float64] | None = None
+    frequency: float | None = None
+    level: str | None = None
+    use: Use = "identify"
+    source: Source | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        for name in ("moment", "angle", "rate"):
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, _signal(name, values, self.name))
+        n = self.angle.size
+        for name in ("moment", "rate"):
+            values = getattr(self, name)
+            if values is not None and values.size != n:
+                raise InputError(
+                    f"run {self.name!r}: {name} has {values.size} samples and angle has {n}; equal lengths are wanted"
+                )
+        if n < MINIMUM_SAMPLES:
+            raise InputError(f"run {self.name!r}: {n} samples; at least {MINIMUM_SAMPLES} are wanted")
+        if not (np.isfinite(self.sample_rate) and self.sample_rate > 0):
+            raise InputError(f"run {self.name!r}: sample_rate is {self.sample_rate!r} Hz; a positive number is wanted")
+        if self.use not in ("identify", "validate"):
+            raise InputError(f"run {self.name!r}: use is {self.use!r}; 'identify' or 'validate' is wanted")
+        if self.frequency is not None:
+            self._check_frequency()
+
+    def _check_frequency(self) -> None:
+        frequency = self.frequency
+        assert frequency is not None
+        if not (np.isfinite(frequency) and frequency > 0):
+            raise InputError(f"run {self.name!r}: frequency is {frequency!r} Hz; a positive number is wanted")
+        # Ten samples per period carry the first three harmonics and nothing more: the least that shows a cubic.
+        if self.sample_rate < 10 * frequency:
+            raise InputError(
+                f"run {self.name!r}: sampling at {self.sample_rate:g} Hz is too slow for {frequency:g} Hz excitation; "
+                f"at least {10 * frequency:g} Hz is wanted"
+            )
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return self.angle.size
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Sample instants from zero, s."""
+        return np.arange(self.n_samples) / self.sample_rate
+
+    @property
+    def duration(self) -> float:
+        """Length of the record, s."""
+        return self.n_samples / self.sample_rate
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A joint and its runs.
+
+    Parameters
+    ----------
+    joint : Joint
+    runs : tuple of Run
+        At least one; names are unique.
+    simulated : bool
+        Whether the runs come from a virtual test. Reports say so.
+    skew : float or None
+        Declared time by which the moment channel lags the angle channel, s; already removed from the runs.
+    notes : tuple of str
+        What reading the files had to decide; repeated in reports.
+    """
+
+    joint: Joint
+    runs: tuple[Run, ...]
+    simulated: bool = False
+    skew: float | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "runs", tuple(self.runs))
+        if not self.runs:
+            raise InputError("a campaign without runs was given; at least one run is wanted")
+        names = [run.name for run in self.runs]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run a name of its own")
+
+    @property
+    def identification_runs(self) -> tuple[Run, ...]:
+        """Runs that may be used for fitting."""
+        return tuple(run for run in self.runs if run.use == "identify")
+
+    @property
+    def validation_runs(self) -> tuple[Run, ...]:
+        """Runs kept for validation, never used for fitting."""
+        return tuple(run for run in self.runs if run.use == "validate")
+
+    def with_runs(self, runs: tuple[Run, ...]) -> Campaign:
+        """Return the same campaign with other runs."""
+        return replace(self, runs=tuple(runs))
