@@ -6,6 +6,7 @@ radian and newton for newton-metre. The attribute names stay those of the rotati
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -47,17 +48,28 @@ class Joint:
         Whether angle and moment (rad, N·m) or displacement and force (m, N) are meant.
     inertia : float or None
         Moving inertia between moment sensor and joint, kg·m² (kg). ``None``: identified as a term.
+    temperature : float or None
+        At which the joint was tested, K.
+    serial : str or None
+        Serial number.
+    labels : mapping of str to str
+        Anything else the person wrote down about the joint.
     """
 
     name: str = "joint"
     motion: Motion = "rotation"
     inertia: float | None = None
+    temperature: float | None = None
+    serial: str | None = None
+    labels: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if self.motion not in ("rotation", "translation"):
             raise InputError(f"motion is {self.motion!r}; 'rotation' or 'translation' is wanted")
         if self.inertia is not None and not (np.isfinite(self.inertia) and self.inertia >= 0):
             raise InputError(f"inertia is {self.inertia!r}; a finite number that is not negative is wanted")
+        if self.temperature is not None and not (np.isfinite(self.temperature) and self.temperature > 0):
+            raise InputError(f"temperature is {self.temperature!r} K; a finite number above zero is wanted")
 
 
 @dataclass(frozen=True)

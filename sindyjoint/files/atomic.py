@@ -1,0 +1,164 @@
+"""Files written whole or not at all.
+
+A reader never sees half a file: the bytes go to a temporary name in the same folder, then take the final name in one
+step (``os.replace``). A folder of results is built aside and moved in when it is complete.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from sindyjoint.errors import OutputError
+
+
+def _cannot(path: Path, error: OSError) -> OutputError:
+    """Say in one line why a path cannot be written."""
+    return OutputError(f"cannot write {str(path)!r}: {error.strerror or error}; choose another place")
+
+
+def _aside(path: Path) -> Path:
+    """Return a hidden name beside ``path`` that nothing else uses."""
+    return path.with_name(f".{path.name[:80]}.{uuid.uuid4().hex[:12]}.part")
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
+    """Write a file whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        When the folder does not exist, the path is a folder, or the system refuses.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
+    temporary = _aside(target)
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise _cannot(target, error) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+    return target
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> Path:
+    """Write a UTF-8 text file whole or not at all; see :func:`write_bytes`."""
+    return write_bytes(path, text.encode("utf-8"))
+
+
+def check_output(path: str | os.PathLike[str]) -> Path:
+    """Check, before any long work, that a folder of results can be written; leave nothing behind.
+
+    Raises
+    ------
+    OutputError
+        When the path or one of its parents is a file, or the system refuses to write there.
+    """
+    folder = Path(path)
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        what = "it" if existing == folder else repr(str(existing))
+        raise OutputError(f"cannot write into {str(folder)!r}: {what} is a file; the name of a folder is wanted")
+    # Permission bits say nothing to root and nothing about read-only file systems: only writing tells.
+    probe = _aside(existing / "probe")
+    try:
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise _cannot(folder, error) from error
+    return folder
+
+
+def prepare_output(path: str | os.PathLike[str]) -> Path:
+    """Check a folder of results as :func:`check_output` does, and make it where it is missing."""
+    folder = check_output(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _cannot(folder, error) from error
+    return folder
+
+
+@contextmanager
+def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a folder to fill; its files appear under ``path`` only when the block ends well.
+
+    Files of the same names are replaced, other files stay. After an exception ``path`` is as it was before.
+
+    Yields
+    ------
+    Path
+        A temporary folder on the same file system.
+
+    Raises
+    ------
+    OutputError
+        When ``path`` cannot be a folder of results.
+    """
+    target = check_output(path)
+    created = _missing_parents(target)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        stage = _aside(target / "results")
+        stage.mkdir()
+    except OSError as error:
+        _remove_empty(created)
+        raise _cannot(target, error) from error
+    done = False
+    try:
+        yield stage
+        _move_in(stage, target)
+        done = True
+    except OSError as error:
+        if isinstance(error, OutputError) or not _concerns(error, stage):
+            raise
+        raise _cannot(target, error) from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+        if not done:
+            _remove_empty(created)
+
+
+def _concerns(error: OSError, stage: Path) -> bool:
+    """Whether an error of the system is about writing into the stage, not about reading something else."""
+    return error.filename is None or str(stage) in (str(error.filename) + str(error.filename2))
+
+
+def _missing_parents(folder: Path) -> list[Path]:
+    """Return the folders that making ``folder`` will create, innermost first."""
+    missing = []
+    while not folder.exists() and folder != folder.parent:
+        missing.append(folder)
+        folder = folder.parent
+    return missing
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove folders that this call made, innermost first, as far as they are empty."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+
+
+def _move_in(stage: Path, target: Path) -> None:
+    """Move every file of the stage to the same place under the target."""
+    files = sorted(path for path in stage.rglob("*") if path.is_file())
+    for path in files:
+        place = target / path.relative_to(stage)
+        if place.is_dir():
+            raise OutputError(f"cannot write {str(place)!r}: it is a folder; remove it or choose another place")
+        place.parent.mkdir(parents=True, exist_ok=True)
+    for path in files:
+        os.replace(path, target / path.relative_to(stage))
