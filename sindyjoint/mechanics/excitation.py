@@ -1,0 +1,188 @@
+"""Excitations: moments, forces or angles as functions of time.
+
+Every excitation is a piecewise cubic on a uniform grid, so a measured noisy moment and a pure tone go through
+the same few multiplications of the compiled integrators.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import InputError
+
+Array = NDArray[np.float64]
+Interpolation = Literal["cubic", "linear", "hold"]
+
+#: Pieces per period of a pure tone: the spline is then within 1e-8 of the sine.
+TONE_PIECES = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """A piecewise cubic function of time, from time zero.
+
+    Parameters
+    ----------
+    pieces : ndarray, shape (n, 4)
+        Coefficients of 1, u, u², u³ in each piece, u running from 0 to 1.
+    step : float
+        Length of a piece, s.
+    periodic : bool
+        Whether the pieces repeat; otherwise the value stays that of the last piece's end.
+    smooth : bool
+        Whether the slope is continuous over the joints of the pieces; integrators stop there when it is not.
+    scale : float
+        Factor on the whole.
+    ramp : float
+        The whole is faded in over this time, s, with the smooth step r²(3 − 2r).
+    """
+
+    pieces: Array
+    step: float
+    periodic: bool = False
+    smooth: bool = True
+    scale: float = 1.0
+    ramp: float = 0.0
+
+    def __call__(self, time: ArrayLike) -> Array:
+        """Return the value at the times, s."""
+        return self.derivative(time, 0)
+
+    def derivative(self, time: ArrayLike, order: int = 1) -> Array:
+        """Return the value (order 0), first or second derivative at the times, ramp included."""
+        t = np.asarray(time, dtype=np.float64)
+        u = t / self.step
+        if self.periodic:
+            u = np.mod(u, len(self.pieces))
+        piece = np.clip(np.floor(u), 0, len(self.pieces) - 1).astype(int)
+        inside = self.periodic | (u <= len(self.pieces))
+        u = np.minimum(u - piece, 1.0)
+        c0, c1, c2, c3 = np.moveaxis(self.pieces[piece], -1, 0) * self.scale
+        values = [
+            c0 + u * (c1 + u * (c2 + u * c3)),
+            inside * (c1 + u * (2 * c2 + 3 * u * c3)) / self.step,
+            inside * (2 * c2 + 6 * u * c3) / self.step**2,
+        ]
+        if not self.ramp:
+            return values[order]
+        r = np.clip(t / self.ramp, 0, 1)
+        fade = [r * r * (3 - 2 * r), 6 * r * (1 - r) / self.ramp, (r < 1) * (6 - 12 * r) / self.ramp**2]
+        if order == 2:
+            return values[2] * fade[0] + 2 * values[1] * fade[1] + values[0] * fade[2]
+        return values[order] * fade[0] + (values[0] * fade[1] if order else 0.0)
+
+    def scaled(self, factor: float) -> Excitation:
+        """Return the same excitation times a factor."""
+        return replace(self, scale=self.scale * factor)
+
+    def faded_in(self, ramp: float) -> Excitation:
+        """Return the same excitation faded in over `ramp` seconds."""
+        return replace(self, ramp=ramp)
+
+
+def _check_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} is {value!r}; a positive number is wanted")
+
+
+def _spline_pieces(values: Array, step: float, periodic: bool) -> Array:
+    from scipy.interpolate import CubicSpline
+
+    knots = np.arange(values.size, dtype=np.float64)
+    spline = CubicSpline(knots, values, bc_type="periodic" if periodic else "not-a-knot")
+    return np.ascontiguousarray(spline.c[::-1].T)
+
+
+def harmonic(amplitude: float, frequency: float, phase: float = 0.0) -> Excitation:
+    """Return amplitude · sin(2π·frequency·t + phase).
+
+    Parameters
+    ----------
+    amplitude : float
+        N·m, N, rad or m.
+    frequency : float
+        Hz.
+    phase : float
+        rad.
+
+    Raises
+    ------
+    InputError
+        When the frequency is not positive or the amplitude not finite.
+    """
+    _check_positive(frequency=frequency)
+    if not np.isfinite(amplitude):
+        raise InputError(f"amplitude is {amplitude!r}; a finite number is wanted")
+    # Hermite pieces with the exact slopes: no spline to solve, and continuous slope.
+    w = 2 * np.pi / TONE_PIECES
+    angles = phase + w * np.arange(TONE_PIECES + 1)
+    y, d = np.sin(angles), w * np.cos(angles)
+    rise = y[1:] - y[:-1]
+    pieces = np.stack([y[:-1], d[:-1], 3 * rise - 2 * d[:-1] - d[1:], d[:-1] + d[1:] - 2 * rise], axis=1)
+    return Excitation(pieces, 1 / (frequency * TONE_PIECES), periodic=True, scale=float(amplitude))
+
+
+def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation = "cubic") -> Excitation:
+    """Return an excitation through samples, for instance a measured noisy moment.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+    sample_rate : float
+        Hz.
+    interpolation : {"cubic", "linear", "hold"}
+        A C² spline, straight lines, or steps.
+
+    Raises
+    ------
+    InputError
+        For fewer than four samples, values that are not finite or an unknown interpolation.
+    """
+    y = np.asarray(values, dtype=np.float64)
+    _check_positive(sample_rate=sample_rate)
+    if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
+        raise InputError(f"sampled excitation of shape {y.shape}: at least four finite values in a row are wanted")
+    zero = np.zeros(y.size - 1)
+    if interpolation == "cubic":
+        pieces = _spline_pieces(y, 1 / sample_rate, periodic=False)
+    elif interpolation == "linear":
+        pieces = np.stack([y[:-1], np.diff(y), zero, zero], axis=1)
+    elif interpolation == "hold":
+        pieces = np.stack([y, *[np.zeros(y.size)] * 3], axis=1)
+    else:
+        raise InputError(f"interpolation is {interpolation!r}; 'cubic', 'linear' or 'hold' is wanted")
+    return Excitation(pieces, 1 / sample_rate, smooth=interpolation == "cubic")
+
+
+def multisine(amplitudes: ArrayLike, frequencies: ArrayLike, phases: ArrayLike, duration: float) -> Excitation:
+    """Return the sum of sines, amplitude_i · sin(2π f_i t + phase_i), over `duration` seconds."""
+    a, f, p = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (amplitudes, frequencies, phases))
+    _check_positive(duration=duration, lowest_frequency=float(f.min()))
+    rate = TONE_PIECES * float(f.max())
+    t = np.arange(int(np.ceil(duration * rate)) + 2) / rate
+    return sampled(np.sin(2 * np.pi * np.outer(t, f) + p) @ a, rate)
+
+
+def sweep(amplitude: float, start: float, stop: float, duration: float) -> Excitation:
+    """Return a sine whose frequency goes linearly from `start` to `stop`, Hz, in `duration` seconds."""
+    _check_positive(start=start, stop=stop, duration=duration)
+    rate = TONE_PIECES * max(start, stop)
+    t = np.arange(int(np.ceil(duration * rate)) + 2) / rate
+    return sampled(amplitude * np.sin(2 * np.pi * (start * t + (stop - start) * t**2 / (2 * duration))), rate)
+
+
+def pulse(amplitude: float, duration: float, shape: Literal["rectangular", "half-sine"] = "rectangular") -> Excitation:
+    """Return a pulse that starts at time zero and is zero after `duration` seconds."""
+    _check_positive(duration=duration)
+    if shape == "rectangular":
+        return Excitation(np.array([[1.0, 0, 0, 0], [0.0, 0, 0, 0]]), duration, smooth=False, scale=amplitude)
+    if shape == "half-sine":
+        half = harmonic(1.0, 1 / (2 * duration))
+        pieces = np.vstack([half.pieces[: TONE_PIECES // 2], np.zeros((1, 4))])
+        return Excitation(pieces, half.step, smooth=False, scale=amplitude)
+    raise InputError(f"pulse shape is {shape!r}; 'rectangular' or 'half-sine' is wanted")

@@ -1,0 +1,194 @@
+"""Compiled forms of laws: one C signature, so that one compiled integrator serves every law.
+
+``void law(double theta, double omega, double direction, const double *state, const double *parameters,
+double *out)`` writes the moment to ``out[0]`` and the rates of the internal states behind it. Integrators call
+it by address, so they are compiled once and cached; a new law costs its own few lines only.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, cfunc, njit, types
+from numba.core.errors import NumbaError
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.laws import CompiledLaw, ScalarLaw
+
+_pointer = types.CPointer(types.float64)
+LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer, _pointer, _pointer)
+
+
+@intrinsic
+def call_law(typingctx, address, theta, omega, direction, state, parameters, out):  # noqa: D103
+    # A C call through an address kept as an integer: unlike a first-class function argument it lets numba cache
+    # the integrator on disk, and it costs no more than the call itself.
+    signature = types.void(
+        types.intp, types.float64, types.float64, types.float64, state, parameters, out
+    )
+
+    def codegen(context, builder, signature, args):
+        double = ir.DoubleType()
+        pointers = [
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(signature.args[4:], args[4:], strict=True)
+        ]
+        kind = ir.FunctionType(ir.VoidType(), [double] * 3 + [double.as_pointer()] * 3)
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        builder.call(function, [*args[1:4], *pointers])
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@njit(cache=True, error_model="numpy")
+def paper_law(theta, omega, direction, state, parameters, out):
+    """Five-term law (paper Eq. 6); parameters k1, k2, k3, c1, M_F."""
+    elastic = theta * (parameters[0] + theta * (parameters[1] + theta * parameters[2]))
+    out[0] = elastic + parameters[3] * omega + parameters[4] * direction
+
+
+@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
+def PAPER_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802, D103
+    paper_law(theta, omega, direction, state, parameters, out)
+
+
+@njit(cache=True, nogil=True)
+def evaluate_law(address, theta, omega, direction, state, parameters, out):
+    """Fill `out`, shape (1 + n_states, n), with moment and state rates at n samples."""
+    row = np.empty(out.shape[0])
+    z = np.empty(max(state.shape[0], 1))
+    for i in range(theta.size):
+        for j in range(state.shape[0]):
+            z[j] = state[j, i]
+        call_law(address, theta[i], omega[i], direction[i], z, parameters, row)
+        out[:, i] = row
+
+
+@lru_cache(maxsize=256)
+def _compile(function: ScalarLaw, n_states: int) -> tuple[Any, Any]:
+    compiled = function if hasattr(function, "py_func") else njit(error_model="numpy")(function)
+
+    def callback(theta, omega, direction, state, parameters, out):
+        compiled(theta, omega, direction, state, parameters, out)
+
+    try:
+        return compiled, cfunc(LAW_SIGNATURE)(callback)
+    except NumbaError as error:
+        reason = str(error).strip().splitlines()[-1]
+        name = getattr(function, "__name__", repr(function))
+        raise InputError(
+            f"the law function {name!r} cannot be compiled ({reason}); write it with scalar arithmetic, math "
+            "functions and indexing of state, parameters and out only"
+        ) from error
+
+
+def compile_scalar_law(function: ScalarLaw, parameters: NDArray[np.float64], n_states: int) -> CompiledLaw:
+    """Compile a scalar law function; the same function is compiled once whatever its parameters.
+
+    Raises
+    ------
+    InputError
+        When numba cannot compile the function.
+    """
+    compiled, callback = _compile(function, n_states)
+    return CompiledLaw(compiled, callback, np.array(parameters, dtype=np.float64), n_states)
+
+
+@lru_cache(maxsize=256)
+def _compile_pair(first: Any, second: Any, n1: int, n2: int, p1: int, p2: int) -> tuple[Any, Any]:
+    n, p = n1 + n2, p1 + p2
+
+    @njit(error_model="numpy")
+    def both(theta, omega, direction, state, parameters, out):
+        second(theta, omega, direction, state[n1:], parameters[p1:], out[n1:])
+        moment = out[n1]
+        # The second law's moment landed on the last state rate of the first one, which is written only now.
+        first(theta, omega, direction, state, parameters, out)
+        out[0] += moment
+
+    @cfunc(LAW_SIGNATURE)
+    def callback(theta, omega, direction, state, parameters, out):
+        both(theta, omega, direction, carray(state, max(n, 1)), carray(parameters, max(p, 1)), carray(out, n + 1))
+
+    return both, callback
+
+
+def compile_sum(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
+    """Compile the sum of two laws, states and parameters of the first one first."""
+    n1, n2 = first.n_states, second.n_states
+    p1, p2 = first.parameters.size, second.parameters.size
+    function, callback = _compile_pair(first.function, second.function, n1, n2, p1, p2)
+    return CompiledLaw(function, callback, np.concatenate([first.parameters, second.parameters]), n1 + n2)
+
+
+@lru_cache(maxsize=256)
+def scalar_law_of_expressions(expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]) -> ScalarLaw:
+    """Write sympy expressions (moment, then state rates) as one scalar law function."""
+    import sympy
+    from sympy.utilities.lambdify import lambdify
+
+    theta, omega, direction = sympy.symbols("theta omega direction")
+    z, p = sympy.IndexedBase("z"), sympy.IndexedBase("p")
+    places: dict[str, Any] = {name: z[i] for i, name in enumerate(states)}
+    places |= {name: p[i] for i, name in enumerate(parameters)}
+    places |= {"theta": theta, "omega": omega, "direction": direction}
+
+    def rewrite(expression: Any) -> Any:
+        expression = sympy.sympify(expression, strict=True)
+        # By name, not by identity: an expression built with real=True symbols means the same law.
+        expression = expression.xreplace({s: places[s.name] for s in expression.free_symbols if s.name in places})
+        expression = expression.replace(sympy.sign(omega), direction)
+        return expression.replace(sympy.Heaviside(omega), (1 + direction) / 2).evalf(17)
+
+    rewritten = tuple(rewrite(e) for e in expressions)
+    count = len(rewritten)
+    values = njit(error_model="numpy")(
+        lambdify((theta, omega, direction, z, p), rewritten if count > 1 else rewritten[0], modules="math", cse=True)
+    )
+    if count == 1:
+
+        def scalar_law(theta, omega, direction, state, parameters, out):
+            out[0] = values(theta, omega, direction, state, parameters)
+    else:
+
+        def scalar_law(theta, omega, direction, state, parameters, out):
+            results = values(theta, omega, direction, state, parameters)
+            for i in range(count):
+                out[i] = results[i]
+
+    return scalar_law
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def integrate_states(address, angle, rate, parameters, step, substeps, state):
+    """Fill `state`, shape (n_states, n), from its first column along a prescribed motion (Runge–Kutta, order 4).
+
+    Between samples the angle is the cubic through angles and rates, and the rate its derivative.
+    """
+    n = state.shape[0]
+    z, trial, out = state[:, 0].copy(), np.empty(n), np.empty(1 + n)
+    k = np.zeros((4, n))
+    nodes = (0.0, 0.5, 0.5, 1.0)
+    for i in range(angle.size - 1):
+        d = angle[i + 1] - angle[i]
+        v0, v1 = step * rate[i], step * rate[i + 1]
+        for part in range(substeps):
+            for stage in range(4):
+                u = (part + nodes[stage]) / substeps
+                theta = angle[i] + u * (v0 + u * (3.0 * d - 2.0 * v0 - v1 + u * (v0 + v1 - 2.0 * d)))
+                omega = (v0 + u * (2.0 * (3.0 * d - 2.0 * v0 - v1) + 3.0 * u * (v0 + v1 - 2.0 * d))) / step
+                for j in range(n):
+                    trial[j] = z[j] + (nodes[stage] * step / substeps * k[stage - 1, j] if stage else 0.0)
+                direction = 1.0 if omega > 0.0 else (-1.0 if omega < 0.0 else 0.0)
+                call_law(address, theta, omega, direction, trial, parameters, out)
+                for j in range(n):
+                    k[stage, j] = out[1 + j]
+            for j in range(n):
+                z[j] += step / substeps * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j]) / 6.0
+        state[:, i + 1] = z

@@ -1,0 +1,325 @@
+"""Joint laws: what moment a joint transfers at an angle, a rate and an internal state.
+
+A law answers at (θ, θ̇, direction, z), where *direction* (−1 or +1) is the sense of slip, or of impending slip at
+rest. Coulomb friction is thereby set-valued without a second question: at zero rate the joint can transfer every
+moment in ``[moment(θ, 0, −1, z), moment(θ, 0, +1, z)]``. A law remembers nothing; internal states go in as
+arguments and their rates come out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import InputError
+
+if TYPE_CHECKING:
+    import sympy
+
+Array = NDArray[np.float64]
+#: ``f(theta, omega, direction, state, parameters, out)`` on scalars: writes the moment to ``out[0]`` and the rates
+#: of the internal states to ``out[1:]``. It must be compilable by numba.
+ScalarLaw = Callable[[float, float, float, Any, Any, Any], None]
+
+
+@dataclass(frozen=True)
+class CompiledLaw:
+    """A law as the integrators call it: a C function and the numbers it reads.
+
+    Parameters
+    ----------
+    function : object
+        The compiled ``numba`` function that others may compose; takes arrays.
+    callback : object
+        The C callback made of it. Held here so that its address stays valid.
+    parameters : ndarray, shape (n_parameters,)
+    n_states : int
+    """
+
+    function: Any
+    callback: Any
+    parameters: Array
+    n_states: int
+
+    @property
+    def address(self) -> int:
+        """Address of the C function."""
+        return self.callback.address
+
+
+@runtime_checkable
+class Law(Protocol):
+    """What a simulation asks of a law. Anything with these members is one."""
+
+    @property
+    def inertia(self) -> float:
+        """Moving inertia between the moment sensor and the joint, kg·m² (kg)."""
+
+    @property
+    def n_states(self) -> int:
+        """Number of internal states."""
+
+    def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Transfer moment, N·m (N), shape (n,); `state` has shape (n_states, n)."""
+
+    def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Rate of the internal state, shape (n_states, n)."""
+
+    def compiled(self) -> CompiledLaw | tuple[ScalarLaw, Array]:
+        """Return the compiled law, or a scalar function and its parameters for the simulator to compile."""
+
+
+def softening_limit(law: Any) -> tuple[float, float]:
+    """Angles between which the elastic moment of a law rises, rad (m); infinite where the law names none."""
+    low, high = getattr(law, "softening_limit", (-np.inf, np.inf))
+    return float(low), float(high)
+
+
+def as_compiled(law: Any) -> CompiledLaw:
+    """Return the compiled form of any law, compiling a plain scalar function where the law gives one."""
+    compiled = law.compiled()
+    if isinstance(compiled, CompiledLaw):
+        return compiled
+    function, parameters = compiled
+    from sindyjoint.mechanics.kernels import compile_scalar_law
+
+    return compile_scalar_law(function, parameters, law.n_states)
+
+
+@dataclass(frozen=True)
+class PaperLaw:
+    """The paper's five-term law, c1·θ̇ + k1·θ + k2·θ² + k3·θ³ + M_F·sign θ̇ (its Eq. 6).
+
+    Parameters
+    ----------
+    k1, k2, k3 : float
+        Stiffness, N·m/rad, N·m/rad², N·m/rad³.
+    c1 : float
+        Linear damping, N·m·s/rad.
+    M_F : float
+        Coulomb friction moment, N·m; not negative.
+    inertia : float
+        Moving inertia between moment sensor and joint, kg·m².
+    name : str
+
+    Raises
+    ------
+    InputError
+        For numbers that are not finite, negative friction or negative inertia.
+    """
+
+    k1: float
+    k2: float = 0.0
+    k3: float = 0.0
+    c1: float = 0.0
+    M_F: float = 0.0
+    inertia: float = 0.02
+    name: str = "joint"
+
+    n_states = 0
+
+    def __post_init__(self) -> None:
+        for name in ("k1", "k2", "k3", "c1", "M_F", "inertia"):
+            value = getattr(self, name)
+            if not np.isfinite(value):
+                raise InputError(f"{name} is {value!r}; a finite number is wanted")
+        for name in ("M_F", "inertia"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} is {getattr(self, name)!r}; a number that is not negative is wanted")
+
+    @property
+    def parameters(self) -> Array:
+        """(k1, k2, k3, c1, M_F) in SI."""
+        return np.array([self.k1, self.k2, self.k3, self.c1, self.M_F])
+
+    @property
+    def softening_limit(self) -> tuple[float, float]:
+        """Angles where the tangent stiffness k1 + 2·k2·θ + 3·k3·θ² first vanishes on either side of zero, rad."""
+        roots = np.roots([3 * self.k3, 2 * self.k2, self.k1])
+        real = roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)].real
+        return max(real[real < 0], default=-np.inf), min(real[real > 0], default=np.inf)
+
+    @property
+    def softening_angle(self) -> float:
+        """The symmetric measure sqrt(k1/(3|k3|)) of the softening limit, rad; infinite without softening."""
+        return float(np.sqrt(self.k1 / (-3 * self.k3))) if self.k3 < 0 < self.k1 else np.inf
+
+    def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Transfer moment, N·m (paper Eq. 6, with sign θ̇ replaced by the direction of slip)."""
+        theta, omega, s = (np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
+        return theta * (self.k1 + theta * (self.k2 + theta * self.k3)) + self.c1 * omega + self.M_F * s
+
+    def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Shape (0, n): this law has no internal state."""
+        return np.zeros((0, *np.shape(angle)))
+
+    def compiled(self) -> CompiledLaw:
+        """Compiled form, shared by every set of coefficients."""
+        from sindyjoint.mechanics.kernels import PAPER_CALLBACK, paper_law
+
+        return CompiledLaw(paper_law, PAPER_CALLBACK, self.parameters, 0)
+
+
+# Averages over 3, 4, 5 and 6 Hz printed in the last but one row of the paper's Tables 1 and 2. The paper gives no
+# inertia; 0.02 kg·m² is what a 60 mm joint half of about 5 kg would have.
+INTER_PANEL = PaperLaw(6.066e3, -1.927e5, -2.684e9, 48.13, 1.867, name="inter-panel joint")
+PANEL_ROOT = PaperLaw(1.171e4, -6.273e5, -7.425e9, 54.07, 2.191, name="panel root joint")
+
+
+class _CallbackLaw:
+    """Vectorised answers of a law that exists as a compiled scalar function."""
+
+    n_states: int
+
+    def compiled(self) -> CompiledLaw:
+        raise NotImplementedError
+
+    def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
+        from sindyjoint.mechanics.kernels import evaluate_law
+
+        theta, omega, s = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction)))
+        shape = theta.shape
+        z = np.zeros((self.n_states, theta.size)) if state is None else np.array(state, dtype=np.float64)
+        out = np.empty((1 + self.n_states, theta.size))
+        law = self.compiled()
+        evaluate_law(law.address, theta.ravel(), omega.ravel(), s.ravel(),
+                     z.reshape(self.n_states, theta.size), law.parameters, out)
+        return out.reshape(1 + self.n_states, *shape)
+
+    def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Transfer moment, N·m (N)."""
+        return self._evaluate(angle, rate, direction, state)[0]
+
+    def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Rates of the internal states, shape (n_states, n)."""
+        return self._evaluate(angle, rate, direction, state)[1:]
+
+
+@dataclass(frozen=True)
+class FunctionLaw(_CallbackLaw):
+    """A law written as a plain Python function of scalars, compiled by numba on first use.
+
+    Parameters
+    ----------
+    function : callable
+        ``f(theta, omega, direction, state, parameters, out)``; writes the moment to ``out[0]`` and the rates of
+        the internal states to ``out[1:]``.
+    parameters : array_like
+    n_states : int
+    inertia : float
+        kg·m² (kg).
+    softening_limit : (float, float)
+    """
+
+    function: ScalarLaw
+    parameters: tuple[float, ...] = ()
+    n_states: int = 0
+    inertia: float = 0.0
+    softening_limit: tuple[float, float] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", tuple(float(value) for value in self.parameters))
+
+    def compiled(self) -> CompiledLaw:
+        """Compiled form; one compilation per function, whatever its parameters."""
+        from sindyjoint.mechanics.kernels import compile_scalar_law
+
+        return compile_scalar_law(self.function, np.array(self.parameters), self.n_states)
+
+
+@dataclass(frozen=True)
+class FormulaLaw(_CallbackLaw):
+    """A law written as sympy expressions.
+
+    The symbols ``theta`` and ``omega`` are angle and rate, ``direction`` the sense of slip; ``sign(omega)`` is
+    taken as ``direction`` and is thereby set-valued at rest. All other symbols are states or parameters.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        Transfer moment, N·m (N).
+    parameters : mapping of str to float
+    state_rates : mapping of str to sympy.Expr
+        Name of each internal state and the expression of its rate.
+    inertia : float
+        kg·m² (kg).
+    softening_limit : (float, float)
+
+    Raises
+    ------
+    InputError
+        When a symbol has no value.
+    """
+
+    expression: sympy.Expr
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    state_rates: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    inertia: float = 0.0
+    softening_limit: tuple[float, float] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        known = {"theta", "omega", "direction", *self.parameters, *self.state_rates}
+        used = {s.name for e in (self.expression, *self.state_rates.values()) for s in e.free_symbols}
+        if used - known:
+            raise InputError(
+                f"the law {self.expression} uses {', '.join(sorted(used - known))} without a value; "
+                f"give it in parameters (known: {', '.join(sorted(known))})"
+            )
+
+    @property
+    def n_states(self) -> int:  # type: ignore[override]
+        """Number of internal states."""
+        return len(self.state_rates)
+
+    @cached_property
+    def _function(self) -> ScalarLaw:
+        from sindyjoint.mechanics.kernels import scalar_law_of_expressions
+
+        return scalar_law_of_expressions(
+            (self.expression, *self.state_rates.values()), tuple(self.state_rates), tuple(self.parameters)
+        )
+
+    def compiled(self) -> CompiledLaw:
+        """Compiled form; new parameter values need no new compilation of the same object's formula."""
+        from sindyjoint.mechanics.kernels import compile_scalar_law
+
+        return compile_scalar_law(self._function, np.array([*self.parameters.values()]), self.n_states)
+
+
+@dataclass(frozen=True)
+class SumLaw(_CallbackLaw):
+    """The sum of two laws, states side by side. The inertia and the softening limit are those of the first."""
+
+    first: Any
+    second: Any
+
+    @property
+    def inertia(self) -> float:
+        """Moving inertia of the first law, kg·m² (kg)."""
+        return self.first.inertia
+
+    @property
+    def n_states(self) -> int:  # type: ignore[override]
+        """Number of internal states of both."""
+        return self.first.n_states + self.second.n_states
+
+    @property
+    def softening_limit(self) -> tuple[float, float]:
+        """Softening limit of the first law."""
+        return softening_limit(self.first)
+
+    @property
+    def softening_angle(self) -> float:
+        """Symmetric softening limit of the first law."""
+        return getattr(self.first, "softening_angle", np.inf)
+
+    def compiled(self) -> CompiledLaw:
+        """Compiled form, compiled once per pair of functions."""
+        from sindyjoint.mechanics.kernels import compile_sum
+
+        return compile_sum(as_compiled(self.first), as_compiled(self.second))

@@ -1,0 +1,387 @@
+"""Motion of one joint under a moment, and the moment of a joint under a motion, with exact sticking.
+
+The equation is (J + I)·θ̈ + M_T(θ, θ̇, z) = M(t): I the moving inertia between sensor and joint (the law's), J a
+beam inertia between exciter and sensor. The sensor sees I·θ̈ + M_T = M − J·θ̈ (paper Eq. 7).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.excitation import Excitation, Interpolation, sampled
+from sindyjoint.mechanics.laws import Law, as_compiled, softening_limit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Simulated motion of one joint, or of several runs along a leading axis.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    angle, rate, acceleration : ndarray, shape (n,) or (runs, n)
+        rad, rad/s, rad/s² (m, m/s, m/s²).
+    moment : ndarray, shape (n,) or (runs, n)
+        What the sensor sees, I·θ̈ + M_T, N·m (N).
+    stuck : ndarray of bool, shape (n,) or (runs, n)
+    state : ndarray, shape (n_states, n) or (runs, n_states, n)
+        Internal states of the law.
+    steps : int
+        Steps taken while slipping, over all runs.
+    """
+
+    time: Array
+    angle: Array
+    rate: Array
+    acceleration: Array
+    moment: Array
+    stuck: NDArray[np.bool_]
+    state: Array
+    steps: int = 0
+
+    @property
+    def sample_rate(self) -> float:
+        """Sampling rate, Hz."""
+        return 1.0 / (self.time[1] - self.time[0])
+
+
+def _failure(status: int, time: float, limits: Array, where: str) -> SimulationError:
+    from sindyjoint.mechanics import stickslip_kernel as kernel
+
+    if status == kernel.LIMIT:
+        text = (
+            f"the joint left its angle range ({limits[0]:.4g} to {limits[1]:.4g}) at t = {time:.6g} s: past the "
+            "softening limit its tangent stiffness is negative and it snaps through; lower the excitation, or pass "
+            "limits=None to follow it"
+        )
+    elif status == kernel.NOT_FINITE:
+        text = f"the state is no longer finite at t = {time:.6g} s; the law has no bounded answer there"
+    elif status == kernel.STEP_TOO_SMALL:
+        text = f"the step fell to nothing at t = {time:.6g} s; the law jumps where only friction may (at zero rate)"
+    elif status == kernel.ACTIVE_FRICTION:
+        text = (
+            f"at t = {time:.6g} s the joint came to rest with friction that pushes instead of holds "
+            "(the moment at rest is larger for slip towards −1 than towards +1); Coulomb friction must not be negative"
+        )
+    else:
+        text = f"20 million steps did not suffice; the simulation stopped at t = {time:.6g} s; the law is too stiff"
+    return SimulationError(where + text, time=float(time))
+
+
+def _parameter_sets(parameters: ArrayLike | None, default: Array, runs: int) -> Array:
+    if parameters is None:
+        return np.ascontiguousarray(np.broadcast_to(default, (runs, default.size)))
+    sets = np.atleast_2d(np.asarray(parameters, dtype=np.float64))
+    if sets.shape[1] != default.size or sets.shape[0] not in (1, runs):
+        raise InputError(
+            f"parameters have shape {sets.shape}; ({runs}, {default.size}) is wanted: one row of the law's "
+            "parameters per run"
+        )
+    return np.ascontiguousarray(np.broadcast_to(sets, (runs, default.size)))
+
+
+def _limits(law: Any, limits: tuple[float, float] | str | None) -> Array:
+    if limits is None:
+        return np.array([-np.inf, np.inf])
+    if isinstance(limits, str):
+        if limits != "softening":
+            raise InputError(f"limits is {limits!r}; 'softening', a pair of angles or None is wanted")
+        return np.array(softening_limit(law))
+    return np.array(limits, dtype=np.float64)
+
+
+def simulate_many(
+    law: Law,
+    excitations: Sequence[Excitation],
+    duration: float,
+    sample_rate: float,
+    *,
+    parameters: ArrayLike | None = None,
+    beam_inertia: ArrayLike = 0.0,
+    initial: ArrayLike = (0.0, 0.0),
+    initial_state: ArrayLike | None = None,
+    limits: tuple[float, float] | str | None = "softening",
+    rtol: float = 1e-7,
+    max_step: float = np.inf,
+    threads: int | None = None,
+) -> Motion:
+    """Simulate many runs of one law on threads.
+
+    Parameters
+    ----------
+    law : Law
+    excitations : sequence of Excitation
+        Moment of each run, N·m; a single one serves every parameter set.
+    duration : float
+        s; the runs have ``round(duration · sample_rate)`` samples, the first at time zero.
+    sample_rate : float
+        Hz.
+    parameters : array_like, shape (runs, n_parameters), optional
+        A set of the compiled law's parameters per run; otherwise the law's own.
+    beam_inertia : float or array_like, shape (runs,)
+        J between exciter and sensor, kg·m².
+    initial : array_like, shape (2,) or (runs, 2)
+        Angle and rate at time zero.
+    initial_state : array_like, shape (n_states,) or (runs, n_states), optional
+    limits : {"softening"}, pair of float, or None
+        Angles past which the simulation is stopped with an error.
+    rtol : float
+        Tolerance of a step relative to the largest value of each variable so far.
+    max_step : float
+        s.
+    threads : int, optional
+        Default: one per core.
+
+    Returns
+    -------
+    Motion
+        With a leading axis of runs.
+
+    Raises
+    ------
+    InputError
+        For shapes or numbers that do not fit.
+    SimulationError
+        When a run leaves the range where its law holds; carries the time.
+    """
+    from sindyjoint.mechanics import stickslip_kernel as kernel
+
+    compiled = as_compiled(law)
+    excitations = list(excitations)
+    runs = max(len(excitations), 1 if parameters is None else np.atleast_2d(np.asarray(parameters)).shape[0])
+    if not excitations or len(excitations) not in (1, runs):
+        raise InputError(f"{len(excitations)} excitation(s) for {runs} parameter sets; one, or one per set, is wanted")
+    n_samples = round(duration * sample_rate) if np.isfinite(duration * sample_rate) else 0
+    if n_samples < 2 or not sample_rate > 0 or not 1e-13 <= rtol < 1 or not max_step > 0:
+        raise InputError(
+            f"duration {duration!r} s at {sample_rate!r} Hz with rtol {rtol!r} and max_step {max_step!r}: "
+            "at least two samples, 1e-13 ≤ rtol < 1 and a positive step are wanted"
+        )
+    sets = _parameter_sets(parameters, compiled.parameters, runs)
+    beam = np.broadcast_to(np.asarray(beam_inertia, dtype=np.float64), runs)
+    total = np.ascontiguousarray(beam + law.inertia)
+    if not np.all(total > 0):
+        raise InputError(f"the moving inertia is {total.min():g}; a moment-driven joint needs a positive one")
+
+    n_states = compiled.n_states
+    y = np.zeros((runs, 2 + n_states))
+    y[:, :2] = initial
+    if initial_state is not None:
+        y[:, 2:] = initial_state
+    angle, rate, acceleration = (np.empty((runs, n_samples)) for _ in range(3))
+    states = np.empty((runs, n_states, n_samples))
+    stuck = np.zeros((runs, n_samples), dtype=np.bool_)
+    status, reached, steps = np.zeros(runs, np.int64), np.zeros(runs), np.zeros(runs, np.int64)
+    bounds = np.ascontiguousarray(np.broadcast_to(_limits(law, limits), (runs, 2)))
+
+    counts = [len(e.pieces) for e in excitations]
+    offsets = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    pieces = np.concatenate([e.pieces for e in excitations]) if len(counts) > 1 else excitations[0].pieces
+
+    def spread(values: Any, dtype: type) -> NDArray:
+        return np.ascontiguousarray(np.broadcast_to(np.asarray(list(values), dtype=dtype), runs))
+
+    per_run = (
+        spread(offsets, np.int64), spread(counts, np.int64), spread((e.step for e in excitations), np.float64),
+        spread((e.periodic for e in excitations), np.bool_), spread((e.smooth for e in excitations), np.bool_),
+        spread((e.scale for e in excitations), np.float64), spread((e.ramp for e in excitations), np.float64),
+    )  # fmt: skip
+
+    # What the drive alone could do within a millionth of a piece: below it, no relative accuracy is asked for.
+    scales = np.full((runs, 2 + n_states), 1e-300)
+    step_of = per_run[2]
+    peak = np.abs(pieces[:, 0]).max() * np.abs(per_run[5])
+    scales[:, 1] += 1e-6 * peak / total * step_of
+    scales[:, 0] += scales[:, 1] * step_of
+
+    def work(chunk: NDArray[np.int64]) -> None:
+        kernel.integrate_batch(
+            chunk, compiled.address, sets, total, pieces, *per_run, y, scales, 1.0 / sample_rate, rtol, max_step,
+            bounds, (angle, rate, acceleration, states, stuck), (status, reached, steps),
+        )  # fmt: skip
+
+    workers = min(threads or os.cpu_count() or 1, runs)
+    if workers == 1:
+        work(np.arange(runs))
+    else:
+        # More chunks than workers: runs differ in length of their stuck phases and so in cost.
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(work, np.array_split(np.arange(runs), min(4 * workers, runs))))
+
+    failed = np.flatnonzero(status)
+    if failed.size:
+        r = failed[0]
+        raise _failure(status[r], reached[r], bounds[r], f"run {r}: " if runs > 1 else "")
+    time = np.arange(n_samples) / sample_rate
+    moment = np.stack([e(time) for e in excitations]) - beam[:, None] * acceleration
+    return Motion(time, angle, rate, acceleration, moment, stuck, states, int(steps.sum()))
+
+
+def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: float, **options: Any) -> Motion:
+    """Simulate one run; parameters, options and errors are those of :func:`simulate_many`.
+
+    Examples
+    --------
+    >>> from sindyjoint.mechanics.excitation import harmonic
+    >>> from sindyjoint.mechanics.laws import INTER_PANEL
+    >>> motion = simulate(INTER_PANEL, harmonic(5.0, 4.0), duration=1.0, sample_rate=1000)
+    >>> bool(motion.stuck[:20].all()), bool(motion.stuck[-250:].any())
+    (True, True)
+    """
+    many = simulate_many(law, [excitation], duration, sample_rate, threads=1, **options)
+    return Motion(
+        many.time, many.angle[0], many.rate[0], many.acceleration[0], many.moment[0], many.stuck[0], many.state[0],
+        many.steps,
+    )  # fmt: skip
+
+
+def simulate_windows(
+    law: Law,
+    moment: ArrayLike,
+    sample_rate: float,
+    window: float,
+    initial: ArrayLike,
+    *,
+    interpolation: Interpolation = "linear",
+    initial_state: ArrayLike | None = None,
+    **options: Any,
+) -> Motion:
+    """Simulate a measured moment in windows, each restarted from a given state.
+
+    A drive without restoring stiffness drifts; restarting keeps the comparison with a measurement meaningful.
+
+    Parameters
+    ----------
+    law : Law
+    moment : array_like, shape (n,)
+        Measured moment, N·m (N).
+    sample_rate : float
+        Hz.
+    window : float
+        Time between restarts, s.
+    initial : array_like, shape (n, 2)
+        Measured angle and rate at every sample, from which each window starts.
+    interpolation : {"linear", "cubic", "hold"}
+    initial_state : array_like, shape (n_states, n), optional
+        Internal states at every sample.
+    **options
+        As in :func:`simulate_many`.
+
+    Returns
+    -------
+    Motion
+        One record of n samples, the windows behind one another.
+    """
+    values, start = np.asarray(moment, dtype=np.float64), np.asarray(initial, dtype=np.float64)
+    length = round(window * sample_rate)
+    if length < 4 or start.shape != (values.size, 2):
+        raise InputError(
+            f"window of {window!r} s at {sample_rate!r} Hz and initial of shape {start.shape}: at least four samples "
+            f"per window and shape ({values.size}, 2) are wanted"
+        )
+    starts = list(range(0, values.size, length))
+    if values.size - starts[-1] < 4:
+        starts.pop()  # a rest of a few samples joins the window before
+    ends = [*starts[1:], values.size]
+    parts = []
+    for a, b in zip(starts, ends, strict=True):
+        z0 = None if initial_state is None else np.asarray(initial_state)[:, a]
+        excitation = sampled(values[a:b], sample_rate, interpolation)
+        parts.append(
+            simulate(law, excitation, (b - a) / sample_rate, sample_rate, initial=start[a], initial_state=z0, **options)
+        )
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts], axis=-1)
+        for name in ("angle", "rate", "acceleration", "moment", "stuck", "state")
+    }
+    return Motion(time=np.arange(values.size) / sample_rate, **joined, steps=sum(part.steps for part in parts))
+
+
+def slip_direction(rate: ArrayLike) -> Array:
+    """Sign of the rate; where the rate is zero, that of the motion before (after, at the start).
+
+    Examples
+    --------
+    >>> slip_direction([0, 2, 0, -1, 0])
+    array([ 1.,  1.,  1., -1., -1.])
+    """
+    sign = np.sign(np.asarray(rate, dtype=np.float64))
+    moving = np.flatnonzero(sign)
+    if not moving.size:
+        return np.ones_like(sign)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(sign.size), moving[0]))
+    return sign[last]
+
+
+def transfer_moment(
+    law: Law,
+    angle: ArrayLike,
+    rate: ArrayLike,
+    sample_rate: float,
+    *,
+    acceleration: ArrayLike | None = None,
+    initial_state: ArrayLike | None = None,
+    substeps: int = 8,
+) -> tuple[Array, Array]:
+    """Return the moment at the sensor for a prescribed motion, I·θ̈ + M_T, and the internal states.
+
+    Parameters
+    ----------
+    law : Law
+    angle, rate : array_like, shape (n,)
+        rad, rad/s (m, m/s).
+    sample_rate : float
+        Hz.
+    acceleration : array_like, shape (n,), optional
+        rad/s²; without it the inertia moment is left out and M_T alone is returned.
+    initial_state : array_like, shape (n_states,), optional
+    substeps : int
+        Runge–Kutta steps of the internal states per sample.
+
+    Returns
+    -------
+    moment : ndarray, shape (n,)
+        N·m (N). Where the rate is exactly zero, friction keeps the side of the motion before: while a prescribed
+        motion rests, its moment is not determined.
+    state : ndarray, shape (n_states, n)
+
+    Raises
+    ------
+    SimulationError
+        When an internal state is no longer finite; carries the time.
+    """
+    from sindyjoint.mechanics.kernels import integrate_states
+
+    theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
+    if theta.shape != omega.shape or theta.ndim != 1:
+        raise InputError(f"angle and rate have shapes {theta.shape} and {omega.shape}; equal one-dimensional are wanted")
+    direction = slip_direction(omega)
+    compiled = as_compiled(law)
+    state = np.zeros((compiled.n_states, theta.size))
+    if compiled.n_states:
+        if initial_state is not None:
+            state[:, 0] = initial_state
+        integrate_states(compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state)
+        bad = np.flatnonzero(~np.isfinite(state).all(axis=0))
+        if bad.size:
+            time = bad[0] / sample_rate
+            raise SimulationError(
+                f"an internal state is no longer finite at t = {time:.6g} s; raise substeps (now {substeps}) or check "
+                "the law's parameters",
+                time=time,
+            )
+    moment = law.moment(theta, omega, direction, state)
+    if acceleration is not None:
+        moment = moment + law.inertia * np.asarray(acceleration, dtype=np.float64)
+    return moment, state
