@@ -146,7 +146,9 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
     y = np.asarray(values, dtype=np.float64)
     _check_positive(sample_rate=sample_rate)
     if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
-        raise InputError(f"sampled excitation of shape {y.shape}: at least four finite values in a row are wanted")
+        raise InputError(
+            f"sampled excitation of shape {y.shape}: at least four finite values in a row are wanted"
+        )
     zero = np.zeros(y.size - 1)
     if interpolation == "cubic":
         pieces = _spline_pieces(y, 1 / sample_rate, periodic=False)
@@ -159,7 +161,9 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
     return Excitation(pieces, 1 / sample_rate, smooth=interpolation == "cubic")
 
 
-def multisine(amplitudes: ArrayLike, frequencies: ArrayLike, phases: ArrayLike, duration: float) -> Excitation:
+def multisine(
+    amplitudes: ArrayLike, frequencies: ArrayLike, phases: ArrayLike, duration: float
+) -> Excitation:
     """Return the sum of sines, amplitude_i · sin(2π f_i t + phase_i), over `duration` seconds."""
     a, f, p = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (amplitudes, frequencies, phases))
     _check_positive(duration=duration, lowest_frequency=float(f.min()))
@@ -176,7 +180,9 @@ def sweep(amplitude: float, start: float, stop: float, duration: float) -> Excit
     return sampled(amplitude * np.sin(2 * np.pi * (start * t + (stop - start) * t**2 / (2 * duration))), rate)
 
 
-def pulse(amplitude: float, duration: float, shape: Literal["rectangular", "half-sine"] = "rectangular") -> Excitation:
+def pulse(
+    amplitude: float, duration: float, shape: Literal["rectangular", "half-sine"] = "rectangular"
+) -> Excitation:
     """Return a pulse that starts at time zero and is zero after `duration` seconds."""
     _check_positive(duration=duration)
     if shape == "rectangular":

@@ -28,9 +28,7 @@ LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer
 def call_law(typingctx, address, theta, omega, direction, state, parameters, out):  # noqa: D103
     # A C call through an address kept as an integer: unlike a first-class function argument it lets numba cache
     # the integrator on disk, and it costs no more than the call itself.
-    signature = types.void(
-        types.intp, types.float64, types.float64, types.float64, state, parameters, out
-    )
+    signature = types.void(types.intp, types.float64, types.float64, types.float64, state, parameters, out)
 
     def codegen(context, builder, signature, args):
         double = ir.DoubleType()
@@ -114,7 +112,14 @@ def _compile_pair(first: Any, second: Any, n1: int, n2: int, p1: int, p2: int) -
 
     @cfunc(LAW_SIGNATURE)
     def callback(theta, omega, direction, state, parameters, out):
-        both(theta, omega, direction, carray(state, max(n, 1)), carray(parameters, max(p, 1)), carray(out, n + 1))
+        both(
+            theta,
+            omega,
+            direction,
+            carray(state, max(n, 1)),
+            carray(parameters, max(p, 1)),
+            carray(out, n + 1),
+        )
 
     return both, callback
 
@@ -128,7 +133,9 @@ def compile_sum(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
 
 
 @lru_cache(maxsize=256)
-def scalar_law_of_expressions(expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]) -> ScalarLaw:
+def scalar_law_of_expressions(
+    expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]
+) -> ScalarLaw:
     """Write sympy expressions (moment, then state rates) as one scalar law function."""
     import sympy
     from sympy.utilities.lambdify import lambdify
@@ -142,14 +149,21 @@ def scalar_law_of_expressions(expressions: tuple, states: tuple[str, ...], param
     def rewrite(expression: Any) -> Any:
         expression = sympy.sympify(expression, strict=True)
         # By name, not by identity: an expression built with real=True symbols means the same law.
-        expression = expression.xreplace({s: places[s.name] for s in expression.free_symbols if s.name in places})
+        expression = expression.xreplace(
+            {s: places[s.name] for s in expression.free_symbols if s.name in places}
+        )
         expression = expression.replace(sympy.sign(omega), direction)
         return expression.replace(sympy.Heaviside(omega), (1 + direction) / 2).evalf(17)
 
     rewritten = tuple(rewrite(e) for e in expressions)
     count = len(rewritten)
     values = njit(error_model="numpy")(
-        lambdify((theta, omega, direction, z, p), rewritten if count > 1 else rewritten[0], modules="math", cse=True)
+        lambdify(
+            (theta, omega, direction, z, p),
+            rewritten if count > 1 else rewritten[0],
+            modules="math",
+            cse=True,
+        )
     )
     if count == 1:
 

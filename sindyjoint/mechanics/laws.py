@@ -130,7 +130,9 @@ class PaperLaw:
                 raise InputError(f"{name} is {value!r}; a finite number is wanted")
         for name in ("M_F", "inertia"):
             if getattr(self, name) < 0:
-                raise InputError(f"{name} is {getattr(self, name)!r}; a number that is not negative is wanted")
+                raise InputError(
+                    f"{name} is {getattr(self, name)!r}; a number that is not negative is wanted"
+                )
 
     @property
     def parameters(self) -> Array:
@@ -182,13 +184,22 @@ class _CallbackLaw:
     def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
         from sindyjoint.mechanics.kernels import evaluate_law
 
-        theta, omega, s = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction)))
+        theta, omega, s = np.broadcast_arrays(
+            *(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
+        )
         shape = theta.shape
         z = np.zeros((self.n_states, theta.size)) if state is None else np.array(state, dtype=np.float64)
         out = np.empty((1 + self.n_states, theta.size))
         law = self.compiled()
-        evaluate_law(law.address, theta.ravel(), omega.ravel(), s.ravel(),
-                     z.reshape(self.n_states, theta.size), law.parameters, out)
+        evaluate_law(
+            law.address,
+            theta.ravel(),
+            omega.ravel(),
+            s.ravel(),
+            z.reshape(self.n_states, theta.size),
+            law.parameters,
+            out,
+        )
         return out.reshape(1 + self.n_states, *shape)
 
     def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:

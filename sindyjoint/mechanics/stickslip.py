@@ -161,7 +161,9 @@ def simulate_many(
     excitations = list(excitations)
     runs = max(len(excitations), 1 if parameters is None else np.atleast_2d(np.asarray(parameters)).shape[0])
     if not excitations or len(excitations) not in (1, runs):
-        raise InputError(f"{len(excitations)} excitation(s) for {runs} parameter sets; one, or one per set, is wanted")
+        raise InputError(
+            f"{len(excitations)} excitation(s) for {runs} parameter sets; one, or one per set, is wanted"
+        )
     n_samples = round(duration * sample_rate) if np.isfinite(duration * sample_rate) else 0
     if n_samples < 2 or not sample_rate > 0 or not 1e-13 <= rtol < 1 or not max_step > 0:
         raise InputError(
@@ -299,13 +301,23 @@ def simulate_windows(
         z0 = None if initial_state is None else np.asarray(initial_state)[:, a]
         excitation = sampled(values[a:b], sample_rate, interpolation)
         parts.append(
-            simulate(law, excitation, (b - a) / sample_rate, sample_rate, initial=start[a], initial_state=z0, **options)
+            simulate(
+                law,
+                excitation,
+                (b - a) / sample_rate,
+                sample_rate,
+                initial=start[a],
+                initial_state=z0,
+                **options,
+            )
         )
     joined = {
         name: np.concatenate([getattr(part, name) for part in parts], axis=-1)
         for name in ("angle", "rate", "acceleration", "moment", "stuck", "state")
     }
-    return Motion(time=np.arange(values.size) / sample_rate, **joined, steps=sum(part.steps for part in parts))
+    return Motion(
+        time=np.arange(values.size) / sample_rate, **joined, steps=sum(part.steps for part in parts)
+    )
 
 
 def slip_direction(rate: ArrayLike) -> Array:
@@ -365,14 +377,18 @@ def transfer_moment(
 
     theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     if theta.shape != omega.shape or theta.ndim != 1:
-        raise InputError(f"angle and rate have shapes {theta.shape} and {omega.shape}; equal one-dimensional are wanted")
+        raise InputError(
+            f"angle and rate have shapes {theta.shape} and {omega.shape}; equal one-dimensional are wanted"
+        )
     direction = slip_direction(omega)
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
         if initial_state is not None:
             state[:, 0] = initial_state
-        integrate_states(compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state)
+        integrate_states(
+            compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state
+        )
         bad = np.flatnonzero(~np.isfinite(state).all(axis=0))
         if bad.size:
             time = bad[0] / sample_rate

@@ -325,8 +325,28 @@ def integrate(law, drive, y, scales, sample_step, rtol, max_step, limits, motion
 
 
 @njit(**_OPTIONS)
-def integrate_batch(runs, address, p, inertia, pieces, first, count, step, periodic, smooth, scale, ramp,
-                    y, scales, sample_step, rtol, max_step, limits, motion, outcome):
+def integrate_batch(
+    runs,
+    address,
+    p,
+    inertia,
+    pieces,
+    first,
+    count,
+    step,
+    periodic,
+    smooth,
+    scale,
+    ramp,
+    y,
+    scales,
+    sample_step,
+    rtol,
+    max_step,
+    limits,
+    motion,
+    outcome,
+):
     """Integrate the runs whose numbers are in `runs`; all other arrays are indexed by run."""
     angle, rate, acceleration, states, stuck = motion
     status, time, steps = outcome
