@@ -380,17 +380,19 @@ def _what(node: ast.AST) -> str:
     return names.get(type(node), type(node).__name__)
 
 
-def formula_text(expression: sympy.Expr) -> str:
+def formula_text(expression: sympy.Expr, motion: str = "rotation") -> str:
     """Return a formula that :func:`parse_formula` reads back as the same expression, numbers in full.
+
+    For translation it is written with x, v, a.
 
     Examples
     --------
     >>> formula_text(parse_formula("max(abs(theta) - 0.1, 0)*sign(theta)"))
     'sign(theta)*max(0, abs(theta) - 0.1)'
     """
-    from sindyjoint.discovery.rendering import FormulaPrinter
+    from sindyjoint.discovery.rendering import text_line
 
-    return FormulaPrinter().doprint(expression)
+    return text_line(expression, motion)
 
 
 def formula_pretty(expression: sympy.Expr, motion: str = "rotation") -> str:

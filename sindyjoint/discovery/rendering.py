@@ -8,11 +8,12 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from sympy import Symbol
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.precedence import precedence
 from sympy.printing.str import StrPrinter
 
-from sindyjoint.discovery.formula import variable_symbols
+from sindyjoint.discovery.formula import ALIASES, variable_symbols
 
 # In this order sympy's alphabetical sorting of factors gives θ before θ̇ (dots are combining characters).
 _NAMES = {
@@ -35,7 +36,7 @@ class FormulaPrinter(StrPrinter):
         return self._call("abs", expr)
 
     def _print_Max(self, expr: Any) -> str:
-        return self._call("max", expr.func(*expr.args, evaluate=False))
+        return self._call("max", expr)
 
     def _print_Min(self, expr: Any) -> str:
         return self._call("min", expr)
@@ -90,10 +91,16 @@ class _LatexLine(LatexPrinter):
 
 def _renamed(expression: Any, motion: str) -> tuple[Any, dict[Any, str]]:
     """Return the expression over the motion's own letters, and the LaTeX of those."""
-    import sympy
-
-    latex = {sympy.Symbol(name, real=True): text for name, text in _NAMES[motion].items()}
+    latex = {Symbol(name, real=True): text for name, text in _NAMES[motion].items()}
     return expression.xreplace(dict(zip(variable_symbols(), latex, strict=True))), latex
+
+
+def text_line(expression: Any, motion: str) -> str:
+    """Return text that reads back; see :func:`sindyjoint.discovery.formula.formula_text`."""
+    if motion == "translation":
+        symbols = dict(zip(variable_symbols(), (Symbol(name, real=True) for name in ALIASES), strict=True))
+        expression = expression.xreplace(symbols)
+    return FormulaPrinter().doprint(expression)
 
 
 def pretty_line(expression: Any, motion: str) -> str:

@@ -67,6 +67,10 @@ class Parameter:
     lower: float | None = None
     upper: float | None = None
 
+    def unit_for(self, motion: Motion) -> str:
+        """Return the unit for rotation or translation."""
+        return self.unit if motion == "rotation" else dimensions.unit_for(self.unit, motion)
+
     def resolve(self, reference: Reference | None) -> float:
         """Return the value in SI units."""
         if self.relative_to is None:
@@ -117,6 +121,10 @@ class Term:
     def unit_for(self, motion: Motion) -> str:
         """Return the unit of the coefficient for rotation or translation."""
         return self.unit if motion == "rotation" else dimensions.unit_for(self.unit, motion)
+
+    def text(self, motion: Motion = "rotation") -> str:
+        """Return the formula in the catalogues' syntax: as written, or with x, v, a for translation."""
+        return self.formula if motion == "rotation" else formula.formula_text(self.expression, motion)
 
     def pretty(self, motion: Motion = "rotation") -> str:
         """Return the formula as a line to read."""

@@ -1,0 +1,188 @@
+"""``sindyjoint libraries``: list, show, copy and check the catalogues of candidate terms."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.catalogue import Catalogue, Parameter, Term
+
+app = typer.Typer(help="The catalogues of candidate terms.", no_args_is_help=True)
+
+
+class _Motion(StrEnum):
+    rotation = "rotation"
+    translation = "translation"
+
+
+Library = Annotated[
+    str, typer.Argument(metavar="NAME", help="A shipped library, or the path of a .toml file.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print a JSON record instead of a table.")]
+
+
+@app.command("list")
+def list_(as_json: AsJson = False) -> None:
+    """List the shipped libraries."""
+    from sindyjoint.discovery.catalogue import list_catalogues
+
+    summaries = list_catalogues()
+    if as_json:
+        _print_json([{"name": s.name, "terms": s.terms, "description": s.description} for s in summaries])
+        return
+    if sys.stdout.isatty():
+        _print_pretty(("library", "terms"), [(f"{s.name}\n{s.description}", str(s.terms)) for s in summaries])
+    else:
+        rows = [(s.name, str(s.terms), s.description) for s in summaries]
+        _print_plain(("library", "terms", "description"), rows)
+
+
+@app.command()
+def show(
+    name: Library,
+    motion: Annotated[_Motion, typer.Option(help="Kind of joint to show units for.")] = _Motion.rotation,
+    as_json: AsJson = False,
+) -> None:
+    """Show the terms of a library: id, symbol, formula, unit of the coefficient, meaning."""
+    from sindyjoint.discovery.catalogue import load_catalogue
+
+    catalogue = load_catalogue(name)
+    if as_json:
+        _print_json(_record(catalogue, motion.value))
+        return
+    # A terminal shows θ̇; what is piped into a file or another program stays in the catalogues' own ASCII.
+    if sys.stdout.isatty():
+        _print_pretty(
+            ("term", "symbol", "formula", "unit"),
+            [
+                (
+                    f"{term.id}\n{term.meaning}",
+                    term.symbol,
+                    "\n".join((term.pretty(motion.value), *map(_parameter, term.parameters))),
+                    term.unit_for(motion.value),
+                )
+                for term in catalogue
+            ],
+        )
+        return
+    _print_plain(
+        ("id", "symbol", "formula", "unit", "parameters", "meaning"),
+        [
+            (
+                term.id,
+                term.symbol,
+                term.text(motion.value),
+                term.unit_for(motion.value),
+                ", ".join(map(_parameter, term.parameters)) or "-",
+                term.meaning,
+            )
+            for term in catalogue
+        ],
+    )
+
+
+@app.command()
+def copy(
+    name: Library,
+    destination: Annotated[
+        Path, typer.Argument(metavar="DEST", help="File to write, or a folder to put it in.")
+    ],
+) -> None:
+    """Copy a library's file, byte for byte, to start one of your own; never over an existing file."""
+    from sindyjoint.discovery.catalogue_file import find_catalogue
+    from sindyjoint.errors import OutputError
+    from sindyjoint.files.atomic import write_bytes
+
+    source = find_catalogue(name)
+    target = destination / source.name if destination.is_dir() else destination
+    if target.exists():
+        raise OutputError(f"{target} exists already; give another name or remove it first")
+    write_bytes(target, source.read_bytes())
+    typer.echo(f"wrote {target}", err=True)
+
+
+@app.command()
+def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml file of your own.")]) -> None:
+    """Check a library of your own: syntax, formulas, units, names. Exit status 2 if it cannot be used."""
+    from sindyjoint.discovery.catalogue import load_catalogue
+
+    catalogue = load_catalogue(path)
+    count = len(catalogue)
+    typer.echo(f"{path}: in order, {count} term{'s' if count != 1 else ''}: {', '.join(catalogue.ids)}")
+
+
+def _parameter(parameter: Parameter) -> str:
+    if parameter.relative_to is None:
+        return f"{parameter.name} = {parameter.value:g} {parameter.unit}"
+    return f"{parameter.name} = {parameter.value:g} of the largest {parameter.relative_to}"
+
+
+def _record(catalogue: Catalogue, motion: str) -> dict[str, Any]:
+    return {
+        "schema": 1,
+        "name": catalogue.name,
+        "description": catalogue.description,
+        "motion": motion,
+        "terms": [_term_record(term, motion) for term in catalogue],
+    }
+
+
+def _term_record(term: Term, motion: Any) -> dict[str, Any]:
+    return {
+        "id": term.id,
+        "symbol": term.symbol,
+        "formula": term.text(motion),
+        "latex": term.latex(motion),
+        "unit": term.unit_for(motion),
+        "name": term.name,
+        "meaning": term.meaning,
+        "family": term.family,
+        "source": term.source,
+        "symmetry": term.symmetry,
+        "confused_with": list(term.confused_with),
+        "parameters": [
+            {
+                "name": parameter.name,
+                "unit": parameter.unit_for(motion),
+                "value": parameter.value,
+                "relative_to": parameter.relative_to,
+                "lower": parameter.lower,
+                "upper": parameter.upper,
+            }
+            for parameter in term.parameters
+        ],
+    }
+
+
+def _print_json(record: Any) -> None:
+    typer.echo(json.dumps(record, indent=2))
+
+
+def _print_pretty(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table on a terminal; ids stay whole, sentences and long formulas wrap."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for position, column in enumerate(columns):
+        word = max(len(word) for row in rows for word in row[position].split())
+        table.add_column(column, min_width=None if column == "formula" else word, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    Console(markup=False, highlight=False).print(table)
+
+
+def _print_plain(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print aligned columns without rules or colours."""
+    lines = [tuple(columns), *rows]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(columns))]
+    for line in lines:
+        typer.echo("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
