@@ -1,7 +1,7 @@
 """From raw gauges to moment and angle, and back: Eqs. 1–3 of the paper as pure functions.
 
-Four strain gauges sit at the lower end of the additional beam (1 and 2 on one side, 3 and 4 on the other), three laser
-spots at the joint (1 and 2 above it, 3 below). A virtual sensor runs the same equations backwards.
+Four strain gauges sit at the lower end of the additional beam (1 and 2 on one side, 3 and 4 on the other),
+three laser spots at the joint (1 and 2 above it, 3 below). A virtual sensor runs the equations backwards.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def bending_moment(
     return position_factor * 2 * bending_stiffness * np.asarray(strain, dtype=np.float64) / section_height
 
 
-def joint_angle(d1: ArrayLike, d2: ArrayLike, d3: ArrayLike, joint_length: float) -> Array:
+def joint_angle(d1: ArrayLike, d2: ArrayLike, d3: ArrayLike, *, joint_length: float) -> Array:
     """Bending angle of the joint, θ ≈ ((d1 + d2) / 2 − d3) / L (Eq. 3).
 
     Parameters
@@ -155,11 +155,13 @@ class SensorRig:
     def moment(self, strains: ArrayLike) -> Array:
         """Moment, N·m, shape (n,), from four strains, m/m, shape (4, n)."""
         strain = full_bridge_strain(*np.asarray(strains, dtype=np.float64))
-        return bending_moment(strain, self.bending_stiffness, self.section_height, self.strain_position_factor)
+        return bending_moment(
+            strain, self.bending_stiffness, self.section_height, self.strain_position_factor
+        )
 
     def angle(self, displacements: ArrayLike) -> Array:
         """Angle, rad, shape (n,), from three displacements, m, shape (3, n)."""
-        return joint_angle(*np.asarray(displacements, dtype=np.float64), self.joint_length)
+        return joint_angle(*np.asarray(displacements, dtype=np.float64), joint_length=self.joint_length)
 
     def strains(self, moment: ArrayLike) -> Array:
         """Four ideal strains, m/m, shape (4, n), under a moment, N·m, shape (n,)."""

@@ -25,7 +25,7 @@ def test_equation_2_is_the_beam_formula():
 
 
 def test_equation_3_averages_the_two_upper_spots():
-    np.testing.assert_allclose(joint_angle([3e-5], [5e-5], [1e-5], 0.06), [5e-4], rtol=1e-12)
+    np.testing.assert_allclose(joint_angle([3e-5], [5e-5], [1e-5], joint_length=0.06), [5e-4], rtol=1e-12)
 
 
 def test_base_motion_drops_out():

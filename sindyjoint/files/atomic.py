@@ -1,7 +1,7 @@
 """Files written whole or not at all.
 
-A reader never sees half a file: the bytes go to a temporary name in the same folder, then take the final name in one
-step (``os.replace``). A folder of results is built aside and moved in when it is complete.
+A reader never sees half a file: the bytes go to a temporary name in the same folder, then take the final name
+in one step (``os.replace``). A folder of results is built aside and moved in when it is complete.
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         existing = existing.parent
     if not existing.is_dir():
         what = "it" if existing == folder else repr(str(existing))
-        raise OutputError(f"cannot write into {str(folder)!r}: {what} is a file; the name of a folder is wanted")
+        raise OutputError(
+            f"cannot write into {str(folder)!r}: {what} is a file; the name of a folder is wanted"
+        )
     # Permission bits say nothing to root and nothing about read-only file systems: only writing tells.
     probe = _aside(existing / "probe")
     try:
@@ -158,7 +160,9 @@ def _move_in(stage: Path, target: Path) -> None:
     for path in files:
         place = target / path.relative_to(stage)
         if place.is_dir():
-            raise OutputError(f"cannot write {str(place)!r}: it is a folder; remove it or choose another place")
+            raise OutputError(
+                f"cannot write {str(place)!r}: it is a folder; remove it or choose another place"
+            )
         place.parent.mkdir(parents=True, exist_ok=True)
     for path in files:
         os.replace(path, target / path.relative_to(stage))

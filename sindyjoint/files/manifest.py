@@ -1,0 +1,271 @@
+"""``campaign.toml`` as pydantic models: which keys there are, what they mean, and what is wrong with a file.
+
+The models hold what the person wrote; units become SI in ``campaign.py``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from sindyjoint.errors import InputError, MissingInputError
+
+Column = str | int
+MANIFEST_NAME = "campaign.toml"
+
+
+class _Table(BaseModel):
+    """A TOML table that refuses unknown keys and names the nearest known one."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        known = sorted(field.alias or name for name, field in cls.model_fields.items())
+        for key in given:
+            if key not in known:
+                near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+                hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
+                raise ValueError(f"unknown key {key!r}; {hint}")
+        return given
+
+
+class Channel(_Table):
+    """One measured quantity: a column with its unit, or a declared constant.
+
+    The value in the file is multiplied by ``gain`` (with a unit of its own) and then ``offset`` is added.
+    """
+
+    column: Column | None = Field(
+        default=None, description="Name of the column; a number counts columns from 1."
+    )
+    unit: str | None = Field(default=None, description="Unit of the values in the file, any that pint knows.")
+    gain: str | None = Field(default=None, description="Factor with its unit, such as '35.15 N/V'.")
+    offset: str | None = Field(
+        default=None, description="Added after the gain, with its unit, such as '-0.2 deg'."
+    )
+    constant: str | None = Field(
+        None, description="Value of a quantity that was not recorded, such as '0 N*m'."
+    )
+
+    @model_validator(mode="after")
+    def _column_or_constant(self) -> Channel:
+        if (self.column is None) == (self.constant is None):
+            raise ValueError("either column (with unit) or constant is wanted")
+        if self.constant is not None and (self.unit or self.gain or self.offset):
+            raise ValueError("a constant carries its own unit; unit, gain and offset belong to a column")
+        if self.column is not None and self.unit is None:
+            raise ValueError("key 'unit' is missing")
+        return self
+
+
+class TimeChannel(_Table):
+    """The column of time stamps."""
+
+    column: Column
+    unit: str = "s"
+
+
+class Channels(_Table):
+    """Which column holds which quantity."""
+
+    time: TimeChannel | None = None
+    rate: float | str | None = Field(
+        None, description="Sampling rate instead of a time column: '1 kHz', or Hz."
+    )
+    moment: Channel | None = Field(default=None, description="Rotation only.")
+    angle: Channel | None = Field(default=None, description="Rotation only.")
+    force: Channel | None = Field(default=None, description="Translation only.")
+    displacement: Channel | None = Field(default=None, description="Translation only.")
+    rate_of_angle: Channel | None = Field(
+        default=None, description="Measured angular velocity; rotation only."
+    )
+    rate_of_displacement: Channel | None = Field(
+        default=None, description="Measured velocity; translation only."
+    )
+    skew: str | None = Field(
+        None, description="Time by which moment or force lags; it is removed on reading."
+    )
+    skew_removed: str | None = Field(
+        default=None, description="Lag that was removed before the files were written."
+    )
+    resample: bool = Field(default=False, description="Interpolate irregular time stamps to a uniform rate.")
+
+    def overridden_by(self, other: Channels | None) -> Channels:
+        """Return these channels with what one run declares for itself put in their place."""
+        if other is None:
+            return self
+        changes = {name: getattr(other, name) for name in other.model_fields_set}
+        for name, rival in (
+            ("time", "rate"),
+            ("rate", "time"),
+            ("skew", "skew_removed"),
+            ("skew_removed", "skew"),
+        ):
+            if name in changes:
+                changes.setdefault(rival, None)
+        return self.model_copy(update=changes)
+
+
+class RigTable(_Table):
+    """Raw gauges and the constants of the paper's Eqs. 1–3, instead of moment and angle channels."""
+
+    strain: list[Column] | None = Field(
+        default=None, min_length=4, max_length=4, description="Gauges 1, 2, 3, 4."
+    )
+    strain_unit: str = "um/m"
+    strain_gain: str | None = None
+    displacement: list[Column] | None = Field(
+        default=None, min_length=3, max_length=3, description="Spots 1, 2, 3."
+    )
+    displacement_unit: str = "mm"
+    displacement_gain: str | None = None
+    bending_stiffness: str | None = Field(default=None, description="E I of the additional beam.")
+    section_height: str | None = Field(default=None, description="h of its section.")
+    strain_position_factor: float = Field(default=1.0, description="β, for the place of the gauges.")
+    joint_length: str | None = Field(default=None, description="L between the spots.")
+
+    @model_validator(mode="after")
+    def _constants_go_with_gauges(self) -> RigTable:
+        if self.strain is None and self.displacement is None:
+            raise ValueError("strain (four columns) or displacement (three columns) is wanted")
+        wanted = ["bending_stiffness", "section_height"] if self.strain is not None else []
+        wanted += ["joint_length"] if self.displacement is not None else []
+        for name in wanted:
+            if getattr(self, name) is None:
+                raise ValueError(f"key {name!r} is missing")
+        return self
+
+
+class JointTable(_Table):
+    """The joint under test."""
+
+    name: str = "joint"
+    motion: Literal["rotation", "translation"] = "rotation"
+    inertia: str | None = Field(
+        None, description="Moving inertia between sensor and joint; omitted: identified."
+    )
+    mass: str | None = Field(default=None, description="The same for translation.")
+    temperature: str | None = Field(default=None, description="Such as '23 degC'.")
+    serial: str | None = None
+    labels: dict[str, str | int | float | bool] = Field(default_factory=dict, description="Anything else.")
+
+
+class RunTable(_Table):
+    """One run: its file and how the joint was excited."""
+
+    file: str
+    name: str | None = Field(default=None, description="Defaults to the file's name without its ending.")
+    frequency: float | str | None = Field(default=None, description="Hz; omitted for an aperiodic run.")
+    level: str | int | float | None = Field(default=None, description="Free label of the excitation level.")
+    use: Literal["identify", "validate"] = "identify"
+    channels: Channels | None = Field(default=None, description="What differs from [channels] in this run.")
+
+
+class Manifest(_Table):
+    """A whole ``campaign.toml``."""
+
+    simulated: bool = Field(default=False, description="Whether the runs come from a virtual test.")
+    notes: list[str] = Field(default_factory=list, description="Remarks that reports repeat.")
+    joint: JointTable = Field(default_factory=JointTable)
+    channels: Channels
+    rig: RigTable | None = None
+    run: list[RunTable] = Field(min_length=1)
+
+
+def manifest_schema() -> dict[str, Any]:
+    """Return the JSON Schema of ``campaign.toml``."""
+    return Manifest.model_json_schema()
+
+
+def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
+    """Read ``campaign.toml``, given the file or its folder.
+
+    Returns
+    -------
+    path : Path
+        The file that was read.
+    manifest : Manifest
+
+    Raises
+    ------
+    MissingInputError
+        When there is no such file.
+    InputError
+        For a file that is not TOML, or not a campaign; the message names file and field.
+    """
+    file = Path(path)
+    if file.is_dir():
+        if not (file / MANIFEST_NAME).is_file():
+            raise MissingInputError(
+                f"folder {str(path)!r} holds no {MANIFEST_NAME}; write one, or give its path"
+            )
+        file = file / MANIFEST_NAME
+    if not file.exists():
+        raise MissingInputError(
+            f"{str(path)!r} does not exist; a {MANIFEST_NAME}, or a folder with one, is wanted"
+        )
+    if file.suffix.lower() != ".toml":
+        raise InputError(
+            f"{file}: this is not a TOML file; a {MANIFEST_NAME} that names it as a run is wanted"
+        )
+    try:
+        text = file.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+    if not text.strip():
+        raise InputError(f"{file}: is empty; a campaign with [channels] and [[run]] is wanted")
+    try:
+        return file, Manifest.model_validate(tomllib.loads(text))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"{file}: is not valid TOML: {' '.join(str(error).split())}") from error
+    except ValidationError as error:
+        raise InputError(f"{file}: {_first_complaint(error)}") from error
+
+
+def _first_complaint(error: ValidationError) -> str:
+    """Turn pydantic's list into one sentence: the field, what was wanted, what was given."""
+    # Of a key that may be a number or text, pydantic complains once per type: one per place will do.
+    by_place: dict[tuple[int | str, ...], ErrorDetails] = {}
+    for complaint in error.errors(include_url=False):
+        by_place.setdefault(_place(complaint), complaint)
+    complaints = list(by_place.values())
+    # A misspelt key also makes the right one missing: say the cause first.
+    complaints.sort(key=lambda item: "unknown key" not in item["msg"])
+    first = complaints[0]
+    field = field_name(_place(first))
+    if first["type"] == "missing":
+        message = f"key {first['loc'][-1]!r} is missing"
+        field = field_name(first["loc"][:-1])
+    elif first["type"] == "value_error":
+        message = first["msg"].removeprefix("Value error, ")
+    else:
+        message = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {first['input']!r:.60}"
+    more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
+    return f"{field}: {message}{more}" if field else f"{message}{more}"
+
+
+def _place(complaint: ErrorDetails) -> tuple[int | str, ...]:
+    """Return where a complaint points, without the name of the type that was tried."""
+    location = complaint["loc"]
+    return location[:-1] if location and location[-1] in ("float", "str", "int", "bool") else location
+
+
+def field_name(location: tuple[int | str, ...]) -> str:
+    """Return a place in the manifest as a person would say it: ``[channels] angle.unit``."""
+    parts = [str(part) for part in location]
+    if not parts:
+        return ""
+    if parts[0] == "run" and len(location) > 1 and isinstance(location[1], int):
+        return " ".join([f"[[run]] {location[1] + 1}", ".".join(parts[2:])]).strip()
+    return " ".join([f"[{parts[0]}]", ".".join(parts[1:])]).strip()

@@ -1,0 +1,78 @@
+"""One small reader per file format, chosen by the file's ending.
+
+Each returns a :class:`~sindyjoint.files.readers.table.Table` of named columns, or says in one sentence what
+is wrong with the file. A new format is one small module and one line in ``READERS``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from importlib import import_module
+from pathlib import Path
+
+from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.files.readers.table import Table
+
+# ending -> module, function; the modules import their libraries when a file of that kind is met.
+READERS = {
+    ".csv": ("text", "read_text"),
+    ".tsv": ("text", "read_text"),
+    ".txt": ("text", "read_text"),
+    ".dat": ("text", "read_text"),
+    ".parquet": ("arrow", "read_parquet"),
+    ".feather": ("arrow", "read_feather"),
+    ".mat": ("mat", "read_mat"),
+    ".h5": ("hdf5", "read_hdf5"),
+    ".hdf5": ("hdf5", "read_hdf5"),
+    ".npz": ("npz", "read_npz"),
+    ".uff": ("uff", "read_uff"),
+    ".unv": ("uff", "read_uff"),
+    ".tdms": ("tdms", "read_tdms"),
+}
+
+
+def read_table(path: str | Path) -> tuple[Table, str]:
+    """Open one data file.
+
+    Returns
+    -------
+    table : Table
+        Its named columns.
+    sha256 : str
+        Hash of the bytes that were read.
+
+    Raises
+    ------
+    MissingInputError
+        When there is no such file.
+    InputError
+        For a folder, an unknown ending, or content that cannot be read.
+    MissingExtraError
+        When the library for this format is not installed.
+    """
+    file = Path(path)
+    if file.is_dir():
+        raise InputError(f"{file}: is a folder; a data file is wanted")
+    if not file.exists():
+        near = difflib.get_close_matches(file.name, _neighbours(file), n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise MissingInputError(f"{file}: there is no such file{hint}")
+    kind = READERS.get(file.suffix.lower())
+    if kind is None:
+        known = ", ".join(ending.removeprefix(".") for ending in READERS)
+        raise InputError(f"{file}: ending {file.suffix!r} is unknown; wanted is one of {known}")
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+    if not data:
+        raise InputError(f"{file}: is empty")
+    module = import_module(f"{__name__}.{kind[0]}")
+    table: Table = getattr(module, kind[1])(file, data)
+    return table, hashlib.sha256(data).hexdigest()
+
+
+def _neighbours(file: Path) -> list[str]:
+    """Return the names of the files beside a missing one."""
+    return [path.name for path in file.parent.iterdir()] if file.parent.is_dir() else []

@@ -1,0 +1,136 @@
+"""What every reader returns: named columns that are loaded when they are asked for."""
+
+from __future__ import annotations
+
+import difflib
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
+
+Array = NDArray[np.float64]
+
+
+def _row(index: int) -> str:
+    """Name a sample of a binary file."""
+    return f"row {index + 1}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of one file.
+
+    Parameters
+    ----------
+    path : Path
+    names : tuple of str
+        In the order of the file; a name may occur twice, but cannot be asked for then.
+    load : callable
+        From positions in ``names`` to arrays of shape (n,), of lengths that may differ.
+    aliases : mapping of str to int
+        Further names, such as a data set's own name without its group.
+    row : callable
+        How a message names the sample of an index.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    load: Callable[[Sequence[int]], Sequence[NDArray]]
+    aliases: Mapping[str, int] = field(default_factory=dict)
+    row: Callable[[int], str] = _row
+
+    def columns(self, wanted: Sequence[str | int]) -> list[Array]:
+        """Return the wanted columns as finite float64 arrays.
+
+        Parameters
+        ----------
+        wanted : sequence of str or int
+            Names, or positions counted from 1.
+
+        Raises
+        ------
+        InputError
+            For a column that is missing, named twice, not numeric, or not finite.
+        """
+        positions = [self._position(name) for name in wanted]
+        distinct = sorted(set(positions))
+        loaded = dict(zip(distinct, self.load(distinct), strict=True))
+        return [self._checked(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
+
+    def _position(self, name: str | int) -> int:
+        if isinstance(name, int):
+            if not 1 <= name <= len(self.names):
+                raise InputError(
+                    f"{self.path}: there is no column {name}; columns 1 to {len(self.names)} are there"
+                )
+            return name - 1
+        count = self.names.count(name)
+        if count > 1:
+            raise InputError(
+                f"{self.path}: column {name!r} is there {count} times; give each column its own name"
+            )
+        if count == 1:
+            return self.names.index(name)
+        if name in self.aliases:
+            return self.aliases[name]
+        near = difflib.get_close_matches(name, self.names, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        shown = ", ".join(repr(known) for known in self.names[:20]) + (
+            ", ..." if len(self.names) > 20 else ""
+        )
+        raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")
+
+    def _checked(self, name: str | int, values: NDArray) -> Array:
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiub":
+            raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; real numbers are wanted")
+        array = np.ascontiguousarray(array, dtype=np.float64)
+        if array.ndim != 1:
+            raise InputError(f"{self.path}: column {name!r} has shape {array.shape}; one dimension is wanted")
+        bad = np.flatnonzero(~np.isfinite(array))
+        if bad.size:
+            raise InputError(
+                f"{self.path}: column {name!r} holds {array[bad[0]]} in {self.row(int(bad[0]))}"
+                + (f" and {bad.size - 1} more value(s) that are not finite" if bad.size > 1 else "")
+                + "; remove or repair them"
+            )
+        return array
+
+
+@contextmanager
+def foreign(path: Path, kind: str) -> Iterator[None]:
+    """Turn whatever a library throws at bad bytes into one sentence, and keep its warnings to itself."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except (SindyJointError, ImportError):
+        raise
+    # Parsers of binary formats fail on rubbish with any class there is, MemoryError among them.
+    except Exception as error:
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(
+            f"{path}: cannot be read as {kind} ({reason}); it may be truncated, damaged or of another format"
+        ) from error
+
+
+def missing_extra(path: Path, package: str, error: ImportError) -> MissingExtraError:
+    """Say which extra reads this file."""
+    message = f'{path}: reading this format needs {package}; run: pip install "sindyjoint[formats]"'
+    missing = MissingExtraError(message)
+    missing.__cause__ = error
+    return missing
+
+
+def matrix_columns(name: str, shape: tuple[int, ...], subscript: str) -> list[str]:
+    """Return the names of a data set's columns: its own for a vector, ``name[:,0]`` ... for a matrix."""
+    if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
+        return [name]
+    first = 1 if subscript.startswith("(") else 0
+    return [name + subscript.format(first + column) for column in range(shape[1])]

@@ -1,0 +1,180 @@
+"""CSV, TSV and other text tables: delimiter, comment lines, a header, perhaps a row of units."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.files.readers.table import Table
+
+COMMENTS = ("#", "%", "//")
+# What no text table holds: control characters other than tab, line ends, form feed and DOS's end of file.
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How the lines of one file are to be read."""
+
+    path: Path
+    names: tuple[str, ...]
+    delimiter: str | None
+    lines: list[str]
+    numbers: list[int]
+    """Line number in the file, from 1, of each entry of ``lines``."""
+
+
+def read_text(path: Path, data: bytes) -> Table:
+    """Return the columns of a text table.
+
+    Raises
+    ------
+    InputError
+        For an empty file, binary rubbish, a header without data, or rows of different lengths.
+    """
+    layout = _layout(path, _decode(path, data))
+    return Table(
+        path, layout.names, lambda wanted: _parse(layout, wanted), row=lambda i: f"line {layout.numbers[i]}"
+    )
+
+
+def _decode(path: Path, data: bytes) -> str:
+    if not data.strip():
+        raise InputError(f"{path}: is empty; a table with a header and rows is wanted")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = data.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            # Instruments write µ and ° in the code page of their country; its letters occur in headers only.
+            text = data.decode("latin-1")
+    rubbish = _CONTROL.search(text)
+    if rubbish:
+        raise InputError(
+            f"{path}: is not a text table (byte {ord(rubbish[0])} at place {rubbish.start()}); "
+            "it may be of another format, with the wrong ending"
+        )
+    return text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
+
+
+def _layout(path: Path, text: str) -> _Layout:
+    """Find delimiter, header and first row of data."""
+    all_lines = text.split("\n")
+    comment = ""  # the last one before the data: numpy.savetxt writes the header there
+    lines: list[str] = []
+    numbers: list[int] = []
+    for number, line in enumerate(all_lines, start=1):
+        stripped = line.strip()
+        if stripped.startswith(COMMENTS):
+            comment = comment if lines else stripped.lstrip("#%/ \t")
+        elif stripped:
+            lines.append(line)
+            numbers.append(number)
+    if not lines:
+        raise InputError(f"{path}: holds comment lines only; a table with a header and rows is wanted")
+    delimiter = _delimiter(lines)
+    first = _fields(lines[0], delimiter)
+    if all(_is_number(field) for field in first):
+        above = _fields(comment, delimiter) if comment else []
+        names = above if len(above) == len(first) else [str(place) for place in range(1, len(first) + 1)]
+        skip = 0
+    else:
+        names, skip = first, 1
+        units = _fields(lines[1], delimiter) if len(lines) > 1 else []
+        if len(units) == len(names) and not any(_is_number(field) or not field for field in units):
+            skip = 2
+    lines, numbers = lines[skip:], numbers[skip:]
+    if not lines:
+        raise InputError(f"{path}: has a header ({', '.join(names)}) and no rows of data")
+    lines = _with_points(lines, delimiter)
+    _check_lengths(path, lines, numbers, len(names), delimiter)
+    return _Layout(path, tuple(names), delimiter, lines, numbers)
+
+
+def _delimiter(lines: list[str]) -> str | None:
+    """Return what parts the fields of the last complete line; None for blanks."""
+    sample = lines[min(len(lines) - 1, 2)]
+    for delimiter in ("\t", ";", ","):
+        if delimiter in sample and (delimiter != "," or "," in lines[0] or not _DECIMAL_COMMA.match(sample)):
+            return delimiter
+    # A single column has no delimiter at all, and its header may hold blanks.
+    return None if len(sample.split()) > 1 else ","
+
+
+def _fields(line: str, delimiter: str | None) -> list[str]:
+    """Return the fields of one line, without blanks around them; a delimiter at its end opens no field."""
+    if delimiter is None:
+        fields = next(csv.reader([" ".join(line.split())], delimiter=" "))
+    else:
+        fields = [
+            field.strip() for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+        ]
+    return fields[:-1] if len(fields) > 1 and not fields[-1] else fields
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return bool(_DECIMAL_COMMA.fullmatch(field))
+    return True
+
+
+def _with_points(lines: list[str], delimiter: str | None) -> list[str]:
+    """Turn decimal commas into points where the comma does not part the fields."""
+    if delimiter == "," or not any(_DECIMAL_COMMA.fullmatch(field) for field in _fields(lines[0], delimiter)):
+        return lines
+    return [line.replace(",", ".") for line in lines]
+
+
+def _check_lengths(
+    path: Path, lines: list[str], numbers: list[int], width: int, delimiter: str | None
+) -> None:
+    """Refuse rows that are longer or shorter than the header."""
+    for line, number in zip(lines, numbers, strict=True):
+        # Counting delimiters is fast and nearly always enough; quoted or trailing ones need the careful way.
+        quick = len(line.split()) if delimiter is None else line.count(delimiter) + 1
+        if quick != width and len(_fields(line, delimiter)) != width:
+            found = len(_fields(line, delimiter))
+            raise InputError(
+                f"{path}: line {number} has {found} fields and the header has {width}; equal numbers wanted"
+            )
+
+
+def _parse(layout: _Layout, wanted: Sequence[int]) -> list[NDArray[np.float64]]:
+    """Return columns as numbers; the fast way first, the careful one to explain a failure."""
+    if not wanted:
+        return []
+    quote = '"' if any('"' in line for line in layout.lines[:3]) else None
+    try:
+        values = np.loadtxt(
+            layout.lines, delimiter=layout.delimiter, usecols=wanted, ndmin=2, comments=None, quotechar=quote
+        )
+    except ValueError as error:
+        raise _explained(layout, wanted, error) from error
+    return list(np.ascontiguousarray(values.T))
+
+
+def _explained(layout: _Layout, wanted: Sequence[int], error: ValueError) -> InputError:
+    """Find the first field that is not a number."""
+    for line, number in zip(layout.lines, layout.numbers, strict=True):
+        fields = _fields(line, layout.delimiter)
+        for place in wanted:
+            field = fields[place] if place < len(fields) else ""
+            if not _is_number(field):
+                given = f"holds {field!r:.40}" if field else "is blank"
+                name = layout.names[place]
+                return InputError(
+                    f"{layout.path}: line {number}: column {name!r} {given}; a number is wanted"
+                )
+    return InputError(f"{layout.path}: cannot be read as a table of numbers ({error})")

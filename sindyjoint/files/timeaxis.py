@@ -1,0 +1,155 @@
+"""The time axis: is it uniform, what is its rate, and how a channel is moved along it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+
+Array = NDArray[np.float64]
+IRREGULARITY = 0.01
+# Across a longer gap, in sampling steps, interpolation would invent data.
+LONGEST_GAP = 5.0
+# Half the length of the delay filter, in samples, and its Kaiser window: flat within 1e-4 up to 0.4 of the
+# sampling rate.
+HALF_LENGTH = 32
+KAISER_BETA = 8.0
+
+
+def check_order(time: Array, where: str, row: Callable[[int], str]) -> None:
+    """Refuse time stamps that run backwards or stand still.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Time stamps, s.
+    where : str
+        File and column, for the message.
+    row : callable
+        Names the sample of an index.
+
+    Raises
+    ------
+    InputError
+        Naming the first row at fault.
+    """
+    if time.size < 2:
+        raise InputError(f"{where}: {time.size} time stamp(s); a record is wanted")
+    steps = np.diff(time)
+    for bad, what in ((steps < 0, "time runs backwards"), (steps == 0, "duplicate time stamp")):
+        places = np.flatnonzero(bad)
+        if places.size:
+            at = int(places[0]) + 1
+            raise InputError(
+                f"{where}: {what} in {row(at)} ({time[at]:.9g} s after {time[at - 1]:.9g} s); "
+                "repair the stamps, or declare [channels] rate instead of time"
+            )
+
+
+def uniform_rate(time: Array, where: str, row: Callable[[int], str]) -> float:
+    """Return the sampling rate of uniform time stamps, Hz.
+
+    Uniform means that every step is within 1 % of the median step, or that the stamps are a uniform grid
+    rounded to their printed digits.
+
+    Raises
+    ------
+    InputError
+        Naming the row with the largest irregularity, and offering to resample.
+    """
+    steps = np.diff(time)
+    index = np.arange(time.size)
+    slope, start = np.polyfit(index, time, 1)
+    off_grid = np.abs(time - (start + slope * index))
+    deviation = np.abs(steps / np.median(steps) - 1)
+    even = deviation.max() <= IRREGULARITY and off_grid.max() <= slope
+    # A rounded stamp is off by half a digit at most; the fitted line adds a little of its own.
+    rounded = off_grid.max() <= 0.6 * _resolution(time)
+    if not (even or rounded):
+        at = int(np.argmax(deviation)) + 1 if deviation.max() > IRREGULARITY else int(np.argmax(off_grid))
+        raise InputError(
+            f"{where}: sampling is irregular beyond 1 %, most in {row(at)} (step {steps[at - 1]:.6g} s, "
+            f"median {np.median(steps):.6g} s); set [channels] resample = true, or declare rate"
+        )
+    # Nine digits: what printed stamps can tell.
+    return float(f"{1 / slope if rounded else (time.size - 1) / (time[-1] - time[0]):.9g}")
+
+
+def _resolution(time: Array) -> float:
+    """Return the step between neighbouring values that the stamps could have taken, s."""
+    for digits in range(10):
+        scaled = time * 10.0**digits
+        if np.all(np.abs(scaled - np.round(scaled)) < 1e-6 * np.maximum(1.0, np.abs(scaled) * 1e-6)):
+            return 10.0**-digits
+    single = time.astype(np.float32)
+    if np.array_equal(single, time):
+        return float(np.spacing(np.abs(single).max()))
+    return 0.0
+
+
+def resampled(
+    time: Array, signals: dict[str, Array], where: str, row: Callable[[int], str]
+) -> tuple[dict, float]:
+    """Interpolate irregular samples by cubic splines onto a uniform grid of the median step.
+
+    Returns
+    -------
+    signals : dict of ndarray, shape (m,)
+    rate : float
+        Hz.
+
+    Raises
+    ------
+    InputError
+        For a gap too long to be bridged.
+    """
+    from scipy.interpolate import CubicSpline
+
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    at = int(np.argmax(steps))
+    if steps[at] > LONGEST_GAP * step:
+        raise InputError(
+            f"{where}: a gap of {steps[at]:.6g} s before {row(at + 1)} is too long to interpolate "
+            f"(median step {step:.6g} s); make two runs of it"
+        )
+    grid = time[0] + step * np.arange(int(np.floor((time[-1] - time[0]) / step * (1 + 1e-12))) + 1)
+    return {name: CubicSpline(time, values)(grid) for name, values in signals.items()}, float(
+        f"{1 / step:.9g}"
+    )
+
+
+def advanced(signal: Array, samples: float) -> Array:
+    """Return x(t + τ) on the instants of x(t), by a windowed-sinc fractional delay filter.
+
+    Band-limited interpolation with a Kaiser window (Laakso et al. 1996, "Splitting the unit delay", Eq. 20).
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    samples : float
+        τ in samples, of either sign.
+
+    Returns
+    -------
+    ndarray, shape (n − 2·margin(samples),)
+        The samples ``margin`` from either end, where the filter has all it needs.
+    """
+    whole = int(np.round(samples))
+    taps = np.arange(-HALF_LENGTH, HALF_LENGTH + 1)
+    distance = taps - (samples - whole)
+    # The window is centred on the sinc, a fraction of a sample off the middle tap.
+    shape = np.clip(1 - (distance / (HALF_LENGTH + 0.5)) ** 2, 0, None)
+    kernel = np.sinc(distance) * np.i0(KAISER_BETA * np.sqrt(shape)) / np.i0(KAISER_BETA)
+    kernel /= kernel.sum()
+    lost = margin(samples)
+    reach = signal[lost + whole - HALF_LENGTH : signal.size - lost + whole + HALF_LENGTH]
+    return np.convolve(reach, kernel[::-1], mode="valid")
+
+
+def margin(samples: float) -> int:
+    """Return how many samples :func:`advanced` loses at either end."""
+    return HALF_LENGTH + abs(int(np.round(samples)))

@@ -1,0 +1,152 @@
+"""Units at the door: everything past ``files/`` is SI.
+
+pint knows the units; it counts the radian as no dimension at all, so the comparison here is made on its
+*root* units, where ``rad`` is kept: ``N*m`` and ``N*m/rad`` then differ.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from sindyjoint.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
+
+# What a message calls the wanted quantity, by its SI unit.
+QUANTITIES = {
+    "s": "a time, such as 's' or 'ms'",
+    "Hz": "a frequency, such as 'Hz' or 'kHz'",
+    "N*m": "a moment, such as 'N*m' or 'lbf*inch'",
+    "N": "a force, such as 'N' or 'kip'",
+    "rad": "an angle, such as 'rad', 'mrad' or 'deg'",
+    "m": "a length, such as 'm', 'mm' or 'inch'",
+    "rad/s": "an angular rate, such as 'rad/s' or 'deg/s'",
+    "m/s": "a velocity, such as 'm/s' or 'mm/s'",
+    "kg*m**2": "a moment of inertia, such as 'kg*m^2'",
+    "kg": "a mass, such as 'kg'",
+    "N*m**2": "a bending stiffness, such as 'N*m^2'",
+    "m/m": "a strain, such as 'm/m' or 'um/m'",
+    "K": "a temperature, such as 'K' or 'degC'",
+}
+
+_EXPONENT = r"(?:\*\*|\^)\s*\(?\s*[+-]?\d{1,2}(?:\.\d{1,3})?\s*\)?"
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.*?)\s*", re.DOTALL)
+
+
+@lru_cache(maxsize=1)
+def registry() -> pint.UnitRegistry:
+    """Return the one registry of this package, with the spellings that test laboratories use."""
+    import pint
+
+    units: pint.UnitRegistry = pint.UnitRegistry()
+    # pint reads "Nm" as a textile unit (number metric).
+    units.define("newton_meter = newton * meter = Nm")
+    units.define("newton_millimeter = newton * millimeter = Nmm")
+    units.define("strain = 1 = ε")
+    return units
+
+
+@lru_cache(maxsize=256)
+def _parsed(unit: str) -> pint.Unit | None:
+    """Return pint's unit for a spelling, or None where pint knows none."""
+    # pint evaluates numbers while it parses, so a tower of powers would run for ever: only small ones pass.
+    bare = re.sub(_EXPONENT, " ", unit)
+    chained = re.search(rf"{_EXPONENT}\s*(?:\*\*|\^)", unit)
+    if (
+        len(unit) > 80
+        or chained
+        or re.search(r"\d", bare.replace("1/", "", 1))
+        or not re.search(r"[^\W\d]|[%°]", bare)
+    ):
+        return None
+    try:
+        return registry().parse_units(unit)
+    except (
+        Exception
+    ):  # pint fails on unknown spellings with whatever its parser meets: AssertionError, TypeError ...
+        return None
+
+
+def _root(unit: pint.Unit) -> tuple[float, dict[str, float]]:
+    """Return factor and powers of a unit in pint's root units, the radian among them."""
+    factor: Any
+    factor, root = registry().get_root_units(unit)
+    return float(factor), {name: float(power) for name, power in root._units.items() if power}
+
+
+def conversion(unit: str, wanted: str, where: str, gain: str | None = None) -> float:
+    """Return the factor that turns values in ``unit`` into the wanted SI unit.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of the values as declared.
+    wanted : str
+        SI unit that is wanted, one of ``QUANTITIES``.
+    where : str
+        File and field, for the message.
+    gain : str, optional
+        Number and unit by which the values are to be multiplied first, such as ``"35.15 N/V"``.
+
+    Raises
+    ------
+    UnitError
+        For an unknown unit or one of another dimension.
+    """
+    number, total = 1.0, _known(unit, where)
+    if gain is not None:
+        number, gain_unit = split_quantity(gain, f"{where} gain", wanted)
+        total = total * _known(gain_unit, f"{where} gain")
+    factor, powers = _root(total)
+    wanted_factor, wanted_powers = _root(registry().parse_units(wanted))
+    # A slope such as mm/m is an angle as it stands.
+    slope = wanted == "rad" and not powers
+    if powers != wanted_powers and not slope:
+        given = f"unit {unit!r}" if gain is None else f"unit {unit!r} times gain {gain!r}"
+        raise UnitError(
+            f"{where}: {given} is not {QUANTITIES[wanted].split(',')[0]}; wanted is {QUANTITIES[wanted]}"
+        )
+    return number * (factor / wanted_factor)
+
+
+def parse_quantity(text: str, wanted: str, where: str) -> float:
+    """Return a declared quantity such as ``"0.02 kg*m^2"`` in the wanted SI unit.
+
+    Raises
+    ------
+    UnitError
+        For text that is not a number with a unit, an unknown unit, or one of another dimension.
+    """
+    number, unit = split_quantity(text, where, wanted)
+    if wanted == "K" and unit in ("degC", "°C", "celsius", "degF", "°F", "fahrenheit"):
+        # The only scales with a zero of their own.
+        return float(registry().Quantity(number, unit).to("kelvin").magnitude)
+    return number * conversion(unit, wanted, where)
+
+
+def split_quantity(text: str, where: str, wanted: str) -> tuple[float, str]:
+    """Return number and unit of ``"35.15 N/V"``.
+
+    Raises
+    ------
+    UnitError
+        For text without a finite number or without a unit.
+    """
+    match = _NUMBER.fullmatch(text)
+    if match is None or not math.isfinite(float(match[1])):
+        raise UnitError(f"{where}: {text!r} is not a number with a unit; wanted is {QUANTITIES[wanted]}")
+    if not match[2]:
+        raise UnitError(f"{where}: {text!r} has no unit; wanted is {QUANTITIES[wanted]}")
+    return float(match[1]), match[2]
+
+
+def _known(unit: str, where: str) -> pint.Unit:
+    """Return pint's unit, or refuse the spelling."""
+    parsed = _parsed(unit)
+    if parsed is None:
+        raise UnitError(f"{where}: unit {unit!r} is unknown; write it as 'N*m', 'mrad', 'kg*m^2', 'um/m' ...")
+    return parsed

@@ -1,0 +1,250 @@
+"""Writing a campaign so that :func:`~sindyjoint.files.load_campaign` gives it back."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.files.atomic import output_folder
+from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.rig import SensorRig
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+# Units as they are written, by motion: moment, angle, measured rate, inertia.
+UNITS = {
+    "rotation": {"moment": "N*m", "angle": "rad", "rate_of_angle": "rad/s", "inertia": "kg*m^2"},
+    "translation": {"force": "N", "displacement": "m", "rate_of_displacement": "m/s", "mass": "kg"},
+}
+
+
+def write_campaign(
+    campaign: Campaign,
+    folder: str | os.PathLike[str],
+    format: str = "csv",
+    rig: SensorRig | None = None,
+) -> Path:
+    """Write ``campaign.toml`` and one file per run, all of them or none.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    folder : path-like
+        Made where it is missing; files of the same names are replaced.
+    format : {"csv", "tsv", "npz", "parquet", "h5", "mat"}
+        Of the run files. All of them hold every bit of the numbers.
+    rig : SensorRig, optional
+        Write four strains and three displacements (Eqs. 1–3 backwards) instead of moment and angle.
+
+    Returns
+    -------
+    Path
+        The manifest.
+
+    Raises
+    ------
+    InputError
+        For an unknown format, or a rig for a translational joint.
+    OutputError
+        When the folder cannot be written.
+    MissingExtraError
+        When the format needs a library that is not installed.
+    """
+    if format not in ENCODERS:
+        raise InputError(f"format is {format!r}; wanted is one of {', '.join(ENCODERS)}")
+    if rig is not None and campaign.joint.motion != "rotation":
+        raise InputError(
+            "a rig of strain gauges and lasers was given for a translational joint; leave it out"
+        )
+    if rig is not None and any(np.ptp(run.moment) == 0 for run in campaign.runs):
+        raise InputError(
+            "a rig was given and a run has a constant moment, which no strain gauge shows; leave it out"
+        )
+    encode = ENCODERS[format]
+    files = _file_names([run.name for run in campaign.runs], format)
+    with output_folder(folder) as stage:
+        for run, file in zip(campaign.runs, files, strict=True):
+            (stage / file).write_bytes(encode(_columns(run, campaign.joint, rig)))
+        (stage / MANIFEST_NAME).write_text(
+            manifest_text(campaign, files, rig), encoding="utf-8", newline="\n"
+        )
+    return Path(folder) / MANIFEST_NAME
+
+
+def _columns(run: Run, joint: Joint, rig: SensorRig | None) -> dict[str, NDArray[np.float64]]:
+    """Return what one run file holds, in SI units."""
+    moment, angle, rate = list(UNITS[joint.motion])[:3]
+    columns = {"time": run.time}
+    if rig is None:
+        columns |= {moment: run.moment, angle: run.angle}
+    else:
+        columns |= {f"e{place}": strain for place, strain in enumerate(rig.strains(run.moment), start=1)}
+        columns |= {f"d{place}": spot for place, spot in enumerate(rig.displacements(run.angle), start=1)}
+    if run.rate is not None:
+        columns[rate] = run.rate
+    return columns
+
+
+def _file_names(names: list[str], format: str) -> list[str]:
+    """Return one harmless file name per run name, no two alike even where case does not count."""
+    taken: set[str] = set()
+    files = []
+    for name in names:
+        stem = re.sub(r"[^\w.+=-]+", "-", name).strip(".-")[:100] or "run"
+        file, count = f"{stem}.{format}", 1
+        while file.lower() in taken:
+            count += 1
+            file = f"{stem}-{count}.{format}"
+        taken.add(file.lower())
+        files.append(file)
+    return files
+
+
+def manifest_text(campaign: Campaign, files: list[str], rig: SensorRig | None = None) -> str:
+    """Return the text of ``campaign.toml`` for runs written in SI units under the given file names."""
+    joint = campaign.joint
+    units = UNITS[joint.motion]
+    inertia = list(units)[3]
+    lines = ["simulated = true"] if campaign.simulated else []
+    if campaign.notes:
+        lines.append("notes = [" + ", ".join(map(_string, campaign.notes)) + "]")
+    lines += ["", "[joint]", f"name = {_string(joint.name)}", f"motion = {_string(joint.motion)}"]
+    if joint.inertia is not None:
+        lines.append(f"{inertia} = {_quantity(joint.inertia, units[inertia])}")
+    if joint.temperature is not None:
+        lines.append(f"temperature = {_quantity(joint.temperature, 'K')}")
+    if joint.serial is not None:
+        lines.append(f"serial = {_string(joint.serial)}")
+    if joint.labels:
+        pairs = (f"{_string(key)} = {_string(value)}" for key, value in joint.labels.items())
+        lines.append("labels = { " + ", ".join(pairs) + " }")
+
+    own = [_own_channels(run, units, rig) for run in campaign.runs]
+    # What all runs share stands once in [channels]; the rest stands with each run.
+    shared = {key: value for key, value in own[0].items() if all(run.get(key) == value for run in own)}
+    lines += ["", "[channels]", *(f"{key} = {value}" for key, value in shared.items())]
+    if campaign.skew is not None:
+        lines.append(f"skew_removed = {_quantity(campaign.skew, 's')}")
+    if rig is not None:
+        lines += ["", "[rig]", *_rig_lines(rig)]
+    for run, file, channels in zip(campaign.runs, files, own, strict=True):
+        lines += ["", "[[run]]", f"file = {_string(file)}", f"name = {_string(run.name)}"]
+        if run.frequency is not None:
+            lines.append(f"frequency = {float(run.frequency)!r}")
+        if run.level is not None:
+            lines.append(f"level = {_string(run.level)}")
+        lines.append(f"use = {_string(run.use)}")
+        rest = [f"{key} = {value}" for key, value in channels.items() if key not in shared]
+        if rest:
+            lines += ["[run.channels]", *rest]
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _own_channels(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> dict[str, str]:
+    """Return the ``[channels]`` entries of one run as TOML text."""
+    moment, angle, rate, _ = units
+    channels = {"rate": _quantity(run.sample_rate, "Hz")}
+    if rig is None:
+        # A moment that never changes, as in a free decay, is declared: a constant column is a dead channel.
+        constant = np.ptp(run.moment) == 0
+        value = _quantity(run.moment[0], units[moment])
+        channels[moment] = f"{{ constant = {value} }}" if constant else _channel(moment, units[moment])
+        channels[angle] = _channel(angle, units[angle])
+    if run.rate is not None:
+        channels[rate] = _channel(rate, units[rate])
+    return channels
+
+
+def _rig_lines(rig: SensorRig) -> list[str]:
+    return [
+        'strain = ["e1", "e2", "e3", "e4"]',
+        'strain_unit = "m/m"',
+        'displacement = ["d1", "d2", "d3"]',
+        'displacement_unit = "m"',
+        f"bending_stiffness = {_quantity(rig.bending_stiffness, 'N*m^2')}",
+        f"section_height = {_quantity(rig.section_height, 'm')}",
+        f"strain_position_factor = {float(rig.strain_position_factor)!r}",
+        f"joint_length = {_quantity(rig.joint_length, 'm')}",
+    ]
+
+
+def _channel(column: str, unit: str) -> str:
+    return f"{{ column = {_string(column)}, unit = {_string(unit)} }}"
+
+
+def _quantity(value: float, unit: str) -> str:
+    """Return a quantity with every digit that its float64 holds."""
+    return _string(f"{float(value)!r} {unit}")
+
+
+def _string(text: str) -> str:
+    """Return a TOML basic string: JSON's escapes are TOML's but for DEL; a lone surrogate is no text."""
+    clean = str(text).encode("utf-8", errors="replace").decode("utf-8")
+    return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _text(columns: Columns, delimiter: str) -> bytes:
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    # repr of a float is the shortest text that reads back to the same bits.
+    lines = [delimiter.join(columns), *(delimiter.join(map(repr, row)) for row in rows)]
+    return ("\n".join(lines) + "\n").encode("utf-8")
+
+
+def _npz(columns: Columns) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **columns)
+    return buffer.getvalue()
+
+
+def _mat(columns: Columns) -> bytes:
+    from scipy.io import savemat
+
+    buffer = io.BytesIO()
+    savemat(buffer, dict(columns), oned_as="column")
+    return buffer.getvalue()
+
+
+def _parquet(columns: Columns) -> bytes:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise _missing("pyarrow") from error
+    buffer = io.BytesIO()
+    pq.write_table(pa.table(dict(columns)), buffer)
+    return buffer.getvalue()
+
+
+def _hdf5(columns: Columns) -> bytes:
+    try:
+        import h5py
+    except ImportError as error:
+        raise _missing("h5py") from error
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        for name, values in columns.items():
+            file[name] = values
+    return buffer.getvalue()
+
+
+def _missing(package: str) -> MissingExtraError:
+    return MissingExtraError(f'writing this format needs {package}; run: pip install "sindyjoint[formats]"')
+
+
+ENCODERS: dict[str, Callable[[Columns], bytes]] = {
+    "csv": lambda columns: _text(columns, ","),
+    "tsv": lambda columns: _text(columns, "\t"),
+    "npz": _npz,
+    "parquet": _parquet,
+    "h5": _hdf5,
+    "mat": _mat,
+}
