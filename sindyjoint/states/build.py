@@ -1,0 +1,113 @@
+"""Choose the way from signals to force states, run by run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.record import Campaign, Run
+from sindyjoint.states.broadband import broadband_states
+from sindyjoint.states.mask import RATE_SHARE
+from sindyjoint.states.periodic import MINIMUM_PERIODS, periodic_states
+from sindyjoint.states.record import ForceStates
+
+Array = NDArray[np.float64]
+Choice = Literal["auto", "periodic", "broadband"]
+
+# A run is periodic when what does not repeat stays below this share of its RMS. Five per cent noise passes
+# with room to spare; a free decay, a sweep or a multisine does not.
+REPEATS = 0.2
+
+
+def force_states(
+    run: Run, method: Choice = "auto", bandwidth: float | None = None, rate_share: float = RATE_SHARE
+) -> ForceStates:
+    """Return the force states of a run.
+
+    Parameters
+    ----------
+    run : Run
+    method : {"auto", "periodic", "broadband"}
+        ``"auto"``: periodic where the run repeats at its declared (or, without one, its estimated) frequency for
+        at least three steady periods, otherwise broadband.
+    bandwidth : float, optional
+        Highest frequency kept in the angle, Hz. Default: where the angle sinks into its noise.
+    rate_share : float
+        Share of the peak rate below which a sample counts as reversal, not as motion.
+
+    Raises
+    ------
+    InputError
+        For an unknown method, a run too short for it, or a run in which the joint never moves.
+    """
+    if method not in ("auto", "periodic", "broadband"):
+        raise InputError(f"method is {method!r}; 'auto', 'periodic' or 'broadband' is wanted")
+    if bandwidth is not None and not bandwidth > 0:
+        raise InputError(f"bandwidth is {bandwidth!r} Hz; a positive number is wanted")
+    if method == "periodic" or (method == "auto" and repeats(run)):
+        if run.frequency is None:
+            run = replace(run, frequency=estimate_frequency(run))
+        states = periodic_states(run, bandwidth, rate_share)
+    else:
+        states = broadband_states(run, bandwidth, rate_share)
+    if not np.any(states.moving):
+        raise InputError(
+            f"run {run.name!r}: no moving samples: the angular velocity never rises above its noise "
+            f"({states.noise.rate:.2g} rad/s); a larger excitation or a less noisy angle channel is wanted"
+        )
+    return states
+
+
+def campaign_states(
+    campaign: Campaign, method: Choice = "auto", bandwidth: float | None = None, rate_share: float = RATE_SHARE
+) -> tuple[ForceStates, ...]:
+    """Return the force states of every run that may be used for identification."""
+    runs = campaign.identification_runs
+    if not runs:
+        raise InputError("every run is marked use = 'validate'; at least one run to identify from is wanted")
+    return tuple(force_states(run, method, bandwidth, rate_share) for run in runs)
+
+
+def estimate_frequency(run: Run) -> float:
+    """Return the frequency of the strongest line of the angle's spectrum, Hz, interpolated between bins."""
+    signal = run.angle - np.mean(run.angle)
+    spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size)))
+    peak = int(np.argmax(spectrum[1:-1])) + 1
+    left, middle, right = np.log(spectrum[peak - 1 : peak + 2] + np.finfo(float).tiny)
+    curvature = left - 2 * middle + right
+    shift = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
+    return float((peak + shift) * run.sample_rate / signal.size)
+
+
+def repeats(run: Run) -> bool:
+    """Return whether the second half of the run repeats with the excitation frequency.
+
+    The frequency is the declared one, or else the strongest line; the run repeats when shifting it by one period
+    changes it by less than 0.2·√2 of its RMS (independent noise of 20 % in both halves).
+    """
+    frequency = run.frequency if run.frequency is not None else estimate_frequency(run)
+    per = run.sample_rate / frequency
+    if per < 10 or run.n_samples < (MINIMUM_PERIODS + 0.5) * per:
+        return False
+    late = run.angle[run.n_samples // 3 :]
+    grid = np.arange(late.size)
+    usable = int(late.size - np.ceil(per))
+    if usable < per:
+        return False
+    shifted = np.interp(grid[:usable] + per, grid, late)
+    change = shifted - late[:usable]
+    spread = float(np.std(late))
+    if spread == 0 or np.sqrt(np.mean(change**2)) > REPEATS * np.sqrt(2) * spread:
+        return False
+    if run.frequency is not None:
+        return True
+    # Undeclared: a slow decay repeats from one period to the next; it must also repeat across the record.
+    lag = int(usable / per / 2) * per
+    if lag < 2 * per:
+        return False
+    far = np.interp(grid[: int(late.size - np.ceil(lag))] + lag, grid, late) - late[: int(late.size - np.ceil(lag))]
+    return bool(np.sqrt(np.mean(far**2)) <= REPEATS * np.sqrt(2) * spread)

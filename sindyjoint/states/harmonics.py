@@ -1,0 +1,167 @@
+"""Fourier series of a known fundamental, fitted to whole periods and differentiated exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# A harmonic counts where its amplitude passes this many standard errors; after MISSES in a row that do not, the
+# spectrum is taken to have ended. Measured on simulated stick–slip runs (EFFECT on c1 at 5 % noise): keeping
+# isolated high harmonics multiplies noise by their order and costs 1.8 % in c1, ending at a gap costs 0.5 %.
+SIGNIFICANT = 2.5
+MISSES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicBasis:
+    """Cosine and sine columns of selected harmonics at given instants.
+
+    Parameters
+    ----------
+    cosine, sine : ndarray, shape (n, h)
+    angular : ndarray, shape (h,)
+        Angular frequencies of the harmonics, rad/s.
+    """
+
+    cosine: Array
+    sine: Array
+    angular: Array
+
+    @classmethod
+    def build(cls, time: Array, frequency: float, orders: NDArray[np.intp]) -> HarmonicBasis:
+        """Return the basis of the given harmonic orders of ``frequency`` (Hz) at ``time`` (s)."""
+        angular = 2 * np.pi * frequency * orders
+        phase = np.outer(time, angular)
+        return cls(np.cos(phase), np.sin(phase), angular)
+
+    def take(self, keep: NDArray[np.bool_]) -> HarmonicBasis:
+        """Return the basis of the harmonics marked in ``keep``."""
+        return HarmonicBasis(self.cosine[:, keep], self.sine[:, keep], self.angular[keep])
+
+    def rows(self, rows: slice) -> HarmonicBasis:
+        """Return the basis at some of the instants."""
+        return HarmonicBasis(self.cosine[rows], self.sine[rows], self.angular)
+
+    def fit(self, signal: Array) -> tuple[float, Array, Array]:
+        """Return mean, cosine and sine coefficients of the least-squares series of ``signal``."""
+        design = np.hstack([np.ones((signal.size, 1)), self.cosine, self.sine])
+        coefficients = np.linalg.solve(design.T @ design, design.T @ signal)
+        h = self.angular.size
+        return float(coefficients[0]), coefficients[1 : h + 1], coefficients[h + 1 :]
+
+    def series(self, mean: float, a: Array, b: Array) -> Array:
+        """Return mean + Σ a·cos + b·sin at the instants of the basis."""
+        return mean + self.cosine @ a + self.sine @ b
+
+    def derivative(self, a: Array, b: Array) -> Array:
+        """Return the exact first time derivative of the series."""
+        return self.cosine @ (b * self.angular) - self.sine @ (a * self.angular)
+
+    def second_derivative(self, a: Array, b: Array) -> Array:
+        """Return the exact second time derivative of the series."""
+        square = self.angular**2
+        return -(self.cosine @ (a * square)) - self.sine @ (b * square)
+
+
+def local_noise(residual: Array, sample_rate: float, frequencies: Array, width: float) -> Array:
+    """Return the noise variance that a residual shows around each frequency, as of white noise.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    sample_rate : float
+        Hz.
+    frequencies : ndarray, shape (h,)
+        Hz.
+    width : float
+        Half-width of the neighbourhood, Hz.
+
+    Returns
+    -------
+    ndarray, shape (h,)
+        σ² such that white noise of that variance has the same spectral density there.
+    """
+    n = residual.size
+    power = np.abs(np.fft.rfft(residual)) ** 2 / n
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    low = np.clip(np.round((frequencies - width) * n / sample_rate).astype(int), 0, power.size - 1)
+    high = np.clip(np.round((frequencies + width) * n / sample_rate).astype(int), low + 1, power.size)
+    # The fit has removed the component at the harmonic itself: its two degrees of freedom are one bin.
+    return (total[high] - total[low]) / np.maximum(high - low - 1, 1)
+
+
+def significant_harmonics(amplitude: Array, standard_error: Array) -> NDArray[np.bool_]:
+    """Return which harmonics to keep: significant ones, up to where the spectrum ends in noise.
+
+    Parameters
+    ----------
+    amplitude, standard_error : ndarray, shape (h,)
+        Amplitude of each harmonic and the standard error of one of its two coefficients.
+    """
+    keep = amplitude > SIGNIFICANT * standard_error
+    keep[0] = True
+    missed = 0
+    for index, kept in enumerate(keep):
+        missed = 0 if kept else missed + 1
+        if missed == MISSES:
+            keep[index:] = False
+            break
+    return keep
+
+
+def refine_frequency(signal: Array, sample_rate: float, frequency: float) -> float:
+    """Return the frequency of the strongest line near ``frequency``, from the drift of its phase.
+
+    The record is cut into whole periods; the slope of the unwrapped phase of their fundamental is the error of
+    the declared frequency. The declared value is kept unless the data contradict it by four standard errors.
+    """
+    per = sample_rate / frequency
+    periods = int(signal.size / per)
+    if periods < 4:
+        return frequency
+    edges = np.round(np.arange(periods + 1) * per).astype(int)
+    time = np.arange(edges[-1]) / sample_rate
+    rotated = (signal[: edges[-1]] - np.mean(signal)) * np.exp(-2j * np.pi * frequency * time)
+    phasor = np.add.reduceat(rotated, edges[:-1])
+    phase = np.unwrap(np.angle(phasor))
+    centre = np.arange(periods) - (periods - 1) / 2
+    slope = centre @ phase / (centre @ centre)
+    scatter = np.std(phase - np.mean(phase) - slope * centre, ddof=2) / np.sqrt(centre @ centre)
+    if abs(slope) <= 4 * scatter:
+        return frequency
+    return frequency * (1 + slope / (2 * np.pi))
+
+
+def steady_start(signal: Array, sample_rate: float, frequency: float, harmonics: int = 3) -> int:
+    """Return the index of the first period from which the motion repeats.
+
+    A period is steady when its first harmonics lie within five scatters of their median over the second half of
+    the record (scatter: median distance there, and at least 0.2 % of the fundamental).
+
+    Returns
+    -------
+    int
+        Number of whole periods to leave out.
+    """
+    per = sample_rate / frequency
+    periods = int(signal.size / per)
+    if periods < 4:
+        return 0
+    edges = np.round(np.arange(periods + 1) * per).astype(int)
+    time = np.arange(edges[-1]) / sample_rate
+    # The harmonics' own sum over one period is not zero where the period is no whole number of samples; the mean
+    # is removed first, so what is left of it is the same in every period.
+    centred = signal[: edges[-1]] - np.mean(signal)
+    orders = np.arange(1, harmonics + 1)
+    rotated = centred[:, None] * np.exp(-2j * np.pi * frequency * np.outer(time, orders))
+    phasor = np.add.reduceat(rotated, edges[:-1], axis=0) / per
+    late = phasor[periods // 2 :]
+    target = np.median(late.real, axis=0) + 1j * np.median(late.imag, axis=0)
+    distance = np.sqrt(np.sum(np.abs(phasor - target) ** 2, axis=1))
+    scatter = max(float(np.median(distance[periods // 2 :])), 0.002 * float(np.abs(target[0])))
+    unsteady = np.flatnonzero(distance[: periods // 2] > 5 * scatter)
+    return int(unsteady[-1]) + 1 if unsteady.size else 0

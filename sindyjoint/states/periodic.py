@@ -1,0 +1,193 @@
+"""Force states of a steady periodic run: harmonics of the excitation frequency, differentiated exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.record import Run
+from sindyjoint.states.harmonics import (
+    HarmonicBasis,
+    local_noise,
+    refine_frequency,
+    significant_harmonics,
+    steady_start,
+)
+from sindyjoint.states.mask import RATE_SHARE, moving_mask, rate_limit
+from sindyjoint.states.record import ForceStates, NoiseFloor
+
+Array = NDArray[np.float64]
+
+MINIMUM_PERIODS = 3
+REPLICATES = 8
+# Harmonics above this share of the sampling rate are never used: anti-alias filters live there.
+BAND_SHARE = 0.4
+# Largest number of harmonics tried. A stick–slip angle has decayed below any real noise long before.
+MAXIMUM_HARMONICS = 120
+# Guard beside a reversal, in periods of the highest kept harmonic: the length over which a truncated series rings.
+GUARD_PERIODS = 0.5
+GUARD_LIMIT = 0.03  # of the excitation period, at most
+
+
+def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float = RATE_SHARE) -> ForceStates:
+    """Return the force states of a single-frequency run.
+
+    The angle is the least-squares Fourier series over whole steady periods, cut where its harmonics sink into
+    the noise; rate and acceleration are its exact derivatives. Moment samples are kept as measured.
+
+    Parameters
+    ----------
+    run : Run
+        With ``frequency`` set.
+    bandwidth : float, optional
+        Highest harmonic frequency tried, Hz. Default: 0.4 of the sampling rate.
+    rate_share : float
+        Share of the peak rate below which samples count as reversal.
+
+    Raises
+    ------
+    InputError
+        If the run has no frequency or fewer than three steady periods.
+    """
+    if run.frequency is None:
+        raise InputError(f"run {run.name!r}: no frequency; the periodic method needs one, use method='broadband'")
+    frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
+    start, stop, periods = steady_span(run, frequency)
+    per = run.sample_rate / frequency
+    time = np.arange(stop - start) / run.sample_rate
+    edges = _block_edges(periods, per, time.size)
+    angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
+    if run.rate is None:
+        motion, replicate = angle.motion(), angle.replicates(edges)
+        rate_noise, acceleration_noise = angle.derivative_noise(1), angle.derivative_noise(2)
+    else:
+        rate = _Series.fit(run.rate[start:stop], time, run.sample_rate, frequency, bandwidth)
+        motion = (angle.motion()[0], *rate.motion()[:2])
+        replicate = (angle.replicates(edges)[0], *rate.replicates(edges)[:2])
+        rate_noise, acceleration_noise = rate.derivative_noise(0), rate.derivative_noise(1)
+    guard = max(2, int(np.ceil(GUARD_PERIODS * run.sample_rate / angle.highest)))
+    # Displacement-driven runs have one harmonic; half its period would leave nothing.
+    guard = min(guard, max(2, int(GUARD_LIMIT * per)))
+    moving = moving_mask(motion[1], rate_limit(motion[1], rate_noise, rate_share), guard)
+    moment = run.moment[start:stop]
+    moment_noise = repeat_noise(moment, run.sample_rate, frequency, moving)
+    return ForceStates(
+        run=run.name,
+        frequency=frequency,
+        level=run.level,
+        sample_rate=run.sample_rate,
+        time=time + start / run.sample_rate,
+        angle=motion[0],
+        rate=motion[1],
+        acceleration=motion[2],
+        moment=moment,
+        moving=moving,
+        block=np.repeat(np.arange(edges.size - 1), np.diff(edges)),
+        replicate=replicate,
+        noise=NoiseFloor(moment_noise, angle.noise, rate_noise, acceleration_noise),
+        method="periodic",
+        bandwidth=angle.highest,
+        dropped=start / run.sample_rate,
+    )
+
+
+def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
+    """Return first and last sample of the whole steady periods of a run, and their number.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three.
+    """
+    per = run.sample_rate / frequency
+    start = int(round(steady_start(run.angle, run.sample_rate, frequency) * per))
+    # One part in a thousand of a period may be missing at the end: rounding of the record's length.
+    periods = int(np.floor((run.n_samples - start) / per + 1e-3))
+    if periods < MINIMUM_PERIODS:
+        raise InputError(
+            f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; the periodic method needs "
+            f"{MINIMUM_PERIODS}, use method='broadband' or a longer record"
+        )
+    return start, min(start + int(round(periods * per)), run.n_samples), periods
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """A channel as the Fourier series of the harmonics that stand out of its noise."""
+
+    signal: Array
+    basis: HarmonicBasis
+    standard_error: Array  # of one coefficient of each kept harmonic
+    noise: float  # RMS of single samples about the series
+
+    @classmethod
+    def fit(
+        cls, signal: Array, time: Array, sample_rate: float, frequency: float, bandwidth: float | None
+    ) -> _Series:
+        n = signal.size
+        top = BAND_SHARE * sample_rate if bandwidth is None else min(bandwidth, 0.49 * sample_rate)
+        count = int(np.clip(top / frequency, 1, min(MAXIMUM_HARMONICS, (n - 8) // 4)))
+        orders = np.arange(1, count + 1)
+        full = HarmonicBasis.build(time, frequency, orders)
+        mean, a, b = full.fit(signal)
+        residual = signal - full.series(mean, a, b)
+        variance = local_noise(residual, sample_rate, orders * frequency, 0.5 * frequency)
+        standard_error = np.sqrt(2 * variance / n)
+        keep = significant_harmonics(np.hypot(a, b), standard_error)
+        noise = float(np.sqrt(residual @ residual / max(n - 2 * count - 1, 1)))
+        return cls(signal, full.take(keep), standard_error[keep], noise)
+
+    @property
+    def highest(self) -> float:
+        """Frequency of the highest kept harmonic, Hz."""
+        return float(self.basis.angular[-1]) / (2 * np.pi)
+
+    def motion(self, rows: slice = slice(None)) -> tuple[Array, Array, Array]:
+        """Return the series and its first two derivatives, estimated from and given at ``rows``."""
+        basis = self.basis.rows(rows)
+        mean, a, b = basis.fit(self.signal[rows])
+        return basis.series(mean, a, b), basis.derivative(a, b), basis.second_derivative(a, b)
+
+    def replicates(self, edges: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+        """Return series and derivatives estimated from each block alone."""
+        parts = [self.motion(slice(low, high)) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+        series, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return series, first, second
+
+    def derivative_noise(self, order: int) -> float:
+        """Return the standard error of the derivative of that order, RMS over the cycle."""
+        return float(np.sqrt(np.sum((self.basis.angular**order * self.standard_error) ** 2)))
+
+
+def _block_edges(periods: int, per: float, n: int) -> NDArray[np.intp]:
+    """Return sample indices that cut the record into at most eight blocks of whole periods."""
+    blocks = min(REPLICATES, periods)
+    edges = np.round(np.round(np.linspace(0, periods, blocks + 1)) * per).astype(np.intp)
+    edges[-1] = n
+    return edges
+
+
+def repeat_noise(signal: Array, sample_rate: float, frequency: float, where: NDArray[np.bool_]) -> float:
+    """Return the RMS of what does not repeat from one period to a later one, per sample.
+
+    The lag is the whole number of periods, up to half the record, that is nearest to a whole number of samples;
+    what is left of it is interpolated linearly. Only samples marked in ``where`` are compared, so a friction
+    step that falls between samples is not taken for noise.
+    """
+    per = sample_rate / frequency
+    lags = np.arange(1, max(2, int(signal.size / per) // 2 + 1))
+    distance = np.abs(lags * per - np.round(lags * per))
+    lag = lags[int(np.argmin(np.round(distance, 3)))] * per
+    whole, part = int(np.floor(lag + 1e-9)), lag - np.floor(lag + 1e-9)
+    n = signal.size - whole - 1
+    later = (1 - part) * signal[whole : whole + n] + part * signal[whole + 1 : whole + 1 + n]
+    both = where[:n] & where[whole : whole + n]
+    if not np.any(both):
+        return 0.0
+    difference = later[both] - signal[:n][both]
+    # Interpolation averages two samples: its variance is ((1−p)² + p²)σ².
+    share = 1 + (1 - part) ** 2 + part**2
+    return float(np.sqrt(np.mean((difference - np.mean(difference)) ** 2) / share))

@@ -1,0 +1,104 @@
+"""What every route from signals to force states returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Method = Literal["periodic", "broadband"]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """Root-mean-square of what does not repeat, per channel.
+
+    Parameters
+    ----------
+    moment : float
+        N·m, of single samples of the measured moment.
+    angle : float
+        rad, of single samples of the measured angle.
+    rate : float
+        rad/s, standard error of the estimated angular velocity.
+    acceleration : float
+        rad/s², standard error of the estimated angular acceleration.
+    """
+
+    moment: float
+    angle: float
+    rate: float
+    acceleration: float
+
+
+@dataclass(frozen=True, eq=False)
+class ForceStates:
+    """The force states of one run: the joint's state and the moment at every usable instant.
+
+    Parameters
+    ----------
+    run : str
+    frequency : float or None
+        Excitation frequency as refined from the data, Hz.
+    level : str or None
+    sample_rate : float
+        Hz.
+    time : ndarray, shape (n,)
+        s, counted from the first sample of the run.
+    angle, rate, acceleration : ndarray, shape (n,)
+        θ rad, θ̇ rad/s, θ̈ rad/s².
+    moment : ndarray, shape (n,)
+        Moment at the sensor as measured, N·m. It is not filtered: its noise averages out in the regression, while a
+        filter would smear the friction step into its neighbours.
+    moving : ndarray of bool, shape (n,)
+        False while the joint sticks or reverses; there the moment is not a function of (θ, θ̇).
+    block : ndarray of int, shape (n,)
+        Replicate block (a stretch of whole periods, or of time) to which a sample belongs.
+    replicate : tuple of three ndarray, or None
+        Angle, rate and acceleration estimated from each block alone. Their scatter carries the noise of the angle
+        channel into standard errors. ``None`` where blocks share one estimate.
+    noise : NoiseFloor
+    method : {"periodic", "broadband"}
+    bandwidth : float
+        Highest frequency kept in the angle, Hz.
+    dropped : float
+        Seconds left out at the start as transient (periodic) or at the edges (broadband).
+    """
+
+    run: str
+    frequency: float | None
+    level: str | None
+    sample_rate: float
+    time: Array
+    angle: Array
+    rate: Array
+    acceleration: Array
+    moment: Array
+    moving: NDArray[np.bool_]
+    block: NDArray[np.intp]
+    replicate: tuple[Array, Array, Array] | None
+    noise: NoiseFloor
+    method: Method
+    bandwidth: float
+    dropped: float
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples, moving or not."""
+        return self.angle.size
+
+    @property
+    def moving_fraction(self) -> float:
+        """Share of the samples in which the joint moves."""
+        return float(np.mean(self.moving))
+
+    def transfer_moment(self, inertia: float) -> Array:
+        """Transfer moment M_T = M − I·θ̈, N·m (the paper, Eq. 5). ``inertia`` in kg·m²."""
+        return self.moment - inertia * self.acceleration
+
+    def with_moving(self, moving: NDArray[np.bool_]) -> ForceStates:
+        """Return the same states under another moving mask."""
+        return replace(self, moving=moving)
