@@ -166,18 +166,27 @@ def _print_json(record: Any) -> None:
 
 
 def _print_pretty(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table on a terminal; ids stay whole, sentences and long formulas wrap."""
+    """Print a table on a terminal: words of the first column stay whole, its sentences take the room left."""
     from rich import box
+    from rich.cells import cell_len
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for position, column in enumerate(columns):
-        word = max(len(word) for row in rows for word in row[position].split())
-        table.add_column(column, min_width=None if column == "formula" else word, overflow="fold")
+    console = Console(markup=False, highlight=False)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    others = [
+        max(cell_len(line) for row in rows for line in row[i].split("\n")) for i in range(1, len(columns))
+    ]
+    longest_word = max(len(word) for row in rows for word in row[0].split())
+    room = console.width - sum(
+        max(width, len(name)) + 2 for width, name in zip(others, columns[1:], strict=True)
+    )
+    table.add_column(columns[0], width=max(longest_word, min(room, 70)))
+    for column in columns[1:]:
+        table.add_column(column, overflow="fold", no_wrap=column != "formula")
     for row in rows:
         table.add_row(*row)
-    Console(markup=False, highlight=False).print(table)
+    console.print(table)
 
 
 def _print_plain(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
