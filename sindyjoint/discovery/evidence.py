@@ -1,0 +1,200 @@
+"""The regression problem of a campaign, and how sure its coefficients are.
+
+Rows come in runs, runs fall into groups (frequencies, usually) that are left out together, and each run is cut
+into blocks whose scatter tells the noise. One :class:`Evidence` holds a factor for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.factors import Factor, merge
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RunEvidence:
+    """The factors of one run.
+
+    Parameters
+    ----------
+    name : str
+    group : str
+        What is left out together with it.
+    pooled : Factor
+        Of all its moving rows.
+    blocks : tuple of Factor
+        Of its replicate blocks, each from the state that the block alone gives.
+    """
+
+    name: str
+    group: str
+    pooled: Factor
+    blocks: tuple[Factor, ...]
+
+    def take(self, columns: Sequence[int]) -> RunEvidence:
+        """Return the same run with some of the columns."""
+        return RunEvidence(
+            self.name, self.group, self.pooled.take(columns), tuple(block.take(columns) for block in self.blocks)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The factors of a campaign.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Ids of the columns.
+    runs : tuple of RunEvidence
+    """
+
+    ids: tuple[str, ...]
+    runs: tuple[RunEvidence, ...]
+
+    @cached_property
+    def pooled(self) -> Factor:
+        """Factor of all rows."""
+        return merge(run.pooled for run in self.runs)
+
+    @cached_property
+    def groups(self) -> tuple[str, ...]:
+        """Distinct groups, in order of appearance."""
+        return tuple(dict.fromkeys(run.group for run in self.runs))
+
+    @cached_property
+    def training(self) -> dict[str, Factor]:
+        """For each group, the factor of all rows outside it. Empty where there is one group only."""
+        if len(self.groups) < 2:
+            return {}
+        return {group: merge(r.pooled for r in self.runs if r.group != group) for group in self.groups}
+
+    @property
+    def target_rms(self) -> float:
+        """Root-mean-square of the target."""
+        return float(np.sqrt(self.pooled.squared_target / self.pooled.rows))
+
+    def take(self, columns: Sequence[int]) -> Evidence:
+        """Return the evidence on some of the columns."""
+        return Evidence(tuple(self.ids[c] for c in columns), tuple(run.take(columns) for run in self.runs))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A least-squares fit of some columns.
+
+    Parameters
+    ----------
+    columns : tuple of int
+    coefficients : ndarray, shape (k,)
+    covariance : ndarray, shape (k, k)
+        Robust to autocorrelation and to noise in the angle.
+    unique_share : ndarray, shape (k,)
+        Moment that only this term carries, as a share of the target's RMS: what the residual grows by (root of
+        the difference of squares) when the term is taken out and the others are fitted again.
+    residual_rms : float
+    degrees : int
+        Blocks that the covariance rests on, less one for each run.
+    """
+
+    columns: tuple[int, ...]
+    coefficients: Array
+    covariance: Array
+    unique_share: Array
+    residual_rms: float
+    degrees: int
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard error of each coefficient, shape (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def t_ratios(self) -> Array:
+        """|coefficient| / standard error, shape (k,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.abs(self.coefficients) / self.standard_errors
+        return np.where(np.isnan(ratio), 0.0, ratio)
+
+
+def fit_columns(evidence: Evidence, columns: Sequence[int]) -> Fit:
+    """Return the least-squares fit of some columns of the evidence."""
+    columns = tuple(columns)
+    factor, norms, target_norm = evidence.pooled.take(columns).normalised()
+    inverse = factor.inverse()
+    scaled = factor.solve()
+    coefficients = scaled * target_norm / norms
+    spread = np.linalg.norm(inverse, axis=1)
+    error = factor.squared_error(scaled) * target_norm**2
+    covariance, degrees = block_covariance(evidence, columns, coefficients)
+    return Fit(
+        columns=columns,
+        coefficients=coefficients,
+        covariance=covariance,
+        unique_share=np.abs(scaled) / spread,
+        residual_rms=float(np.sqrt(error / evidence.pooled.rows)),
+        degrees=degrees,
+    )
+
+
+def block_covariance(evidence: Evidence, columns: Sequence[int], coefficients: Array) -> tuple[Array, int]:
+    """Return the covariance of coefficients from the scatter of the blocks' scores, and its degrees of freedom.
+
+    With the score s_b = X_bᵀ(y_b − X_b c) of each block,
+    cov(c) = (XᵀX)⁻¹ [Σ_runs B/(B−1) Σ_b (s_b − s̄)(s_b − s̄)ᵀ] (XᵀX)⁻¹.
+    Since X_b is computed from the block's own motion, noise of angle and rate is in the scatter, and correlation
+    within a block does not matter. The cluster-robust covariance of Liang and Zeger (1986), clusters = blocks.
+    """
+    index = [*columns]
+    factor, norms, _ = evidence.pooled.take(index).normalised()
+    inverse = factor.inverse()
+    bread = (inverse @ inverse.T) / np.outer(norms, norms)
+    meat = np.zeros_like(bread)
+    degrees = 0
+    for run in evidence.runs:
+        if len(run.blocks) < 2:
+            continue
+        scores = np.array([_score(block, index, coefficients) for block in run.blocks])
+        scores -= scores.mean(axis=0)
+        meat += scores.T @ scores * len(run.blocks) / (len(run.blocks) - 1)
+        degrees += len(run.blocks) - 1
+    # Coefficients fitted to few blocks make them agree: the usual n/(n − p).
+    shrink = max(degrees - len(index), 1)
+    return bread @ meat @ bread * (degrees / shrink if degrees else 1.0), degrees
+
+
+def _score(factor: Factor, index: list[int], coefficients: Array) -> Array:
+    columns = factor.triangle[:, index]
+    return columns.T @ (factor.triangle[:, -1] - columns @ coefficients)
+
+
+def held_out_errors(evidence: Evidence, columns: Sequence[int]) -> Array:
+    """Return the mean squared error of each run under the fit to all other groups, shape (n_runs,).
+
+    Empty where there is one group only.
+    """
+    index = [*columns]
+    solved = {group: _solve_scaled(factor, index) for group, factor in evidence.training.items()}
+    if not solved:
+        return np.empty(0)
+    errors = []
+    for run in evidence.runs:
+        triangle = run.pooled.triangle
+        residual = triangle[:, -1] - triangle[:, index] @ solved[run.group]
+        errors.append(float(residual @ residual) / run.pooled.rows)
+    return np.array(errors)
+
+
+def _solve_scaled(factor: Factor, index: list[int]) -> Array:
+    """Solve by columns of unit norm; a fold that does not excite a column gives it no coefficient."""
+    scaled, norms, target_norm = factor.take(index).normalised()
+    triangle = scaled.triangle
+    coefficients = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-12)[0]
+    return coefficients * target_norm / norms

@@ -1,0 +1,150 @@
+"""What regression needs of the samples: one small triangular factor per block, which merge.
+
+For a block of rows [X | y] the factor R of its QR decomposition has the same least-squares problem, at the same
+conditioning, in p + 1 rows. Factors of several blocks, stacked and decomposed again, are the factor of all their
+rows: leave-one-out, bootstrap, subsets and paths are merges of small matrices and never revisit samples.
+
+Reference: Golub and Van Loan, Matrix Computations, 4th ed. (2013), sections 5.2 and 5.3; merging as in the
+tall-and-skinny QR of Demmel, Grigori, Hoemmen and Langou (2012).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """The triangular factor of [columns | target] of some rows.
+
+    Parameters
+    ----------
+    triangle : ndarray, shape (p + 1, p + 1)
+        Upper triangular R with RᵀR = [X | y]ᵀ W [X | y].
+    rows : float
+        Number of rows, or the sum of their weights.
+    """
+
+    triangle: Array
+    rows: float
+
+    @classmethod
+    def of(cls, columns: ArrayLike, target: ArrayLike, weight: ArrayLike | None = None) -> Factor:
+        """Return the factor of rows.
+
+        Parameters
+        ----------
+        columns : array_like, shape (n, p)
+        target : array_like, shape (n,)
+        weight : array_like, shape (n,), optional
+            Non-negative; a weight of two counts a row twice.
+        """
+        matrix = np.column_stack([columns, target])
+        rows = float(matrix.shape[0])
+        if weight is not None:
+            weights = np.asarray(weight, dtype=np.float64)
+            matrix = matrix * np.sqrt(weights)[:, None]
+            rows = float(weights.sum())
+        return cls(_triangle(matrix), rows)
+
+    @property
+    def n_columns(self) -> int:
+        """Number of columns p, the target not counted."""
+        return self.triangle.shape[0] - 1
+
+    @property
+    def squared_target(self) -> float:
+        """Sum of squares of the target."""
+        return float(self.triangle[:, -1] @ self.triangle[:, -1])
+
+    @property
+    def column_rms(self) -> Array:
+        """Root-mean-square of each column, shape (p,)."""
+        return np.linalg.norm(self.triangle[:, :-1], axis=0) / np.sqrt(self.rows)
+
+    def scaled(self, weight: float) -> Factor:
+        """Return the factor of the same rows, each counted ``weight`` times."""
+        return Factor(np.sqrt(weight) * self.triangle, weight * self.rows)
+
+    def take(self, columns: Sequence[int]) -> Factor:
+        """Return the factor of some of the columns."""
+        return Factor(_triangle(self.triangle[:, [*columns, self.n_columns]]), self.rows)
+
+    def normalised(self) -> tuple[Factor, Array, float]:
+        """Return the factor with columns and target scaled to unit norm, and the norms that were divided by.
+
+        A column of zeros keeps the norm 1.
+        """
+        norms = np.linalg.norm(self.triangle, axis=0)
+        norms[norms == 0] = 1.0
+        return Factor(self.triangle / norms, self.rows), norms[:-1], float(norms[-1])
+
+    def solve(self) -> Array:
+        """Return the least-squares coefficients of all columns, shape (p,)."""
+        from scipy.linalg import solve_triangular
+
+        return solve_triangular(self.triangle[:-1, :-1], self.triangle[:-1, -1], check_finite=False)
+
+    def inverse(self) -> Array:
+        """Return R⁻¹ of the columns, shape (p, p), so that (XᵀX)⁻¹ = R⁻¹R⁻ᵀ."""
+        from scipy.linalg import solve_triangular
+
+        upper = self.triangle[:-1, :-1]
+        return solve_triangular(upper, np.eye(upper.shape[0]), check_finite=False)
+
+    def squared_error(self, coefficients: ArrayLike) -> float:
+        """Return the sum of squared residuals ‖y − X·c‖² for given coefficients, shape (p,)."""
+        residual = self.triangle[:, -1] - self.triangle[:, :-1] @ np.asarray(coefficients)
+        return float(residual @ residual)
+
+    def score(self, coefficients: ArrayLike) -> Array:
+        """Return Xᵀ(y − X·c), shape (p,)."""
+        residual = self.triangle[:, -1] - self.triangle[:, :-1] @ np.asarray(coefficients)
+        return self.triangle[:, :-1].T @ residual
+
+
+def merge(factors: Iterable[Factor], weights: ArrayLike | None = None) -> Factor:
+    """Return the factor of all rows of several factors.
+
+    Parameters
+    ----------
+    factors : iterable of Factor
+        With the same columns.
+    weights : array_like, optional
+        How often each factor counts; a whole number repeats it, zero leaves it out.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to merge.
+    """
+    parts = list(factors)
+    if weights is not None:
+        parts = [part.scaled(float(w)) for part, w in zip(parts, np.asarray(weights), strict=True) if w > 0]
+    if not parts:
+        raise InputError("no factor to merge; at least one block of rows is wanted")
+    if len(parts) == 1:
+        return parts[0]
+    return Factor(_triangle(np.vstack([part.triangle for part in parts])), sum(part.rows for part in parts))
+
+
+def _triangle(matrix: Array) -> Array:
+    """Return the square upper triangular factor of a matrix, rows of zeros added where it has too few rows."""
+    triangle = np.linalg.qr(matrix, mode="r")
+    missing = matrix.shape[1] - triangle.shape[0]
+    return np.pad(triangle, ((0, missing), (0, 0))) if missing > 0 else triangle
+
+
+def dependent_columns(factor: Factor, tolerance: float = 1e-9) -> list[int]:
+    """Return columns that are linear combinations of columns to their left, to a relative tolerance."""
+    scaled, _, _ = factor.normalised()
+    diagonal = np.abs(np.diag(scaled.triangle))[:-1]
+    return [int(index) for index in np.flatnonzero(diagonal < tolerance)]
