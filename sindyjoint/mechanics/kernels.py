@@ -25,23 +25,45 @@ LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer
 
 
 @intrinsic
-def call_law(typingctx, address, theta, omega, direction, state, parameters, out):  # noqa: D103
-    # A C call through an address kept as an integer: unlike a first-class function argument it lets numba cache
-    # the integrator on disk, and it costs no more than the call itself.
-    signature = types.void(types.intp, types.float64, types.float64, types.float64, state, parameters, out)
+def call_law(typingctx, address, theta, omega, direction, state, parameters, out):
+    """Call a law through its address.
+
+    An address kept as an integer, unlike a first-class function, lets numba cache the integrators on disk, and
+    costs no more than the call itself.
+    """
+    signature = types.void(types.intp, *[types.float64] * 3, *[_pointer] * 3)
 
     def codegen(context, builder, signature, args):
         double = ir.DoubleType()
-        pointers = [
-            context.make_array(kind)(context, builder, value).data
-            for kind, value in zip(signature.args[4:], args[4:], strict=True)
-        ]
         kind = ir.FunctionType(ir.VoidType(), [double] * 3 + [double.as_pointer()] * 3)
-        function = builder.inttoptr(args[0], kind.as_pointer())
-        builder.call(function, [*args[1:4], *pointers])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+@intrinsic
+def pointer(typingctx, array):
+    """Pointer to the first element of an array, which the caller keeps alive.
+
+    The integrators work on pointers: numba counts references to arrays, and counting costs them more than the
+    arithmetic does.
+    """
+
+    def codegen(context, builder, signature, args):
+        return context.make_array(signature.args[0])(context, builder, args[0]).data
+
+    return types.CPointer(array.dtype)(array), codegen
+
+
+@intrinsic
+def shifted(typingctx, base, count):
+    """Pointer `count` elements further on."""
+
+    def codegen(context, builder, signature, args):
+        return builder.gep(args[0], [args[1]])
+
+    return base(base, types.intp), codegen
 
 
 @njit(cache=True, error_model="numpy")
@@ -61,10 +83,11 @@ def evaluate_law(address, theta, omega, direction, state, parameters, out):
     """Fill `out`, shape (1 + n_states, n), with moment and state rates at n samples."""
     row = np.empty(out.shape[0])
     z = np.empty(max(state.shape[0], 1))
+    arguments, results, numbers = pointer(z), pointer(row), pointer(parameters)
     for i in range(theta.size):
         for j in range(state.shape[0]):
             z[j] = state[j, i]
-        call_law(address, theta[i], omega[i], direction[i], z, parameters, row)
+        call_law(address, theta[i], omega[i], direction[i], arguments, numbers, results)
         out[:, i] = row
 
 
@@ -200,7 +223,7 @@ def integrate_states(address, angle, rate, parameters, step, substeps, state):
                 for j in range(n):
                     trial[j] = z[j] + (nodes[stage] * step / substeps * k[stage - 1, j] if stage else 0.0)
                 direction = 1.0 if omega > 0.0 else (-1.0 if omega < 0.0 else 0.0)
-                call_law(address, theta, omega, direction, trial, parameters, out)
+                call_law(address, theta, omega, direction, pointer(trial), pointer(parameters), pointer(out))
                 for j in range(n):
                     k[stage, j] = out[1 + j]
             for j in range(n):

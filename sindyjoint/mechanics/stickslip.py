@@ -156,8 +156,10 @@ def simulate_many(
         When a run leaves the range where its law holds; carries the time.
     """
     from sindyjoint.mechanics import stickslip_kernel as kernel
+    from sindyjoint.mechanics.kernels import PAPER_CALLBACK
 
     compiled = as_compiled(law)
+    address = 0 if compiled.callback is PAPER_CALLBACK else compiled.address
     excitations = list(excitations)
     runs = max(len(excitations), 1 if parameters is None else np.atleast_2d(np.asarray(parameters)).shape[0])
     if not excitations or len(excitations) not in (1, runs):
@@ -183,13 +185,13 @@ def simulate_many(
         y[:, 2:] = initial_state
     angle, rate, acceleration = (np.empty((runs, n_samples)) for _ in range(3))
     states = np.empty((runs, n_states, n_samples))
-    stuck = np.zeros((runs, n_samples), dtype=np.bool_)
+    stuck = np.zeros((runs, n_samples), dtype=np.int8)
     status, reached, steps = np.zeros(runs, np.int64), np.zeros(runs), np.zeros(runs, np.int64)
     bounds = np.ascontiguousarray(np.broadcast_to(_limits(law, limits), (runs, 2)))
 
     counts = [len(e.pieces) for e in excitations]
     offsets = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    pieces = np.concatenate([e.pieces for e in excitations]) if len(counts) > 1 else excitations[0].pieces
+    pieces = np.ascontiguousarray(np.concatenate([e.pieces for e in excitations]))
 
     def spread(values: Any, dtype: type) -> NDArray:
         return np.ascontiguousarray(np.broadcast_to(np.asarray(list(values), dtype=dtype), runs))
@@ -209,7 +211,7 @@ def simulate_many(
 
     def work(chunk: NDArray[np.int64]) -> None:
         kernel.integrate_batch(
-            chunk, compiled.address, sets, total, pieces, *per_run, y, scales, 1.0 / sample_rate, rtol, max_step,
+            chunk, address, sets, total, pieces, per_run, y, scales, 1.0 / sample_rate, rtol, max_step,
             bounds, (angle, rate, acceleration, states, stuck), (status, reached, steps),
         )  # fmt: skip
 
@@ -227,7 +229,7 @@ def simulate_many(
         raise _failure(status[r], reached[r], bounds[r], f"run {r}: " if runs > 1 else "")
     time = np.arange(n_samples) / sample_rate
     moment = np.stack([e(time) for e in excitations]) - beam[:, None] * acceleration
-    return Motion(time, angle, rate, acceleration, moment, stuck, states, int(steps.sum()))
+    return Motion(time, angle, rate, acceleration, moment, stuck.view(np.bool_), states, int(steps.sum()))
 
 
 def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: float, **options: Any) -> Motion:
