@@ -53,7 +53,7 @@ class Channel(_Table):
         default=None, description="Added after the gain, with its unit, such as '-0.2 deg'."
     )
     constant: str | None = Field(
-        None, description="Value of a quantity that was not recorded, such as '0 N*m'."
+        default=None, description="Value of a quantity that was not recorded, such as '0 N*m'."
     )
 
     @model_validator(mode="after")
@@ -79,7 +79,7 @@ class Channels(_Table):
 
     time: TimeChannel | None = None
     rate: float | str | None = Field(
-        None, description="Sampling rate instead of a time column: '1 kHz', or Hz."
+        default=None, description="Sampling rate instead of a time column: '1 kHz', or Hz."
     )
     moment: Channel | None = Field(default=None, description="Rotation only.")
     angle: Channel | None = Field(default=None, description="Rotation only.")
@@ -92,7 +92,7 @@ class Channels(_Table):
         default=None, description="Measured velocity; translation only."
     )
     skew: str | None = Field(
-        None, description="Time by which moment or force lags; it is removed on reading."
+        default=None, description="Time by which moment or force lags; it is removed on reading."
     )
     skew_removed: str | None = Field(
         default=None, description="Lag that was removed before the files were written."
@@ -151,7 +151,7 @@ class JointTable(_Table):
     name: str = "joint"
     motion: Literal["rotation", "translation"] = "rotation"
     inertia: str | None = Field(
-        None, description="Moving inertia between sensor and joint; omitted: identified."
+        default=None, description="Moving inertia between sensor and joint; omitted: identified."
     )
     mass: str | None = Field(default=None, description="The same for translation.")
     temperature: str | None = Field(default=None, description="Such as '23 degC'.")
@@ -175,7 +175,7 @@ class Manifest(_Table):
 
     simulated: bool = Field(default=False, description="Whether the runs come from a virtual test.")
     notes: list[str] = Field(default_factory=list, description="Remarks that reports repeat.")
-    joint: JointTable = Field(default_factory=JointTable)
+    joint: JointTable = JointTable()
     channels: Channels
     rig: RigTable | None = None
     run: list[RunTable] = Field(min_length=1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sindyjoint.errors import UnitError
 
@@ -56,26 +56,23 @@ def _parsed(unit: str) -> pint.Unit | None:
     # pint evaluates numbers while it parses, so a tower of powers would run for ever: only small ones pass.
     bare = re.sub(_EXPONENT, " ", unit)
     chained = re.search(rf"{_EXPONENT}\s*(?:\*\*|\^)", unit)
-    if (
-        len(unit) > 80
-        or chained
-        or re.search(r"\d", bare.replace("1/", "", 1))
-        or not re.search(r"[^\W\d]|[%°]", bare)
-    ):
+    numbers = re.search(r"\d", bare.replace("1/", "", 1))
+    if len(unit) > 80 or chained or numbers or not re.search(r"[^\W\d]|[%°]", bare):
         return None
     try:
         return registry().parse_units(unit)
-    except (
-        Exception
-    ):  # pint fails on unknown spellings with whatever its parser meets: AssertionError, TypeError ...
+    # pint fails on unknown spellings with whatever its parser meets: AssertionError, TypeError ...
+    except Exception:
         return None
 
 
-def _root(unit: pint.Unit) -> tuple[float, dict[str, float]]:
+def _root(unit: pint.Unit) -> tuple[float, dict[str, object]]:
     """Return factor and powers of a unit in pint's root units, the radian among them."""
-    factor: Any
+    from pint.util import to_units_container
+
     factor, root = registry().get_root_units(unit)
-    return float(factor), {name: float(power) for name, power in root._units.items() if power}
+    assert isinstance(factor, (int, float))
+    return float(factor), dict(to_units_container(root))
 
 
 def conversion(unit: str, wanted: str, where: str, gain: str | None = None) -> float:

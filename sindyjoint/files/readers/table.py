@@ -128,9 +128,24 @@ def missing_extra(path: Path, package: str, error: ImportError) -> MissingExtraE
     return missing
 
 
-def matrix_columns(name: str, shape: tuple[int, ...], subscript: str) -> list[str]:
-    """Return the names of a data set's columns: its own for a vector, ``name[:,0]`` ... for a matrix."""
-    if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
-        return [name]
-    first = 1 if subscript.startswith("(") else 0
-    return [name + subscript.format(first + column) for column in range(shape[1])]
+def vectors(name: str, array: NDArray, subscript: str, first: int) -> dict[str, NDArray]:
+    """Return a data set as named vectors: itself, or the columns of a matrix.
+
+    Parameters
+    ----------
+    name : str
+    array : ndarray
+    subscript : str
+        What follows the name of a column, such as ``"[:,{}]"``.
+    first : int
+        How the language of the file counts the first column.
+    """
+    if array.ndim == 2 and 1 not in array.shape:
+        return {name + subscript.format(first + place): column for place, column in enumerate(array.T)}
+    return {name: array.ravel() if array.ndim == 2 else array}
+
+
+def short_names(names: Sequence[str], separator: str) -> dict[str, int]:
+    """Return the last parts of grouped names that stand for one data set only, with its position."""
+    last = [name.rsplit(separator, 1)[-1] for name in names]
+    return {name: place for place, name in enumerate(last) if last.count(name) == 1}

@@ -1,0 +1,240 @@
+"""From the columns of one run file to moment, angle and perhaps rate in SI units on a uniform time axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.files.manifest import Channel, Channels, Column, RigTable
+from sindyjoint.files.readers.table import Table
+from sindyjoint.files.timeaxis import advanced, check_order, margin, resampled, uniform_rate
+from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.record import Motion
+from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
+
+Array = NDArray[np.float64]
+
+# quantity -> (key in [channels], SI unit), by motion
+KEYS: dict[Motion, dict[str, tuple[str, str]]] = {
+    "rotation": {
+        "moment": ("moment", "N*m"),
+        "angle": ("angle", "rad"),
+        "rate": ("rate_of_angle", "rad/s"),
+        "inertia": ("inertia", "kg*m**2"),
+    },
+    "translation": {
+        "moment": ("force", "N"),
+        "angle": ("displacement", "m"),
+        "rate": ("rate_of_displacement", "m/s"),
+        "inertia": ("mass", "kg"),
+    },
+}
+
+
+def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifest: Path) -> None:
+    """Refuse channels that contradict each other, the motion or the rig.
+
+    Raises
+    ------
+    InputError
+        Naming the key at fault.
+    """
+    where = f"{manifest}: [channels]"
+    if rig is not None and motion == "translation":
+        raise InputError(
+            f"{manifest}: [rig] is about rotation (strain and displacement to moment and angle); "
+            "motion is 'translation'"
+        )
+    other: Motion = "translation" if motion == "rotation" else "rotation"
+    for quantity in ("moment", "angle", "rate"):
+        wrong, right = KEYS[other][quantity][0], KEYS[motion][quantity][0]
+        if getattr(channels, wrong) is not None:
+            raise InputError(f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion")
+    if (channels.time is None) == (channels.rate is None):
+        given = "neither" if channels.time is None else "both"
+        raise InputError(f"{where}: time (a column) or rate (such as '1 kHz') is wanted, not {given}")
+    if channels.skew is not None and channels.skew_removed is not None:
+        raise InputError(f"{where} skew: skew_removed says that it is gone already; give one of the two")
+    for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
+        key = KEYS[motion][quantity][0]
+        channel: Channel | None = getattr(channels, key)
+        in_rig = rig is not None and getattr(rig, raw) is not None
+        if in_rig and channel is not None:
+            raise InputError(f"{where} {key}: [rig] {raw} gives it already; give one of the two")
+        if not in_rig and channel is None:
+            raise InputError(f"{where}: key {key!r} is missing" + (f" (or [rig] {raw})" if rig else ""))
+        if quantity == "angle" and channel is not None and channel.constant is not None:
+            raise InputError(f"{where} {key}: cannot be a constant; a joint that moves is wanted")
+
+
+@dataclass(frozen=True)
+class RunReader:
+    """Reads the channels of one open file.
+
+    Parameters
+    ----------
+    table : Table
+    channels : Channels
+        As they hold for this run, checked by :func:`check_keys`.
+    rig : RigTable or None
+    motion : {"rotation", "translation"}
+    manifest : Path
+        For messages.
+    """
+
+    table: Table
+    channels: Channels
+    rig: RigTable | None
+    motion: Motion
+    manifest: Path
+    notes: list[str] = field(default_factory=list)
+    """What had to be decided; filled by :meth:`read`."""
+
+    def read(self) -> tuple[dict[str, Array], float]:
+        """Return moment, angle and perhaps rate in SI units, each shape (n,), and the sampling rate, Hz.
+
+        Raises
+        ------
+        InputError
+            For columns that are missing or unusable, an irregular time axis, or a dead channel.
+        """
+        columns = self._columns()
+        signals: dict[str, Array] = {}
+        constants: dict[str, float] = {}
+        for quantity in ("moment", "angle", "rate"):
+            key, unit = KEYS[self.motion][quantity]
+            channel: Channel | None = getattr(self.channels, key)
+            where = f"{self.manifest}: [channels] {key}"
+            if channel is not None and channel.constant is not None:
+                constants[quantity] = parse_quantity(channel.constant, unit, f"{where}.constant")
+            elif channel is not None:
+                signals[quantity] = _measured(channel, columns, unit, where)
+        if self.rig is not None:
+            self._add_gauges(self.rig, columns, signals)
+        signals, rate = self._timed(signals, columns)
+        self._refuse_dead(signals)
+        signals = self._without_skew(signals, rate)
+        n = signals["angle"].size
+        return signals | {name: np.full(n, value) for name, value in constants.items()}, rate
+
+    def _columns(self) -> dict[Column, Array]:
+        """Return all columns that this run needs, read in one go."""
+        wanted: list[Column] = [] if self.channels.time is None else [self.channels.time.column]
+        for quantity in ("moment", "angle", "rate"):
+            channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
+            if channel is not None and channel.column is not None:
+                wanted.append(channel.column)
+        if self.rig is not None:
+            wanted += (self.rig.strain or []) + (self.rig.displacement or [])
+        return dict(zip(wanted, self.table.columns(wanted), strict=True))
+
+    def _add_gauges(self, rig: RigTable, columns: dict[Column, Array], signals: dict[str, Array]) -> None:
+        """Turn strains and displacements into moment and angle by Eqs. 1–3."""
+
+        def constant(name: str, unit: str) -> float:
+            text, where = getattr(rig, name), f"{self.manifest}: [rig]"
+            value = text if isinstance(text, float) else parse_quantity(text, unit, f"{where} {name}")
+            try:
+                return check_positive(name, value)
+            except InputError as error:
+                raise InputError(f"{where} {error}") from error
+
+        if rig.strain is not None:
+            factor = conversion(
+                rig.strain_unit, "m/m", f"{self.manifest}: [rig] strain_unit", rig.strain_gain
+            )
+            strain = full_bridge_strain(*self._equally_long(rig.strain, columns, factor))
+            signals["moment"] = bending_moment(
+                strain,
+                constant("bending_stiffness", "N*m**2"),
+                constant("section_height", "m"),
+                constant("strain_position_factor", "m/m"),
+            )
+        if rig.displacement is not None:
+            where = f"{self.manifest}: [rig] displacement_unit"
+            factor = conversion(rig.displacement_unit, "m", where, rig.displacement_gain)
+            spots = self._equally_long(rig.displacement, columns, factor)
+            signals["angle"] = joint_angle(*spots, joint_length=constant("joint_length", "m"))
+
+    def _equally_long(self, names: list[Column], columns: dict[Column, Array], factor: float) -> list[Array]:
+        self._refuse_lengths({str(name): columns[name].size for name in names})
+        return [columns[name] * factor for name in names]
+
+    def _timed(
+        self, signals: dict[str, Array], columns: dict[Column, Array]
+    ) -> tuple[dict[str, Array], float]:
+        """Return the channels on a uniform time axis, and its rate, Hz."""
+        sizes = {KEYS[self.motion][name][0]: values.size for name, values in signals.items()}
+        axis = self.channels.time
+        if axis is None:
+            self._refuse_lengths(sizes)
+            return signals, self._declared_rate()
+        time = columns[axis.column] * conversion(axis.unit, "s", f"{self.manifest}: [channels] time")
+        self._refuse_lengths({"time": time.size} | sizes)
+        where = f"{self.table.path}: column {axis.column!r}"
+        check_order(time, where, self.table.row)
+        try:
+            return signals, uniform_rate(time, where, self.table.row)
+        except InputError:
+            if not self.channels.resample:
+                raise
+        signals, rate = resampled(time, signals, where, self.table.row)
+        self.notes.append(f"{self.table.path.name}: irregular samples were interpolated to {rate:g} Hz")
+        return signals, rate
+
+    def _declared_rate(self) -> float:
+        given, where = self.channels.rate, f"{self.manifest}: [channels] rate"
+        rate = parse_quantity(given, "Hz", where) if isinstance(given, str) else float(given or 0.0)
+        if not (np.isfinite(rate) and rate > 0):
+            raise InputError(f"{where}: {given!r}; a positive rate is wanted")
+        return rate
+
+    def _refuse_lengths(self, sizes: dict[str, int]) -> None:
+        if len(set(sizes.values())) > 1:
+            listed = ", ".join(f"{name} has {size} samples" for name, size in sizes.items())
+            raise InputError(f"{self.table.path}: {listed}; equal lengths are wanted")
+
+    def _refuse_dead(self, signals: dict[str, Array]) -> None:
+        """Refuse a measured channel that never changes."""
+        for quantity, values in signals.items():
+            if values.size and np.ptp(values) <= 1e-13 * np.abs(values).max():
+                key, unit = KEYS[self.motion][quantity]
+                raise InputError(
+                    f"{self.table.path}: {key} is constant ({values[0]:g} {unit}); a dead channel? "
+                    + (
+                        "declare it as constant if it is meant"
+                        if quantity == "moment"
+                        else "a moving joint is wanted"
+                    )
+                )
+
+    def _without_skew(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
+        """Move the moment ahead by the declared lag; every channel loses the edges that the filter needs."""
+        if self.channels.skew is None or "moment" not in signals:
+            return signals
+        samples = parse_quantity(self.channels.skew, "s", f"{self.manifest}: [channels] skew") * rate
+        if samples == 0:
+            return signals
+        lost = margin(samples)
+        n = signals["angle"].size
+        if n <= 4 * lost:
+            raise InputError(
+                f"{self.manifest}: [channels] skew: removing {self.channels.skew!r} takes {lost} samples "
+                f"from either end of {self.table.path.name}, which has {n}"
+            )
+        return {
+            name: advanced(values, samples) if name == "moment" else values[lost : n - lost]
+            for name, values in signals.items()
+        }
+
+
+def _measured(channel: Channel, columns: dict[Column, Array], unit: str, where: str) -> Array:
+    """Return one measured channel in SI units."""
+    assert channel.column is not None and channel.unit is not None
+    factor = conversion(channel.unit, unit, where, channel.gain)
+    offset = 0.0 if channel.offset is None else parse_quantity(channel.offset, unit, f"{where}.offset")
+    return columns[channel.column] * factor + offset
