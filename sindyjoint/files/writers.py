@@ -6,7 +6,7 @@ import io
 import json
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ def write_campaign(
     folder: str | os.PathLike[str],
     format: str = "csv",
     rig: SensorRig | None = None,
+    raw: Sequence[Columns] | None = None,
 ) -> Path:
     """Write ``campaign.toml`` and one file per run, all of them or none.
 
@@ -44,6 +45,9 @@ def write_campaign(
         Of the run files. All of them hold every bit of the numbers.
     rig : SensorRig, optional
         Write four strains and three displacements (Eqs. 1–3 backwards) instead of moment and angle.
+    raw : sequence of mapping, optional
+        Channels ``e1`` to ``e4``, m/m, and ``d1`` to ``d3``, m, of each run as they were measured; written instead of
+        those that Eqs. 1–3 backwards would give. Needs `rig`.
 
     Returns
     -------
@@ -70,10 +74,13 @@ def write_campaign(
             "a rig was given and a run has a constant moment, which no strain gauge shows; leave it out"
         )
     encode = ENCODERS[format]
+    if raw is not None and (rig is None or len(raw) != len(campaign.runs)):
+        raise InputError(f"raw channels of {len(raw)} run(s) were given; the rig and one set per run are wanted")
     files = _file_names([run.name for run in campaign.runs], format)
     with output_folder(folder) as stage:
-        for run, file in zip(campaign.runs, files, strict=True):
-            (stage / file).write_bytes(encode(_columns(run, campaign.joint, rig)))
+        for place, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
+            columns = _columns(run, campaign.joint, rig) | dict(raw[place] if raw is not None else {})
+            (stage / file).write_bytes(encode(columns))
         (stage / MANIFEST_NAME).write_text(
             manifest_text(campaign, files, rig), encoding="utf-8", newline="\n"
         )

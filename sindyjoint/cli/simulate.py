@@ -1,0 +1,100 @@
+"""``sindyjoint simulate``: write a virtual test campaign to files."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class _Joint(StrEnum):
+    inter_panel = "inter-panel"
+    panel_root = "panel-root"
+
+
+class _Drive(StrEnum):
+    moment = "moment"
+    rig = "rig"
+    displacement = "displacement"
+
+
+class _Format(StrEnum):
+    csv = "csv"
+    tsv = "tsv"
+    npz = "npz"
+    parquet = "parquet"
+    h5 = "h5"
+    mat = "mat"
+
+
+def _numbers(text: str, option: str) -> tuple[float, ...]:
+    """Numbers of a comma-separated list."""
+    from sindyjoint.errors import InputError
+
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"{option} is {text!r}; numbers with commas between them are wanted") from None
+
+
+def simulate(
+    out: Annotated[Path, typer.Option("--out", help="Folder to write campaign.toml and the run files to.")],
+    joint: Annotated[_Joint, typer.Option(help="The paper's joint to test.")] = _Joint.inter_panel,
+    frequencies: Annotated[str, typer.Option(help="Excitation frequencies in Hz, with commas.")] = "3,4,5,6",
+    levels: Annotated[
+        str, typer.Option(help="Peak angles as fractions of the softening limit, with commas.")
+    ] = "0.92,0.63,0.35",
+    drive: Annotated[
+        _Drive, typer.Option(help="Sinusoidal moment at the sensor, moment through a beam, or angle.")
+    ] = _Drive.moment,
+    noise: Annotated[float, typer.Option(help="White noise as a fraction of each channel's RMS.")] = 0.01,
+    bits: Annotated[int | None, typer.Option(help="Resolution of the converter.")] = None,
+    sample_rate: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = 1000.0,
+    duration: Annotated[float, typer.Option(help="Length of each run in s.")] = 10.0,
+    settling: Annotated[
+        float, typer.Option(help="Time in s that passes before the record begins; 0 keeps the start-up.")
+    ] = 0.0,
+    skew: Annotated[float, typer.Option(help="Time in s by which the moment lags the angle.")] = 0.0,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
+    ] = False,
+    format: Annotated[_Format, typer.Option(help="Format of the run files.")] = _Format.csv,
+    random_state: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
+) -> None:
+    """Make a virtual test: simulate runs of a joint, with sensors and noise, and write them to files."""
+    import numpy as np
+
+    from sindyjoint.files import write_campaign
+    from sindyjoint.mechanics.sensors import SENSOR_RIG
+    from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+    from sindyjoint.record import Campaign
+
+    test = virtual_test(
+        joint.value,
+        noise=noise,
+        quantisation=bits,
+        raw_channels=raw,
+        frequencies=_numbers(frequencies, "--frequencies"),
+        levels=_numbers(levels, "--levels"),
+        drive=drive.value,
+        sample_rate=sample_rate,
+        duration=duration,
+        settling=settling,
+        skew=skew,
+    )
+    made = run_tests(test, np.random.default_rng(random_state))
+    campaign = Campaign(campaign_joint(test), tuple(one.run for one in made), simulated=True)
+    channels = [one.raw for one in made] if raw else None
+    manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if raw else None, channels)
+    if as_json:
+        runs = [
+            {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
+            for run in campaign.runs
+        ]
+        typer.echo(json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs}))
+    else:
+        typer.echo(f"{manifest}: {len(campaign.runs)} simulated runs of the {campaign.joint.name}")
