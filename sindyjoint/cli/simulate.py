@@ -95,6 +95,8 @@ def simulate(
             {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
             for run in campaign.runs
         ]
-        typer.echo(json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs}))
+        typer.echo(
+            json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs})
+        )
     else:
         typer.echo(f"{manifest}: {len(campaign.runs)} simulated runs of the {campaign.joint.name}")

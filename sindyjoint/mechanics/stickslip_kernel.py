@@ -382,7 +382,13 @@ def integrate_batch(
     first, count, step, periodic, smooth, scale, ramp = tones
     status, time, steps = outcome
     n, n_samples = states.shape[1], angle.shape[1]
-    z, z1, kz, out, total = (np.zeros(7 * n + 1), np.zeros(n + 1), np.zeros(7 * n + 7), np.zeros(n + 1), np.zeros(n + 1))
+    z, z1, kz, out, total = (
+        np.zeros(7 * n + 1),
+        np.zeros(n + 1),
+        np.zeros(7 * n + 7),
+        np.zeros(n + 1),
+        np.zeros(n + 1),
+    )
     room = (pointer(z), pointer(z1), pointer(kz), pointer(out), pointer(total))
     for r in runs:
         at = r * n_samples

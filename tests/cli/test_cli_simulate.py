@@ -1,0 +1,38 @@
+"""``sindyjoint simulate`` writes a campaign that reads back."""
+
+import json
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from sindyjoint.cli.simulate import simulate
+from sindyjoint.files import load_campaign
+
+app = typer.Typer()
+app.command()(simulate)
+SMALL = ["--frequencies", "4", "--levels", "0.6,0.4", "--duration", "2"]
+
+
+@pytest.mark.parametrize("extra", [[], ["--raw", "--bits", "14"], ["--format", "npz", "--drive", "rig"]])
+def test_campaign_reads_back(tmp_path, extra):
+    result = CliRunner().invoke(app, [*SMALL, *extra, "--out", str(tmp_path / "made"), "--json"])
+    assert result.exit_code == 0, result.output
+    record = json.loads(result.stdout)
+    campaign = load_campaign(record["manifest"])
+    assert campaign.simulated
+    assert (
+        [run.name for run in campaign.runs]
+        == [run["name"] for run in record["runs"]]
+        == ["4Hz-0.6", "4Hz-0.4"]
+    )
+    assert 4e-4 < np.abs(campaign.runs[0].angle).max() < 6e-4
+    if "--raw" in extra:
+        assert "e4" in (tmp_path / "made" / "4Hz-0.6.csv").read_text().splitlines()[0]
+
+
+def test_lists_that_are_no_numbers_are_refused(tmp_path):
+    result = CliRunner().invoke(app, ["--frequencies", "3;4", "--out", str(tmp_path / "made")])
+    assert "--frequencies is '3;4'; numbers with commas between them are wanted" in str(result.exception)
+    assert not (tmp_path / "made").exists()
