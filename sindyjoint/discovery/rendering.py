@@ -6,6 +6,7 @@ sympy's printers are imported here at the top; import this module only when some
 from __future__ import annotations
 
 import re
+import unicodedata
 from typing import Any
 
 from sympy import Symbol
@@ -105,7 +106,7 @@ def text_line(expression: Any, motion: str) -> str:
 
 def pretty_line(expression: Any, motion: str) -> str:
     """Return a line to read; see :func:`sindyjoint.discovery.formula.formula_pretty`."""
-    return _PrettyLine().doprint(_renamed(expression, motion)[0])
+    return unicodedata.normalize("NFC", _PrettyLine().doprint(_renamed(expression, motion)[0]))
 
 
 def latex_line(expression: Any, motion: str) -> str:

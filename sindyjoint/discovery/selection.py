@@ -168,17 +168,20 @@ def _gains(gram: Array, stay: Sequence[int]) -> Array:
     return np.where(norm > 1e-10, left**2 / np.maximum(norm, 1e-10), 0.0)
 
 
-def selection_path(evidence: Evidence, forced: Sequence[int] = ()) -> tuple[Step, ...]:
-    """Return the path of models of decreasing size, each with its fit and held-out errors."""
+def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ...]:
+    """Return the models of some column sets, each with its fit and held-out errors."""
     steps = []
-    for columns in elimination_path(evidence.pooled, forced):
+    for columns in sets:
         fit = fit_columns(evidence, columns)
         steps.append(Step(fit, float(fit.unique_share.min()), held_out_errors(evidence, columns)))
     return tuple(steps)
 
 
 def choose_by_evidence(
-    path: Sequence[Step], significance: float = SIGNIFICANT, least_share: float = LEAST_SHARE
+    path: Sequence[Step],
+    significance: float = SIGNIFICANT,
+    least_share: float = LEAST_SHARE,
+    forced: Sequence[int] = (),
 ) -> Selection:
     """Choose the step whose every term is significant and material, and that held-out groups confirm.
 
@@ -190,12 +193,10 @@ def choose_by_evidence(
         Least ratio of a coefficient to its standard error.
     least_share : float
         Least unique share of a term.
+    forced : sequence of int
+        Columns that need not pass.
     """
-    passing = [
-        i
-        for i, step in enumerate(path)
-        if step.fit.t_ratios.min() >= significance and step.fit.unique_share.min() >= least_share
-    ]
+    passing = [i for i, step in enumerate(path) if _passes(step, significance, least_share, forced)]
     if not passing:
         reason = f"no set of terms in which each stands {significance:g} standard errors out of the scatter"
         return Selection(tuple(path), None, reason)
@@ -210,6 +211,15 @@ def choose_by_evidence(
         f"{significance:g} standard errors out (here at least {step.threshold:.2g} and {step.fit.t_ratios.min():.1f})"
     )
     return Selection(tuple(path), chosen, reason)
+
+
+def _passes(step: Step, significance: float, least_share: float, forced: Sequence[int]) -> bool:
+    judged = np.array([column not in forced for column in step.columns])
+    if not judged.any():
+        return True
+    return bool(
+        step.fit.t_ratios[judged].min() >= significance and step.fit.unique_share[judged].min() >= least_share
+    )
 
 
 def choose_by_threshold(path: Sequence[Step], threshold: float) -> Selection:

@@ -12,7 +12,7 @@ from sindyjoint.states.record import ForceStates, NoiseFloor
 
 Array = NDArray[np.float64]
 
-BLOCKS = 16
+BLOCKS = 32
 # Passband edge of the widest kernel as a share of the sampling rate; its stopband begins at half of it.
 WIDEST = 0.38
 KAISER_BETA = 6.0  # about −63 dB in the stopband

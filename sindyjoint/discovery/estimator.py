@@ -1,0 +1,324 @@
+"""Discovery as a scikit-learn regressor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from sindyjoint.discovery.catalogue import Catalogue, Reference, as_catalogue, load_catalogue, term_columns
+from sindyjoint.discovery.evidence import Evidence, RunEvidence
+from sindyjoint.discovery.factors import Factor, dependent_columns
+from sindyjoint.discovery.methods import METHODS, column_path
+from sindyjoint.discovery.model import Fitted, JointModel, model_terms
+from sindyjoint.discovery.selection import (
+    LEAST_SHARE,
+    SIGNIFICANT,
+    Selection,
+    choose_by_evidence,
+    choose_by_one_standard_error,
+    choose_by_threshold,
+    path_of,
+)
+from sindyjoint.discovery.terms import ResolvedTerm
+from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.record import Joint, Motion
+
+Array = NDArray[np.float64]
+
+SELECTIONS = ("evidence", "one_standard_error")
+# Without replicate blocks of its own, a run is cut into this many stretches of consecutive rows.
+STRETCHES = 16
+
+
+class JointRegressor(RegressorMixin, BaseEstimator):
+    """Sparse regression of a joint's moment on candidate terms of its state.
+
+    Parameters
+    ----------
+    library : str, Path, Catalogue, or sequence of these
+        Candidate terms: names of shipped catalogues, paths of TOML files, or catalogues.
+    method : str
+        How the path of models is made: ``"stlsq"`` (sequentially thresholded least squares on unique shares) or any
+        other of :data:`sindyjoint.discovery.methods.METHODS`.
+    selection : {"evidence", "one_standard_error"}
+        How the threshold is chosen where ``threshold`` is None.
+    threshold : float, optional
+        Least unique share of a term's moment in the RMS of the whole; dimensionless. ``None``: chosen by evidence.
+    significance : float
+        Least ratio of coefficient to standard error.
+    least_share : float
+        Least unique share that ``selection="evidence"`` lets pass.
+    forced : sequence of str
+        Ids of terms that are never removed.
+    forbidden : sequence of str
+        Ids of terms that are left out of the library.
+    motion : {"rotation", "translation"}
+        For the units of the coefficients.
+    random_state : int, Generator or None
+        Used by methods that resample.
+
+    Attributes
+    ----------
+    model_ : JointModel
+    coef_ : ndarray, shape (n_terms,)
+        One per candidate, zero where it is not in the model; SI units.
+    terms_ : tuple of ResolvedTerm
+        The candidates.
+    selected_ : tuple of str
+        Ids of the terms in the model.
+    selection_result_ : Selection
+        The path of models, the chosen one and the reason.
+    evidence_ : Evidence
+        Factors of all runs and blocks: everything later analyses need of the samples.
+    reference_ : Reference
+        Largest angle and rate of the data.
+    n_features_in_ : int
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> X = rng.uniform(-1, 1, (4000, 2)) * [8e-4, 0.02]
+    >>> y = 6066 * X[:, 0] - 2.684e9 * X[:, 0] ** 3 + 1.867 * np.sign(X[:, 1]) + 0.01 * rng.normal(size=4000)
+    >>> JointRegressor().fit(X, y).selected_
+    ('linear_stiffness', 'cubic_stiffness', 'coulomb_friction')
+    """
+
+    def __init__(
+        self,
+        library: str | Path | Catalogue | Sequence[str | Path | Catalogue] = "extended",
+        method: str = "stlsq",
+        selection: str = "evidence",
+        threshold: float | None = None,
+        significance: float = SIGNIFICANT,
+        least_share: float = LEAST_SHARE,
+        forced: Sequence[str] = (),
+        forbidden: Sequence[str] = (),
+        motion: Motion = "rotation",
+        random_state: Any = None,
+    ):
+        self.library = library
+        self.method = method
+        self.selection = selection
+        self.threshold = threshold
+        self.significance = significance
+        self.least_share = least_share
+        self.forced = forced
+        self.forbidden = forbidden
+        self.motion = motion
+        self.random_state = random_state
+
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        groups: ArrayLike | None = None,
+        sample_weight: ArrayLike | None = None,
+        *,
+        runs: ArrayLike | None = None,
+        blocks: ArrayLike | None = None,
+        X_replicate: ArrayLike | None = None,
+        y_replicate: ArrayLike | None = None,
+    ) -> JointRegressor:
+        """Find the terms and their coefficients.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, 2) or (n, 3)
+            Moving force states: θ rad, θ̇ rad/s and, to identify the inertia as a term, θ̈ rad/s². Rows of one run
+            follow one another in time.
+        y : array_like, shape (n,)
+            Transfer moment N·m, or with θ̈ in X the moment at the sensor.
+        groups : array_like, shape (n,), optional
+            What is held out together, usually the excitation frequency. Default: stretches of consecutive rows.
+        sample_weight : array_like, shape (n,), optional
+        runs, blocks : array_like, shape (n,), optional
+            Run of each row (default: its group) and replicate block within the run (default: stretches of rows).
+        X_replicate, y_replicate : array_like, shape (n, 2) or (n, 3) and (n,), optional
+            The same rows as each block alone gives them. Their scatter carries the noise of the angle channel into
+            the standard errors.
+
+        Raises
+        ------
+        InputError
+            For data or parameters that cannot be used.
+        """
+        self._check_parameters()
+        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
+        if X.shape[1] not in (2, 3):
+            raise InputError(
+                f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected"
+            )
+        weight = None if sample_weight is None else _check_sample_weight(sample_weight, X, dtype=np.float64)
+        labels = _Labels.of(X.shape[0], groups, runs, blocks)
+        other = None if X_replicate is None else np.asarray(X_replicate, dtype=np.float64)
+        catalogue = self._catalogue(with_inertia=X.shape[1] == 3)
+        self.reference_ = Reference.of(X[:, 0], X[:, 1], y)
+        self.terms_ = catalogue.resolve(self.reference_)
+        if X.shape[0] <= len(self.terms_):
+            raise InputError(
+                f"n_samples = {X.shape[0]} for {len(self.terms_)} candidate terms: too few samples; record more or "
+                "choose a smaller library"
+            )
+        self.evidence_ = self._gather(X, y, other, y_replicate, weight, labels)
+        self._refuse_dependent()
+        self.selection_result_ = self._select()
+        self._keep_model(labels)
+        return self
+
+    def predict(self, X: ArrayLike) -> Array:
+        """Return the moment at force states, shape (n,), N·m."""
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        if not self.selected_:
+            return np.zeros(X.shape[0])
+        terms = [term for term in self.terms_ if term.id in self.selected_]
+        return _columns(terms, X) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
+
+    def _check_parameters(self) -> None:
+        if self.method not in METHODS:
+            raise UnknownNameError(f"method is {self.method!r}; one of {', '.join(METHODS)} is wanted")
+        if self.selection not in SELECTIONS:
+            raise UnknownNameError(f"selection is {self.selection!r}; one of {', '.join(SELECTIONS)} is wanted")
+        if self.threshold is not None and not 0 <= self.threshold < 1:
+            raise InputError(
+                f"threshold is {self.threshold!r}; a share of the moment's RMS, from 0 to below 1, is wanted"
+            )
+
+    def _catalogue(self, with_inertia: bool) -> Catalogue:
+        catalogue = as_catalogue(self.library)
+        if with_inertia and "inertia" not in catalogue:
+            catalogue = catalogue.union(load_catalogue("inertia"))
+        elif not with_inertia and "inertia" in catalogue:
+            catalogue = catalogue.without(["inertia"])
+        return catalogue.without(self.forbidden) if self.forbidden else catalogue
+
+    def _gather(
+        self,
+        X: Array,
+        y: Array,
+        other: Array | None,
+        y_other: ArrayLike | None,
+        weight: Array | None,
+        labels: _Labels,
+    ) -> Evidence:
+        """Return the factors of every run and block."""
+        replicate_target = y if y_other is None else np.asarray(y_other, dtype=np.float64)
+        runs = []
+        for run in labels.run_names:
+            rows = labels.rows_of(run)
+            columns, target = _columns(self.terms_, X[rows]), y[rows]
+            w = None if weight is None else weight[rows]
+            replicate = columns if other is None else _columns(self.terms_, other[rows])
+            block = labels.block[rows]
+            parts = tuple(
+                Factor.of(replicate[block == b], replicate_target[rows][block == b], None if w is None else w[block == b])
+                for b in np.unique(block)
+            )
+            group = str(labels.group[rows][0])
+            runs.append(RunEvidence(str(run), group, Factor.of(columns, target, w), parts))
+        return Evidence(tuple(term.id for term in self.terms_), tuple(runs))
+
+    def _refuse_dependent(self) -> None:
+        dependent = dependent_columns(self.evidence_.pooled)
+        if dependent:
+            names = ", ".join(self.evidence_.ids[i] for i in dependent)
+            raise InputError(
+                f"more terms than independent columns: on these data {names} can be written as a combination of the "
+                "other candidates; choose a smaller library, or add runs at other levels and frequencies"
+            )
+
+    def _select(self) -> Selection:
+        forced = [self._index(term) for term in self.forced]
+        if self.evidence_.pooled.squared_target == 0:
+            return Selection((), None, "the moment is zero throughout")
+        sets = column_path(self.method, self.evidence_, forced, self.random_state)
+        path = path_of(self.evidence_, sets)
+        if self.threshold is not None:
+            return choose_by_threshold(path, self.threshold)
+        if self.selection == "one_standard_error":
+            return choose_by_one_standard_error(path)
+        return choose_by_evidence(path, self.significance, self.least_share, forced)
+
+    def _index(self, term_id: str) -> int:
+        ids = self.evidence_.ids
+        if term_id not in ids:
+            raise UnknownNameError(f"forced term {term_id!r} is not among the candidates: {', '.join(ids)}")
+        return ids.index(term_id)
+
+    def _keep_model(self, labels: _Labels) -> None:
+        step = self.selection_result_.step
+        self.coef_ = np.zeros(len(self.terms_))
+        chosen: list[ResolvedTerm] = []
+        covariance = np.zeros((0, 0))
+        terms: tuple[Any, ...] = ()
+        residual = self.evidence_.target_rms
+        if step is not None:
+            fit = step.fit
+            chosen = [self.terms_[i] for i in fit.columns]
+            self.coef_[[*fit.columns]] = fit.coefficients
+            covariance, residual = fit.covariance, fit.residual_rms
+            terms = model_terms(
+                chosen, fit.coefficients, fit.covariance, fit.unique_share, fit.degrees, self.motion
+            )
+        self.selected_ = tuple(term.id for term in chosen)
+        self.model_ = JointModel(
+            joint=Joint(motion=self.motion, inertia=None if self.n_features_in_ == 3 else 0.0),
+            terms=terms,
+            covariance=tuple(tuple(float(v) for v in row) for row in covariance),
+            fitted=Fitted(
+                moment_rms=self.evidence_.target_rms,
+                residual_rms=residual,
+                noise_floor=float("nan"),
+                moving_fraction=1.0,
+                samples=labels.group.size,
+                runs=len(labels.run_names),
+                angle=float(self.reference_.angle or 0.0),
+                rate=float(self.reference_.rate or 0.0),
+            ),
+        )
+
+
+class _Labels:
+    """Group, run and block of every row."""
+
+    def __init__(self, group: NDArray[Any], run: NDArray[Any], block: NDArray[Any]):
+        self.group, self.run, self.block = group, run, block
+        self.run_names = list(dict.fromkeys(run.tolist()))
+
+    def rows_of(self, run: Any) -> NDArray[np.bool_]:
+        return self.run == run
+
+    @classmethod
+    def of(cls, n: int, groups: ArrayLike | None, runs: ArrayLike | None, blocks: ArrayLike | None) -> _Labels:
+        given = {"groups": groups, "runs": runs, "blocks": blocks}
+        for name, values in given.items():
+            if values is not None and np.shape(values) != (n,):
+                raise InputError(f"{name} has shape {np.shape(values)}; ({n},), one entry per row, is wanted")
+        if groups is None and runs is None:
+            # One record: four stretches to hold out, each with its own blocks.
+            stretch = np.arange(n) * 4 // n
+            group = run = stretch
+        else:
+            run = np.asarray(groups if runs is None else runs)
+            group = np.asarray(runs if groups is None else groups)
+        block = np.asarray(blocks) if blocks is not None else _stretches(run)
+        return cls(group, run, block)
+
+
+def _stretches(run: NDArray[Any]) -> NDArray[np.intp]:
+    """Cut each run into stretches of consecutive rows."""
+    block = np.zeros(run.size, dtype=np.intp)
+    for name in dict.fromkeys(run.tolist()):
+        rows = np.flatnonzero(run == name)
+        block[rows] = np.arange(rows.size) * STRETCHES // rows.size
+    return block
+
+
+def _columns(terms: Sequence[ResolvedTerm], X: Array) -> Array:
+    return term_columns(list(terms), X[:, 0], X[:, 1], X[:, 2] if X.shape[1] == 3 else None)

@@ -1,0 +1,39 @@
+"""Numbers as a physicist writes them: the uncertainty to two digits at most, the value to the same place."""
+
+from __future__ import annotations
+
+import math
+
+
+def rounded(value: float, error: float) -> str:
+    """Return ``value ± error``, the error to one digit (two if it begins with 1), the value to the same place.
+
+    Examples
+    --------
+    >>> rounded(5912.3, 41.7)
+    '5910 ± 40'
+    >>> rounded(-2.684e9, 1.2e7)
+    '(-2.684 ± 0.012)e9'
+    >>> rounded(48.1312, 0.0874)
+    '48.13 ± 0.09'
+    """
+    if not (math.isfinite(value) and math.isfinite(error)):
+        return f"{value:.6g} ± {error:.2g}"
+    if error <= 0:
+        return f"{value:.6g} ± 0"
+    exponent = math.floor(math.log10(error))
+    leading = error / 10.0**exponent
+    digits = exponent - 1 if round(leading, 1) < 2 else exponent
+    largest = max(abs(value), error)
+    power = math.floor(math.log10(largest)) if largest > 0 else 0
+    if -3 <= power < 6 and digits < 4:
+        places = max(0, -digits)
+        return f"{_to(value, digits):.{places}f} ± {_to(error, digits):.{places}f}"
+    places = max(0, power - digits)
+    scale = 10.0**power
+    return f"({value / scale:.{places}f} ± {error / scale:.{places}f})e{power}"
+
+
+def _to(value: float, digits: int) -> float:
+    """Round to a power of ten."""
+    return round(value, -digits)

@@ -1,0 +1,86 @@
+"""Force states as the rows of a regression."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.states.record import ForceStates
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RegressionRows:
+    """Moving force states of several runs, stacked.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n, 2) or (n, 3)
+        θ, θ̇ and, where the inertia is to be identified, θ̈.
+    y : ndarray, shape (n,)
+        Transfer moment M − I·θ̈, or the moment at the sensor where the inertia is to be identified.
+    groups : ndarray of str, shape (n,), or None
+        Frequency where runs differ in it, else the run; ``None`` for a single run.
+    runs, blocks : ndarray, shape (n,)
+        ``runs`` is None for a single run.
+    X_replicate, y_replicate : ndarray
+        The same rows from each block alone.
+    """
+
+    X: Array
+    y: Array
+    groups: NDArray[Any] | None
+    runs: NDArray[Any] | None
+    blocks: NDArray[np.intp]
+    X_replicate: Array
+    y_replicate: Array
+
+    def fit_arguments(self) -> dict[str, Any]:
+        """Return everything as keyword arguments of ``JointRegressor.fit``."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def group_labels(states: Sequence[ForceStates]) -> list[str]:
+    """Return what is held out together: runs of one frequency; or each run alone where all share one."""
+    labels = [f"{s.frequency:.4g} Hz" if s.frequency is not None else s.run for s in states]
+    return labels if len(set(labels)) > 1 else [s.run for s in states]
+
+
+def regression_rows(states: Sequence[ForceStates], inertia: float | None) -> RegressionRows:
+    """Return the moving samples of all runs.
+
+    Parameters
+    ----------
+    states : sequence of ForceStates
+    inertia : float or None
+        kg·m²; ``None``: θ̈ becomes a column.
+    """
+    X, y, X_other, y_other, groups, runs, blocks = [], [], [], [], [], [], []
+    for state, label in zip(states, group_labels(states), strict=True):
+        keep = state.moving
+        motion = [s[keep] for s in (state.angle, state.rate, state.acceleration)]
+        other = motion if state.replicate is None else [s[keep] for s in state.replicate]
+        moment = state.moment[keep]
+        columns = 3 if inertia is None else 2
+        X.append(np.column_stack(motion[:columns]))
+        X_other.append(np.column_stack(other[:columns]))
+        y.append(moment - (inertia or 0.0) * motion[2])
+        y_other.append(moment - (inertia or 0.0) * other[2])
+        groups.append(np.full(moment.size, label, dtype=object))
+        runs.append(np.full(moment.size, state.run, dtype=object))
+        blocks.append(state.block[keep])
+    single = len(states) == 1
+    return RegressionRows(
+        np.vstack(X),
+        np.concatenate(y),
+        None if single else np.concatenate(groups),
+        None if single else np.concatenate(runs),
+        np.concatenate(blocks),
+        np.vstack(X_other),
+        np.concatenate(y_other),
+    )

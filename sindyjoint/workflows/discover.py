@@ -1,0 +1,320 @@
+"""A campaign goes in, a joint model comes out, with a verdict on the paper's five terms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sindyjoint.discovery.catalogue import Catalogue, as_catalogue, load_catalogue
+from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.discovery.model import INERTIA, Fitted, JointModel
+from sindyjoint.discovery.skew import Skew, estimate_skew, reference_of, shifted
+from sindyjoint.errors import InputError
+from sindyjoint.record import Campaign
+from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.workflows.cautions import cautions
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.selection import Selection
+
+PAPER_TERMS = (
+    "linear_stiffness",
+    "quadratic_stiffness",
+    "cubic_stiffness",
+    "linear_damping",
+    "coulomb_friction",
+)
+# Beyond the noise, a model may leave this share of the moment's RMS unexplained and still be called a confirmation.
+TOLERATED_MISFIT = 0.05
+# A paper term is ruled out when even the end of its 95 % interval carries less than this share of the moment.
+NEGLIGIBLE_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a campaign says about the paper's term set.
+
+    Parameters
+    ----------
+    verdict : {"confirmed", "refuted", "undecided"}
+    missing, extra : tuple of str
+        Ids of the paper's terms that were not found, and of found terms that the paper lacks.
+    reason : str
+        One sentence.
+    """
+
+    verdict: str
+    missing: tuple[str, ...]
+    extra: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """The result of :func:`discover`.
+
+    Parameters
+    ----------
+    model : JointModel
+    verdict : Verdict
+    found : bool
+        Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
+    reason : str
+        How the terms were chosen.
+    skew : Skew or None
+        Time by which the moment lags the angle, as searched for before anything else.
+    warnings : tuple of str
+    states : tuple of ForceStates
+    regressor : JointRegressor
+        Fitted; holds candidates, path and factors.
+    campaign : Campaign
+    """
+
+    model: JointModel
+    verdict: Verdict
+    found: bool
+    reason: str
+    skew: Skew | None
+    warnings: tuple[str, ...]
+    states: tuple[ForceStates, ...] = field(repr=False)
+    regressor: JointRegressor = field(repr=False)
+    campaign: Campaign = field(repr=False)
+
+    @property
+    def selection(self) -> Selection:
+        """The path of models and the choice on it."""
+        return self.regressor.selection_result_
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        model, fitted = self.model, self.model.fitted
+        return {
+            "schema": 1,
+            "joint": {
+                "name": model.joint.name,
+                "motion": model.joint.motion,
+                "inertia": model.inertia if model.joint.inertia is not None or INERTIA in model else None,
+            },
+            "terms": [
+                {
+                    "id": term.id,
+                    "symbol": term.symbol,
+                    "coefficient": term.coefficient,
+                    "unit": term.unit,
+                    "standard_error": term.standard_error,
+                    "interval95": list(term.interval95),
+                }
+                for term in model.terms
+            ],
+            "paper_term_set": {
+                "verdict": self.verdict.verdict,
+                "missing": list(self.verdict.missing),
+                "extra": list(self.verdict.extra),
+                "reason": self.verdict.reason,
+            },
+            "fit": {
+                "moment_rms": fitted.moment_rms,
+                "residual_rms": fitted.residual_rms,
+                "noise_floor": fitted.noise_floor,
+                "moving_fraction": fitted.moving_fraction,
+                "samples": fitted.samples,
+                "runs": fitted.runs,
+            },
+            "warnings": list(self.warnings),
+        }
+
+
+def discover(
+    campaign: Campaign | str | Path | None = None,
+    library: str | Path | Catalogue | Sequence[str | Path | Catalogue] = "extended",
+    *,
+    states: str = "auto",
+    bandwidth: float | None = None,
+    align: bool = False,
+    random_state: Any = None,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Discovery:
+    """Find which terms the equation of a joint has.
+
+    Parameters
+    ----------
+    campaign : Campaign, path of a campaign.toml, or None
+        ``None``: the built-in virtual test of the paper's inter-panel joint, which is simulated.
+    library : str, Path, Catalogue, or sequence of these
+        Candidate terms.
+    states : {"auto", "periodic", "broadband"}
+        How force states are made of signals.
+    bandwidth : float, optional
+        Highest frequency kept in the angle, Hz.
+    align : bool
+        Remove the time skew that is found between the channels.
+    random_state : int, Generator or None
+    progress : callable, optional
+        Called with the name of each stage.
+    **options
+        Parameters of :class:`~sindyjoint.JointRegressor`: method, threshold, selection, forced, forbidden, ...
+
+    Returns
+    -------
+    Discovery
+
+    Raises
+    ------
+    InputError
+        For data or options that cannot be used.
+    """
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    say = progress or (lambda stage: None)
+    catalogue = as_catalogue(library)
+    if campaign is None:
+        say("simulating the virtual test")
+    campaign = the_campaign(campaign, random_state)
+    inertia = campaign.joint.inertia
+    say("force states")
+    force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+    say("time skew of the channels")
+    skew = _skew(force_states, inertia)
+    if align and skew is not None and skew.significant:
+        force_states = tuple(shifted(s, skew.time) for s in force_states)
+    say("selecting terms")
+    regressor = JointRegressor(
+        catalogue, motion=campaign.joint.motion, random_state=random_state, **options
+    ).fit(**regression_rows(force_states, inertia).fit_arguments())
+    say("judging")
+    model = _campaign_model(regressor, campaign, force_states)
+    return Discovery(
+        model=model,
+        verdict=judge(regressor, model),
+        found=bool(model.terms),
+        reason=regressor.selection_result_.reason,
+        skew=skew,
+        warnings=tuple(cautions(campaign, force_states, model, skew, aligned=align)),
+        states=force_states,
+        regressor=regressor,
+        campaign=campaign,
+    )
+
+
+def the_campaign(campaign: Campaign | str | Path | None, random_state: Any = None) -> Campaign:
+    """Return a campaign from itself, from a file, or the built-in virtual test."""
+    if isinstance(campaign, Campaign):
+        return campaign
+    if campaign is None:
+        from sindyjoint.mechanics.virtual import virtual_campaign
+
+        return virtual_campaign("inter-panel", noise=0.01, random_state=0 if random_state is None else random_state)
+    from sindyjoint.files import load_campaign
+
+    return load_campaign(campaign)
+
+
+def _skew(states: Sequence[ForceStates], inertia: float | None) -> Skew | None:
+    """Search for a skew under the paper's law and a constant; None where the data do not carry that law."""
+    if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
+        return None
+    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
+    if inertia is None:
+        law = law.union(load_catalogue("inertia"))
+    try:
+        return estimate_skew(states, law.resolve(reference_of(states)), inertia)
+    except (np.linalg.LinAlgError, InputError):
+        # Dependent columns (one level of a pure sine): a skew cannot be told from damping there.
+        return None
+
+
+def _campaign_model(regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates]) -> JointModel:
+    """Return the regressor's model with the joint and the data it came from."""
+    model = regressor.model_
+    inertia = campaign.joint.inertia
+    if inertia is None and INERTIA in model:
+        inertia = model[INERTIA].coefficient
+    count = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
+    # What one sample of the transfer moment cannot repeat: sensor noise, and the inertia times noise of θ̈.
+    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
+    fitted = Fitted(
+        moment_rms=model.fitted.moment_rms,
+        residual_rms=model.fitted.residual_rms,
+        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
+        moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
+        samples=int(count.sum()),
+        runs=len(states),
+        angle=model.fitted.angle,
+        rate=model.fitted.rate,
+        frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
+        simulated=campaign.simulated,
+    )
+    return replace(model, joint=campaign.joint, fitted=fitted)
+
+
+def misfit(fitted: Fitted) -> float:
+    """Return the share of the moment's RMS that neither model nor noise accounts for."""
+    beyond = max(fitted.residual_rms**2 - fitted.noise_floor**2, 0.0)
+    return float(np.sqrt(beyond)) / fitted.moment_rms if fitted.moment_rms > 0 else 0.0
+
+
+def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
+    """Say whether the campaign confirms the paper's five terms."""
+    found = [term for term in model.ids if term != INERTIA]
+    missing = tuple(term for term in PAPER_TERMS if term not in found)
+    extra = tuple(term for term in found if term not in PAPER_TERMS)
+    if not found:
+        return Verdict("undecided", missing, extra, f"no model was found: {regressor.selection_result_.reason}")
+    gap = misfit(model.fitted)
+    if extra:
+        reason = f"the data need {_names(extra)}, which the paper's law lacks"
+        if missing:
+            reason += f", and do not show {_names(missing)}"
+        elif extra == ("constant_moment",):
+            reason += ": all five of its terms are there, and the constant may be a sensor's zero, preload or friction "
+            reason += "that differs by direction"
+        return Verdict("refuted", missing, extra, reason + _rest(gap))
+    hidden = [term for term in missing if _largest_share(regressor, model, term) > NEGLIGIBLE_SHARE]
+    absent = [term for term in missing if term not in hidden]
+    if absent:
+        reason = f"{_names(absent)} would carry less than {NEGLIGIBLE_SHARE:.0%} of the moment"
+        return Verdict("refuted", missing, extra, reason + _rest(gap))
+    if hidden:
+        reason = f"{_names(hidden)} was not found, and these runs could not have shown it"
+        return Verdict("undecided", missing, extra, reason + _rest(gap))
+    if gap > TOLERATED_MISFIT:
+        reason = f"the five terms are the best of these candidates, yet {gap:.1%} of the moment is neither they nor noise"
+        return Verdict("undecided", missing, extra, reason)
+    candidates = len(regressor.terms_)
+    least = min(term.unique_share for term in model.terms)
+    reason = (
+        f"exactly the paper's five terms out of {candidates} candidates; the weakest of them alone carries "
+        f"{least:.1%} of the moment, and {gap:.1%} is left beyond the noise"
+    )
+    return Verdict("confirmed", missing, extra, reason)
+
+
+def _rest(gap: float) -> str:
+    return f"; {gap:.1%} of the moment is neither model nor noise" if gap > TOLERATED_MISFIT else ""
+
+
+def _names(terms: Sequence[str]) -> str:
+    words = [term.replace("_", " ") for term in terms]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def _largest_share(regressor: JointRegressor, model: JointModel, term: str) -> float:
+    """Return the share of the moment that a term may carry at the end of its 95 % interval.
+
+    It joins the found terms; a term that is not among the candidates, or that these runs cannot tell from the
+    found ones, may carry anything.
+    """
+    ids = regressor.evidence_.ids
+    if term not in ids:
+        return float("inf")
+    columns = [ids.index(found) for found in model.ids]
+    fit = fit_columns(regressor.evidence_, [*columns, ids.index(term)])
+    size, error, share = abs(fit.coefficients[-1]), fit.standard_errors[-1], fit.unique_share[-1]
+    return float(share * (size + 2 * error) / size) if size > 0 else float("inf")
+
