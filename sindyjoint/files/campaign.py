@@ -109,7 +109,7 @@ class _Door:
             frequency = parse_quantity(frequency, "Hz", f"{entry} frequency")
         try:
             run = Run(
-                table.name or str(PurePosixPath(table.file).with_suffix("")),
+                str(PurePosixPath(table.file).with_suffix("")) if table.name is None else table.name,
                 signals["moment"],
                 signals["angle"],
                 rate,

@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 
 # Fewer periods do not part neighbouring lines.
 FEWEST_PERIODS = 3
-# A line stands out of its surroundings: the chance that noise does so is about 1e-5 per line.
-CONTRAST = 4.0
+# A line stands out of its surroundings; white noise does so in 1 of 200 runs of 3 periods, 1 of 3000 of 25.
+CONTRAST = 6.0
 # A harmonic of the true frequency stays below these parts of the largest line: a square wave's third has 1/3.
 ANGLE_SHARE = 0.25
 MOMENT_SHARE = 0.5
@@ -60,12 +60,12 @@ def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: 
 def _line(signal: Array, rate: float, frequency: float) -> tuple[float, float, float]:
     """Return the line's share of the largest line, its contrast, and the largest line's frequency, Hz."""
     n = signal.size
-    index = np.arange(n)
-    detrended = signal - np.polyval(np.polyfit(index, signal, 1), index)
-    amplitude = np.abs(np.fft.rfft(detrended * np.hanning(n)))
+    place = np.linspace(-1, 1, n)
+    # Slow drift is no line.
+    steady = signal - np.polyval(np.polyfit(place, signal, 3), place)
+    amplitude = np.abs(np.fft.rfft(steady * np.hanning(n)))
     frequencies = np.fft.rfftfreq(n, 1 / rate)
-    # Slow drift is no line: look from a small subharmonic upwards, above the reach of the window's main lobe.
-    lines = np.where(frequencies >= max(frequency / 8, 2 * rate / n), amplitude, 0.0)
+    lines = np.where(frequencies >= 2 * rate / n, amplitude, 0.0)
     tolerance = max(2 * rate / n, 0.02 * frequency)
     distance = np.abs(frequencies - frequency)
     height = float(lines[distance <= tolerance].max(initial=0.0))

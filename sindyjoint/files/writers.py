@@ -46,8 +46,8 @@ def write_campaign(
     rig : SensorRig, optional
         Write four strains and three displacements (Eqs. 1–3 backwards) instead of moment and angle.
     raw : sequence of mapping, optional
-        Channels ``e1`` to ``e4``, m/m, and ``d1`` to ``d3``, m, of each run as they were measured; written instead of
-        those that Eqs. 1–3 backwards would give. Needs `rig`.
+        Channels ``e1`` to ``e4``, m/m, and ``d1`` to ``d3``, m, of each run as they were measured; written
+        instead of those that Eqs. 1–3 backwards would give. Needs `rig`.
 
     Returns
     -------
@@ -75,7 +75,9 @@ def write_campaign(
         )
     encode = ENCODERS[format]
     if raw is not None and (rig is None or len(raw) != len(campaign.runs)):
-        raise InputError(f"raw channels of {len(raw)} run(s) were given; the rig and one set per run are wanted")
+        raise InputError(
+            f"raw channels of {len(raw)} run(s) were given; a rig and one set per run are wanted"
+        )
     files = _file_names([run.name for run in campaign.runs], format)
     with output_folder(folder) as stage:
         for place, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):

@@ -31,7 +31,11 @@ def read_tdms(path: Path, data: bytes) -> Table:
         raise missing_extra(path, "npTDMS", error) from error
     names, columns, intervals = [], [], []
     with foreign(path, "TDMS"):
-        for group in nptdms.TdmsFile.read(io.BytesIO(data)).groups():
+        file = nptdms.TdmsFile.read(io.BytesIO(data))
+        # npTDMS makes do with what is there of a file whose writing was cut short.
+        if file.file_status.incomplete_final_segment:
+            raise InputError(f"{path}: its last segment is incomplete; the file is truncated")
+        for group in file.groups():
             for channel in group.channels():
                 names.append(f"{group.name}/{channel.name}")
                 columns.append(np.asarray(channel[:]))

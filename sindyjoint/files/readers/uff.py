@@ -20,8 +20,8 @@ def read_uff(path: Path, data: bytes) -> Table:
     """Return the functions of a universal file, and ``time`` from their abscissa.
 
     A function is called by its first line of identification, or by node and direction such as ``12:+RZ``,
-    with the label of its ordinate (``12:+RZ moment``) where one degree of freedom carries several; whatever is
-    unique will do.
+    with the label of its ordinate (``12:+RZ moment``) where one degree of freedom carries several: whatever
+    is unique will do.
 
     Raises
     ------

@@ -1,0 +1,144 @@
+"""Whole or not at all."""
+
+import os
+
+import pytest
+
+from sindyjoint.errors import OutputError
+from sindyjoint.files.atomic import check_output, output_folder, prepare_output, write_bytes, write_text
+
+
+def everything(folder) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+def test_text_is_written_and_replaced(tmp_path):
+    target = tmp_path / "model.json"
+    write_text(target, "k1 = 6066 N·m/rad\n")
+    write_text(target, "c1\n")
+    assert target.read_bytes() == b"c1\n"
+    assert everything(tmp_path) == {"model.json"}
+
+
+def test_a_failure_leaves_the_old_file(tmp_path, monkeypatch):
+    target = tmp_path / "model.json"
+    write_bytes(target, b"old")
+
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(
+        OutputError, match=r"cannot write '.*model.json': No space left on device; choose another"
+    ):
+        write_bytes(target, b"new")
+    assert target.read_bytes() == b"old"
+    assert everything(tmp_path) == {"model.json"}
+
+
+def test_a_folder_is_no_file(tmp_path):
+    with pytest.raises(OutputError, match="it is a folder; give the name of a file"):
+        write_text(tmp_path, "x")
+
+
+def test_the_folder_of_a_file_must_exist(tmp_path):
+    with pytest.raises(OutputError, match=r"cannot write '.*x.json': No such file or directory"):
+        write_text(tmp_path / "no" / "x.json", "x")
+
+
+def test_a_file_is_no_output_folder(tmp_path):
+    (tmp_path / "taken").write_text("x")
+    for make in (check_output, prepare_output):
+        with pytest.raises(
+            OutputError, match=r"cannot write into '.*taken': it is a file; the name of a folder"
+        ):
+            make(tmp_path / "taken")
+        with pytest.raises(OutputError, match=r"cannot write into '.*deep': '.*taken' is a file"):
+            make(tmp_path / "taken" / "deep")
+
+
+def test_checking_leaves_nothing_behind(tmp_path):
+    assert check_output(tmp_path / "a" / "b") == tmp_path / "a" / "b"
+    assert everything(tmp_path) == set()
+
+
+def test_preparing_makes_the_folder(tmp_path):
+    assert prepare_output(tmp_path / "a" / "b").is_dir()
+    assert prepare_output(tmp_path / "a" / "b").is_dir()
+    assert everything(tmp_path) == {"a", os.path.join("a", "b")}
+
+
+def test_a_system_that_refuses_is_one_line(tmp_path, monkeypatch):
+    # Permission bits mean nothing to root, who may run this: let the system call itself refuse.
+    from pathlib import Path
+
+    def refuse(self, *args, **kwargs):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    with pytest.raises(
+        OutputError, match=r"cannot write '.*out': Read-only file system; choose another place"
+    ):
+        check_output(tmp_path / "out")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder(tmp_path):
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(OutputError, match="Permission denied"):
+            check_output(tmp_path / "out")
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_output_appears_at_the_end(tmp_path):
+    target = tmp_path / "new" / "out"
+    with output_folder(target) as stage:
+        (stage / "figures").mkdir()
+        (stage / "figures" / "a.svg").write_text("svg")
+        (stage / "model.json").write_text("{}")
+        assert everything(target) == {stage.name} | {
+            os.path.join(stage.name, name)
+            for name in ("figures", os.path.join("figures", "a.svg"), "model.json")
+        }
+    assert everything(target) == {"model.json", "figures", os.path.join("figures", "a.svg")}
+
+
+def test_after_an_exception_nothing_is_there(tmp_path):
+    with pytest.raises(ZeroDivisionError), output_folder(tmp_path / "new" / "out") as stage:
+        (stage / "model.json").write_text("{}")
+        raise ZeroDivisionError
+    assert everything(tmp_path) == set()
+
+
+def test_after_an_exception_the_old_results_stay(tmp_path):
+    (tmp_path / "model.json").write_text("old")
+    with pytest.raises(ZeroDivisionError), output_folder(tmp_path) as stage:
+        (stage / "model.json").write_text("new")
+        raise ZeroDivisionError
+    assert (tmp_path / "model.json").read_text() == "old"
+    assert everything(tmp_path) == {"model.json"}
+
+
+def test_a_folder_in_the_way_of_a_result(tmp_path):
+    (tmp_path / "model.json").mkdir()
+    with (
+        pytest.raises(OutputError, match=r"model.json': it is a folder; remove it"),
+        output_folder(tmp_path) as stage,
+    ):
+        (stage / "a.txt").write_text("x")
+        (stage / "model.json").write_text("{}")
+    assert everything(tmp_path) == {"model.json"}
+
+
+def test_a_full_disk_while_filling(tmp_path):
+    with pytest.raises(OutputError, match="No space left"), output_folder(tmp_path / "out") as stage:
+        raise OSError(28, "No space left on device", str(stage / "model.json"))
+    assert everything(tmp_path) == set()
+
+
+def test_another_missing_file_is_not_blamed_on_the_output(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nowhere"), output_folder(tmp_path / "out"):
+        open("/nowhere/at/all")
+    assert everything(tmp_path) == set()

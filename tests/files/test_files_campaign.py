@@ -1,0 +1,310 @@
+"""From files to SI: the numbers, the bad data, the raw gauges, the declared skew."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from sindyjoint.errors import SindyJointError
+
+HEADER = 1  # lines above the data in run.csv
+
+
+def refusal(bench) -> str:
+    """Load, and return the one line that refuses; it names the data file."""
+    with pytest.raises(SindyJointError) as caught:
+        bench.load()
+    message = str(caught.value)
+    assert "\n" not in message
+    assert f"{bench.folder / 'run.csv'}: " in message
+    return message
+
+
+def test_units_become_si(bench):
+    campaign = bench.load()
+    run = campaign.runs[0]
+    np.testing.assert_array_equal(run.moment, bench.columns["m"])
+    np.testing.assert_allclose(run.angle, bench.columns["a"] * 1e-3, rtol=1e-15)
+    assert run.sample_rate == 200.0
+    assert (run.name, run.frequency, run.level, run.use) == ("run", 4.0, "low", "identify")
+    assert campaign.joint.inertia == 0.02
+    assert not campaign.simulated
+
+
+def test_source_is_the_hash_of_the_file(bench):
+    source = bench.load().runs[0].source
+    assert source.path == "run.csv"
+    assert source.sha256 == hashlib.sha256((bench.folder / "run.csv").read_bytes()).hexdigest()
+
+
+def test_gain_and_offset(bench):
+    bench.replace('"m", unit = "N*m"', '"m", unit = "V", gain = "3 N*m/mV", offset = "-2 N*m"')
+    np.testing.assert_allclose(bench.load().runs[0].moment, bench.columns["m"] * 3000 - 2, rtol=1e-14)
+
+
+def test_declared_constant_moment(bench):
+    bench.replace('column = "m", unit = "N*m"', 'constant = "2 N*m"')
+    assert set(bench.load().runs[0].moment) == {2.0}
+
+
+def test_rate_instead_of_time_column(bench):
+    bench.replace('time = { column = "t", unit = "s" }', 'rate = "0.2 kHz"')
+    assert bench.load().runs[0].sample_rate == 200.0
+
+
+def test_measured_rate_of_angle(bench):
+    bench.replace("[channels]", '[channels]\nrate_of_angle = { column = "a", unit = "deg/s" }')
+    np.testing.assert_allclose(bench.load().runs[0].rate, np.deg2rad(bench.columns["a"]), rtol=1e-14)
+
+
+def test_columns_by_position(bench):
+    bench.replace('column = "m"', "column = 2").csv((bench.folder / "run.csv").read_text().split("\n", 1)[1])
+    bench.manifest((bench.folder / "campaign.toml").read_text().replace('"t"', "1").replace('"a"', '"3"'))
+    np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])
+
+
+def test_one_run_overrides_a_channel(bench):
+    bench.replace('level = "low"', 'name = "other"\n[run.channels]\nangle = { column = "m", unit = "deg" }')
+    run = bench.load().runs[0]
+    np.testing.assert_allclose(run.angle, np.deg2rad(bench.columns["m"]), rtol=1e-14)
+    assert run.name == "other"
+
+
+def test_translation(bench):
+    bench.replace('inertia = "0.02 kg*m^2"', 'motion = "translation"\nmass = "2 lb"')
+    text = (bench.folder / "campaign.toml").read_text()
+    bench.manifest(
+        text.replace(
+            'moment = { column = "m", unit = "N*m" }', 'force = { column = "m", unit = "kip" }'
+        ).replace('angle = { column = "a", unit = "mrad" }', 'displacement = { column = "a", unit = "inch" }')
+    )
+    campaign = bench.load()
+    np.testing.assert_allclose(campaign.runs[0].moment, bench.columns["m"] * 4448.2216152605, rtol=1e-14)
+    np.testing.assert_allclose(campaign.runs[0].angle, bench.columns["a"] * 0.0254, rtol=1e-14)
+    assert campaign.joint.inertia == pytest.approx(2 * 0.45359237)
+
+
+def test_raw_gauges_through_equations_1_to_3(bench):
+    # Forwards by hand: ε = (2m − 2n)/4, M = β·2·EI·ε/h; θ = ((a + b)/2 − z)/L.
+    m, a = bench.columns["m"], bench.columns["a"]
+    columns = {
+        "t": bench.columns["t"],
+        "e1": m,
+        "e2": m + 1,
+        "e3": -m,
+        "e4": 1 - m,
+        "d1": a,
+        "d2": 3 * a,
+        "d3": a / 2,
+    }
+    from conftest import csv_text
+
+    bench.csv(csv_text(columns)).manifest(
+        """
+        [channels]
+        time = { column = "t", unit = "s" }
+        [rig]
+        strain = ["e1", "e2", "e3", "e4"]
+        strain_unit = "um/m"
+        displacement = ["d1", "d2", "d3"]
+        displacement_unit = "mm"
+        bending_stiffness = "2333 N*m^2"
+        section_height = "20 mm"
+        strain_position_factor = 1.02
+        joint_length = "60 mm"
+        [[run]]
+        file = "run.csv"
+        """
+    )
+    run = bench.load().runs[0]
+    np.testing.assert_allclose(run.moment, 1.02 * 2 * 2333 * m * 1e-6 / 0.02, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(run.angle, 1.5e-3 * a / 0.06, rtol=1e-12)
+
+
+# What a bad file says; the first sample of the data stands in line 2.
+BAD_LINES = [
+    (9, "0.035,abc,0.1", "line 9: column 'm' holds 'abc'; a number is wanted"),
+    (9, "0.035,,0.1", "line 9: column 'm' is blank; a number is wanted"),
+    (9, "0.035,0.1,", "line 9: column 'a' is blank; a number is wanted"),
+    (9, "0.035,nan,0.1", "column 'm' holds nan in line 9; remove or repair"),
+    (9, "0.035,0.1,inf", "column 'a' holds inf in line 9"),
+    (9, "0.035,0.1,-1e999", "column 'a' holds -inf in line 9"),
+    (9, "0.035,0.1", "line 9 has 2 fields and the header has 3"),
+    (9, "0.035,0.1,0.2,0.3", "line 9 has 4 fields and the header has 3"),
+    (9, "0.029,0.1,0.2", "column 't': time runs backwards in line 9 (0.029 s after 0.03 s)"),
+    (9, "0.03,0.1,0.2", "column 't': duplicate time stamp in line 9 (0.03 s after 0.03 s)"),
+    (9, "0.0353,0.1,0.2", "sampling is irregular beyond 1 %, most in line 9"),
+    (1, "t,m,m,a", "line 2 has 3 fields and the header has 4"),
+    (1, "t,a,a", "column 'm' is missing"),
+    (1, "t,m,angle", "column 'a' is missing; columns there: 't', 'm', 'angle'"),
+    (1, "t,M,a", "column 'm' is missing"),
+]
+
+
+@pytest.mark.parametrize(("number", "text", "message"), BAD_LINES, ids=[row[1] for row in BAD_LINES])
+def test_bad_line_is_named(bench, number, text, message):
+    assert message in refusal(bench.line(number, text))
+
+
+def test_nearest_column_is_offered(bench):
+    bench.replace('column = "a"', 'column = "angel"').line(1, "t,m,angle")
+    assert "column 'angel' is missing; did you mean 'angle'? columns there: 't', 'm', 'angle'" in refusal(
+        bench
+    )
+
+
+def test_duplicate_column(bench):
+    bench.line(1, "t,m,m")
+    bench.manifest((bench.folder / "campaign.toml").read_text().replace('"a"', '"m"'))
+    assert "column 'm' is there 2 times; give each column its own name" in refusal(bench)
+
+
+def test_several_bad_values_are_counted(bench):
+    values = bench.columns["m"].copy()
+    values[[3, 10]] = np.nan
+    assert "holds nan in line 5 and 1 more value(s) that are not finite" in refusal(bench.column("m", values))
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "is empty"),
+        (b"\n  \n", "is empty; a table with a header and rows is wanted"),
+        (b"# only\n# comments\n", "holds comment lines only"),
+        (b"t,m,a\n", "has a header (t, m, a) and no rows of data"),
+        (bytes(range(256)) * 20, "is not a text table (byte 0 at place 0)"),
+        (b"\x89PNG\r\n\x1a\n" + b"\x07" * 50, "is not a text table"),
+        (b"PK\x03\x04" + b"abc" * 50, "is not a text table"),
+        (b"t,m,a\n" + b"0.0,1,2\n0.1,2,1\n" + b"\x00" * 100, "is not a text table (byte 0"),
+    ],
+)
+def test_rubbish_named_csv(bench, data, message):
+    assert message in refusal(bench.csv(data))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_bytes_named_csv_are_refused(bench, seed):
+    # Seeds 0–19: whatever the bytes happen to be, the answer is one line about this file.
+    data = np.random.default_rng(seed).integers(0, 256, size=2000, dtype=np.uint8).tobytes()
+    refusal(bench.csv(data))
+
+
+def test_too_few_samples(bench):
+    lines = (bench.folder / "run.csv").read_text().split("\n")
+    assert "20 samples; at least 32 are wanted" in refusal(bench.csv("\n".join(lines[:21])))
+
+
+def test_sampling_too_slow(bench):
+    bench.replace("frequency = 4.0", "frequency = 40")
+    assert "sampling at 200 Hz is too slow for 40 Hz excitation; at least 400 Hz is wanted" in refusal(bench)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("m", "moment is constant (3 N*m); a dead channel? declare it as constant if it is meant"),
+        ("a", "angle is constant (0.003 rad); a dead channel? a moving joint is wanted"),
+    ],
+)
+def test_constant_channel(bench, name, message):
+    assert message in refusal(bench.column(name, np.full(bench.columns["t"].size, 3.0)))
+
+
+def test_frequency_absent(bench):
+    bench.replace("frequency = 4.0", "frequency = 7")
+    assert (
+        "the declared frequency 7 Hz is absent from the data; the largest line of the angle is at 4 Hz; "
+        "correct frequency, or leave it out for an aperiodic run"
+    ) in refusal(bench)
+
+
+def test_moment_and_angle_of_different_length(bench):
+    np.savez(bench.folder / "run.csv.npz", t=np.arange(100) / 200.0, m=np.ones(99), a=np.ones(100))
+    (bench.folder / "run.csv.npz").rename(bench.folder / "run.npz")
+    bench.replace("run.csv", "run.npz")
+    with pytest.raises(
+        SindyJointError, match="run.npz: time has 100 samples, moment has 99 samples, angle has 100"
+    ):
+        bench.load()
+
+
+def test_resampling_is_offered_and_works(bench):
+    t = bench.columns["t"].copy()
+    t[1:-1] += np.random.default_rng(3).uniform(-0.1, 0.1, size=t.size - 2) / 200
+    phase = 2 * np.pi * 4 * t
+    from conftest import csv_text
+
+    bench.csv(csv_text({"t": t, "m": 5 * np.sin(phase), "a": np.sin(phase - 0.3)}))
+    assert "set [channels] resample = true" in refusal(bench)
+    bench.manifest(
+        (bench.folder / "campaign.toml").read_text().replace("[channels]", "[channels]\nresample = true")
+    )
+    campaign = bench.load()
+    run = campaign.runs[0]
+    # The step is the median one, so the grid is known; 50 samples per period are good to 1e-4.
+    np.testing.assert_allclose(run.moment, 5 * np.sin(2 * np.pi * 4 * run.time), atol=5e-4)
+    assert any("run.csv: irregular samples were interpolated" in note for note in campaign.notes)
+
+
+def test_a_gap_is_not_interpolated(bench):
+    t = bench.columns["t"].copy()
+    t[200:] += 0.5
+    bench.column("t", t)
+    bench.manifest(
+        (bench.folder / "campaign.toml").read_text().replace("[channels]", "[channels]\nresample = true")
+    )
+    assert "a gap of 0.505 s before line 202 is too long to interpolate" in refusal(bench)
+
+
+def test_declared_skew_is_removed(bench):
+    # The moment lags by 1.7 ms, a third of a sample: 5 sin(ω(t − τ)) is recorded, 5 sin ωt is wanted.
+    t = np.arange(2000) / 200.0
+    omega, tau = 2 * np.pi * 4, 1.7e-3
+    from conftest import csv_text
+
+    bench.csv(csv_text({"t": t, "m": 5 * np.sin(omega * (t - tau)), "a": np.sin(omega * t)}))
+    bench.manifest(
+        (bench.folder / "campaign.toml").read_text().replace("[channels]", '[channels]\nskew = "1.7 ms"')
+    )
+    campaign = bench.load()
+    run = campaign.runs[0]
+    assert campaign.skew == pytest.approx(1.7e-3)
+    np.testing.assert_allclose(run.moment, 5e3 * run.angle, atol=5e-5)
+    assert 1900 < run.n_samples < 2000
+
+
+def test_skew_on_a_short_run(bench):
+    bench.replace("[channels]", '[channels]\nskew = "500 ms"')
+    with pytest.raises(
+        SindyJointError, match=r"\[channels\] skew: removing '500 ms' takes 132 samples from either"
+    ):
+        bench.load()
+
+
+def test_written_by_other_hands(bench):
+    # Units row, µ in old code page, decimal commas, semicolons, Windows line ends, a comment amid the data.
+    rows = [
+        f"{t:.3f};{m:.6f};{a:.6f}".replace(".", ",") for t, m, a in zip(*bench.columns.values(), strict=True)
+    ]
+    text = "\r\n".join(["# Prüfstand 4", '"t";"m";"a"', "s;N*m;µrad", *rows[:9], "# pause", *rows[9:], ""])
+    bench.csv(text.encode("latin-1"))
+    np.testing.assert_allclose(bench.load().runs[0].moment, bench.columns["m"], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["# t m a\n{rows}", "% t m a\n\n{rows}", "t  m   a\n{rows}", "\ufefft m a\n{rows}"],
+    ids=["savetxt", "percent", "blanks", "byte order mark"],
+)
+def test_blank_separated_tables(bench, text):
+    rows = "\n".join(
+        f" {t!r}   {m!r} {a!r}" for t, m, a in zip(*(c.tolist() for c in bench.columns.values()), strict=True)
+    )
+    bench.csv(text.format(rows=rows))
+    np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])
+
+
+def test_text_in_a_column_that_nobody_asks_for(bench):
+    lines = (bench.folder / "run.csv").read_text().strip().split("\n")
+    bench.csv("\n".join([lines[0] + ",remark,", *(line + ",ok," for line in lines[1:])]))
+    np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])

@@ -1,0 +1,334 @@
+"""Every format: the same numbers come back, and damaged files are refused in one line."""
+
+import builtins
+import io
+import warnings
+
+import numpy as np
+import pytest
+
+from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
+from sindyjoint.files import load_campaign
+from sindyjoint.files.readers import READERS, read_table
+
+SAMPLES = 64
+T = np.arange(SAMPLES) / 128.0
+M = np.sin(T * 50) * 3
+A = np.cos(T * 50) * 1e-3
+
+
+def parquet() -> bytes:
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    pq.write_table(pa.table({"t": T, "m": M, "a": A, "remark": ["x"] * SAMPLES}), buffer)
+    return buffer.getvalue()
+
+
+def feather() -> bytes:
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.feather as feather_format
+
+    buffer = io.BytesIO()
+    feather_format.write_feather(pa.table({"t": T, "m": M, "a": A}), buffer)
+    return buffer.getvalue()
+
+
+def mat5() -> bytes:
+    from scipy.io import savemat
+
+    buffer = io.BytesIO()
+    savemat(buffer, {"t": T, "s": {"m": M, "note": "text"}, "X": np.column_stack([A, T]), "title": "bench"})
+    return buffer.getvalue()
+
+
+def mat73() -> bytes:
+    h5py = pytest.importorskip("h5py")
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", userblock_size=512) as file:
+        file["t"] = T[None, :]  # MATLAB's column vector, as HDF5 sees it
+        file["s/m"] = M[None, :]
+        file["X"] = np.column_stack([A, T]).T
+        file["#refs#/a"] = [1.0]
+    data = bytearray(buffer.getvalue())
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64"
+    data[: len(header)] = header
+    return bytes(data)
+
+
+def hdf5() -> bytes:
+    h5py = pytest.importorskip("h5py")
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file["run/t"] = T
+        file["run/s/m"] = M
+        file["run/X"] = np.column_stack([A, T])
+        file["other/t"] = T * 2
+        file["pair"] = np.array(list(zip(M, A, strict=True)), dtype=[("m", "f8"), ("a", "f8")])
+        file["title"] = "bench"
+    return buffer.getvalue()
+
+
+def npz() -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, t=T, m=M, X=np.column_stack([A, T]))
+    return buffer.getvalue()
+
+
+def data_set_58(values, node, direction, label, name="NONE", binary=False, double=True) -> bytes:
+    """Write one function at a nodal degree of freedom from the format's description (SDRC, data set 58)."""
+    kind = f"b{1:6d}{2:6d}{11:12d}{values.size * (8 if double else 4):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    axis = "{:10d}    0    0    0 {:<20s} {:<20s}"
+    lines = [
+        f"{-1:6d}",
+        f"{58:6d}" + (kind if binary else ""),
+        *(f"{text:<80s}" for text in (name, "NONE", "NONE", "NONE", "NONE")),
+        f"{1:5d}{0:10d}{0:5d}{0:10d} {'NONE':>10s}{node:10d}{direction:4d} {'NONE':>10s}{0:10d}{0:4d}",
+        f"{4 if double else 2:10d}{values.size:10d}{1:10d}{0:13.5E}{T[1]:13.5E}{0:13.5E}",
+        axis.format(17, "Time", "s"),
+        axis.format(0, label, "NONE"),
+        axis.format(0, "NONE", "NONE"),
+        axis.format(0, "NONE", "NONE"),
+    ]
+    head = "\n".join(lines).encode() + b"\n"
+    if binary:
+        return head + values.astype("<f8" if double else "<f4").tobytes() + f"\n{-1:6d}\n".encode()
+    width, fields = ("20.12E", 4) if double else ("13.5E", 6)
+    rows = [values[place : place + fields] for place in range(0, values.size, fields)]
+    body = "\n".join("".join(f"{value:{width}}" for value in row) for row in rows)
+    return head + body.encode() + f"\n{-1:6d}\n".encode()
+
+
+def uff(binary: bool, double: bool = True) -> bytes:
+    pytest.importorskip("pyuff")
+    functions = [(M, 12, 6, "Moment", "NONE"), (A, 12, 6, "Angle", "NONE"), (T, 3, -2, "Force", "hammer")]
+    return b"".join(data_set_58(*function, binary=binary, double=double) for function in functions)
+
+
+def tdms() -> bytes:
+    nptdms = pytest.importorskip("nptdms")
+    buffer = io.BytesIO()
+    clock = {"wf_increment": T[1], "wf_start_offset": 0.0}
+    with nptdms.TdmsWriter(buffer) as writer:
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("bench", "m", M, properties=clock),
+                nptdms.ChannelObject("bench", "a", A, properties=clock),
+                nptdms.ChannelObject("slow", "temperature", T[:8], properties={"wf_increment": 1.0}),
+            ]
+        )
+    return buffer.getvalue()
+
+
+def text(delimiter: str) -> bytes:
+    rows = zip(T.tolist(), M.tolist(), A.tolist(), strict=True)
+    return "\n".join([delimiter.join("tma"), *(delimiter.join(map(repr, row)) for row in rows)]).encode()
+
+
+# ending, bytes, and what t, M and A are called there
+FORMATS = {
+    "csv": (lambda folder: text(","), ["t", "m", "a"]),
+    "tsv": (lambda folder: text("\t"), ["t", "m", "a"]),
+    "txt": (lambda folder: text(" "), ["t", "m", "a"]),
+    "dat": (lambda folder: text(";"), ["t", "m", "a"]),
+    "parquet": (lambda folder: parquet(), ["t", "m", "a"]),
+    "feather": (lambda folder: feather(), ["t", "m", "a"]),
+    "mat": (lambda folder: mat5(), ["t", "s.m", "X(:,1)"]),
+    "h5": (lambda folder: hdf5(), ["run/t", "run/s/m", "run/X[:,0]"]),
+    "hdf5": (lambda folder: hdf5(), ["other/t", "pair/m", "pair/a"]),
+    "npz": (lambda folder: npz(), ["t", "m", "X[:,0]"]),
+    "uff": (lambda folder: uff(False), ["time", "12:+RZ Moment", "12:+RZ Angle"]),
+    "unv": (lambda folder: uff(True), ["time", "12:+RZ Moment", "12:+RZ Angle"]),
+    "tdms": (lambda folder: tdms(), ["time", "bench/m", "bench/a"]),
+}
+
+
+def stored(ending: str, folder, data: bytes | None = None):
+    path = folder / f"run.{ending}"
+    path.write_bytes(FORMATS[ending][0](folder) if data is None else data)
+    return path
+
+
+def test_every_reader_is_tested():
+    assert {f".{ending}" for ending in FORMATS} == set(READERS)
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_the_same_numbers_come_back(ending, tmp_path):
+    table, sha256 = read_table(stored(ending, tmp_path))
+    time, moment, angle = table.columns(FORMATS[ending][1])
+    if ending == "hdf5":
+        time = time / 2
+    # Text of data set 58 holds twelve digits; everything else holds all bits.
+    tolerance = 1e-11 if ending == "uff" else 0
+    np.testing.assert_allclose(time, T, rtol=1e-15 if ending in ("uff", "unv", "tdms") else 0)
+    np.testing.assert_allclose(moment, M, rtol=tolerance)
+    np.testing.assert_allclose(angle, A, rtol=tolerance)
+    assert len(sha256) == 64
+    assert all(values.dtype == np.float64 for values in (time, moment, angle))
+
+
+def test_mat_v73(tmp_path):
+    table, _ = read_table(stored("mat", tmp_path, mat73()))
+    time, moment, angle = table.columns(["t", "s.m", "X(:,1)"])
+    np.testing.assert_array_equal([time, moment, angle], [T, M, A])
+    assert "#refs#.a" not in table.names
+
+
+def test_names_without_their_group_where_they_are_unique(tmp_path):
+    table, _ = read_table(stored("h5", tmp_path))
+    np.testing.assert_array_equal(table.columns(["X[:,0]"])[0], A)
+    with pytest.raises(InputError, match="column 't' is missing; .*columns there: "):
+        table.columns(["t"])
+    table, _ = read_table(stored("mat", tmp_path))
+    np.testing.assert_array_equal(table.columns(["m"])[0], M)
+
+
+def test_universal_file_names(tmp_path):
+    table, _ = read_table(stored("uff", tmp_path))
+    np.testing.assert_allclose(table.columns(["hammer"])[0], table.columns(["3:-Y"])[0])
+    with pytest.raises(InputError, match=r"column '12:\+RZ' is missing; did you mean '12:\+RZ "):
+        table.columns(["12:+RZ"])
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_universal_file_in_single_precision(binary, tmp_path):
+    table, _ = read_table(stored("uff", tmp_path, uff(binary, double=False)))
+    np.testing.assert_allclose(table.columns(["12:+RZ Moment"])[0], M, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_universal_file_with_lost_values(binary, tmp_path):
+    data = uff(binary).replace(f"{SAMPLES:10d}".encode(), b"       500")
+    with pytest.raises(
+        InputError, match="function 1 announces 500 values and holds 64; the file may be truncated"
+    ):
+        read_table(stored("uff", tmp_path, data))
+
+
+def test_tdms_channels_of_different_clocks(tmp_path):
+    table, _ = read_table(stored("tdms", tmp_path))
+    with pytest.raises(InputError, match="no common sampling interval; declare .channels. rate"):
+        table.columns(["time", "m", "temperature"])
+
+
+def test_npz_never_unpickles(tmp_path):
+    class Evil:
+        def __reduce__(self):
+            return (builtins.exec, ("raise SystemExit('unpickled')",))
+
+    path = tmp_path / "run.npz"
+    np.savez(path, t=np.array([Evil()], dtype=object))
+    with pytest.raises(InputError, match="cannot be read as NPZ .*Object arrays"):
+        read_table(path)
+
+
+def test_parquet_null_is_named_with_its_row(tmp_path):
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table({"m": [1.0, None, 3.0], "i": [1, None, 3], "s": ["a", "b", "c"]}), path)
+    table, _ = read_table(path)
+    with pytest.raises(InputError, match="column 'm' holds nan in row 2; remove or repair"):
+        table.columns(["m"])
+    with pytest.raises(InputError, match="column 'i' holds nan in row 2"):
+        table.columns(["i"])
+    with pytest.raises(InputError, match="column 's' holds .*; real numbers are wanted"):
+        table.columns(["s"])
+
+
+@pytest.mark.parametrize("ending", ["parquet", "feather", "mat", "h5", "npz", "uff", "tdms"])
+@pytest.mark.parametrize("damage", ["empty", "rubbish", "text", "half", "head"])
+def test_damaged_file_is_refused_in_one_line(ending, damage, tmp_path):
+    whole = FORMATS[ending][0](tmp_path)
+    data = {
+        "empty": b"",
+        "rubbish": np.random.default_rng(5).integers(0, 256, 3000, dtype=np.uint8).tobytes(),
+        "text": b"t,m,a\n1,2,3\n" * 20,
+        "half": whole[: len(whole) // 2],
+        "head": whole[:40],
+    }[damage]
+    path = stored(ending, tmp_path, data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(SindyJointError) as caught:
+            read_table(path)[0].columns(FORMATS[ending][1])
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "feather", "mat", "h5", "npz", "uff", "tdms"])
+def test_damage_anywhere_is_read_or_refused(ending, tmp_path):
+    # Seed 6: forty files with one to three bytes changed. A changed digit may pass; a traceback may not.
+    whole = FORMATS[ending][0](tmp_path)
+    rng = np.random.default_rng(6)
+    for _ in range(40):
+        data = bytearray(whole)
+        for place in rng.integers(0, len(data), rng.integers(1, 4)):
+            data[place] = rng.integers(0, 256)
+        try:
+            read_table(stored(ending, tmp_path, bytes(data)))[0].columns(FORMATS[ending][1])
+        except SindyJointError as error:
+            assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize(
+    ("ending", "module", "package"),
+    [
+        ("parquet", "pyarrow", "pyarrow"),
+        ("feather", "pyarrow", "pyarrow"),
+        ("h5", "h5py", "h5py"),
+        ("uff", "pyuff", "pyuff"),
+        ("tdms", "nptdms", "npTDMS"),
+    ],
+)
+def test_missing_library_names_the_extra(ending, module, package, tmp_path, monkeypatch):
+    path = stored(ending, tmp_path)
+    original = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name.split(".")[0] == module:
+            raise ImportError(f"No module named {name!r}")
+        return original(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    wanted = rf'needs {package}; run: pip install "sindyjoint\[formats\]"'
+    with pytest.raises(MissingExtraError, match=wanted):
+        read_table(path)
+
+
+def test_unknown_ending(tmp_path):
+    path = tmp_path / "run.xlsx"
+    path.write_bytes(b"x")
+    with pytest.raises(
+        InputError, match=r"run.xlsx: ending '.xlsx' is unknown; wanted is one of csv, tsv, txt"
+    ):
+        read_table(path)
+
+
+def test_truncated_mat_through_the_campaign(tmp_path):
+    stored("mat", tmp_path, mat5()[:700])
+    (tmp_path / "campaign.toml").write_text(
+        '[channels]\nrate = "128 Hz"\nmoment = { column = "s.m", unit = "N*m" }\n'
+        'angle = { column = "X(:,1)", unit = "rad" }\n[[run]]\nfile = "run.mat"\n'
+    )
+    with pytest.raises(InputError, match=r"run.mat: (cannot be read as MATLAB|column .* is missing)"):
+        load_campaign(tmp_path)
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_campaign_in_every_format(ending, tmp_path):
+    stored(ending, tmp_path)
+    time, moment, angle = FORMATS[ending][1]
+    (tmp_path / "campaign.toml").write_text(
+        f'[channels]\ntime = {{ column = "{time}", unit = "s" }}\n'
+        f'moment = {{ column = "{moment}", unit = "N*m" }}\n'
+        f'angle = {{ column = "{angle}", unit = "rad" }}\n[[run]]\nfile = "run.{ending}"\n'
+    )
+    run = load_campaign(tmp_path).runs[0]
+    np.testing.assert_allclose(run.moment, M, rtol=1e-11)
+    assert run.sample_rate == (64.0 if ending == "hdf5" else 128.0)
