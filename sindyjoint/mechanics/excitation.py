@@ -75,6 +75,26 @@ class Excitation:
             return values[2] * fade[0] + 2 * values[1] * fade[1] + values[0] * fade[2]
         return values[order] * fade[0] + (values[0] * fade[1] if order else 0.0)
 
+    def mean(self, start: ArrayLike, stop: ArrayLike) -> Array:
+        """Return the exact mean over each time from `start` to `stop`, for an excitation without ramp or period."""
+        if self.periodic or self.ramp:
+            raise InputError(
+                "means are known of excitations without a period and without a ramp; sample it first"
+            )
+        c = self.pieces * self.scale
+        whole = np.concatenate([[0.0], np.cumsum(c @ [1, 1 / 2, 1 / 3, 1 / 4])]) * self.step
+        last = c[-1].sum()
+
+        def integral(t: ArrayLike) -> Array:
+            u = np.maximum(np.asarray(t, dtype=np.float64) / self.step, 0.0)
+            piece = np.minimum(np.floor(u), len(c) - 1).astype(int)
+            r = np.minimum(u - piece, 1.0)
+            c0, c1, c2, c3 = np.moveaxis(c[piece], -1, 0)
+            part = r * (c0 + r * (c1 / 2 + r * (c2 / 3 + r * c3 / 4))) * self.step
+            return whole[piece] + part + last * np.maximum(u - len(c), 0.0) * self.step
+
+        return (integral(stop) - integral(start)) / (np.asarray(stop) - np.asarray(start))
+
     def scaled(self, factor: float) -> Excitation:
         """Return the same excitation times a factor."""
         return replace(self, scale=self.scale * factor)

@@ -1,0 +1,97 @@
+"""Euler–Bernoulli beams: element matrices and sections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def element_stiffness(bending_stiffness: float, length: float) -> Array:
+    """Stiffness of a beam element for (w₁, φ₁, w₂, φ₂), shape (4, 4).
+
+    Cubic Hermite shape functions (Przemieniecki, Theory of Matrix Structural Analysis, 1968, section 5.6);
+    exact for loads at the nodes.
+
+    Parameters
+    ----------
+    bending_stiffness : float
+        E·I, N·m².
+    length : float
+        m.
+    """
+    a = length
+    shape = [[12, 6 * a, -12, 6 * a], [6 * a, 4 * a * a, -6 * a, 2 * a * a]]
+    shape += [[-12, -6 * a, 12, -6 * a], [6 * a, 2 * a * a, -6 * a, 4 * a * a]]
+    return bending_stiffness / a**3 * np.array(shape)
+
+
+def element_mass(mass_per_length: float, length: float) -> Array:
+    """Consistent mass of a beam element for (w₁, φ₁, w₂, φ₂), shape (4, 4).
+
+    Parameters
+    ----------
+    mass_per_length : float
+        kg/m.
+    length : float
+        m.
+    """
+    a = length
+    shape = [[156, 22 * a, 54, -13 * a], [22 * a, 4 * a * a, 13 * a, -3 * a * a]]
+    shape += [[54, 13 * a, 156, -22 * a], [-13 * a, -3 * a * a, -22 * a, 4 * a * a]]
+    return mass_per_length * a / 420 * np.array(shape)
+
+
+def rectangular_section(
+    youngs_modulus: float, density: float, width: float, height: float
+) -> tuple[float, float]:
+    """Bending stiffness E·b·h³/12, N·m², and mass per length ρ·b·h, kg/m, of a rectangle bent over its height."""
+    return youngs_modulus * width * height**3 / 12, density * width * height
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A uniform straight beam.
+
+    Parameters
+    ----------
+    name : str
+    length : float
+        m.
+    bending_stiffness : float
+        E·I, N·m².
+    mass_per_length : float
+        kg/m.
+    elements : int
+    loss_factor : float
+        Material loss factor η; twice the damping ratio of the structure's first mode as far as this beam is bent.
+
+    Raises
+    ------
+    InputError
+        For a length, stiffness or mass that is not positive, no elements, or a negative loss factor.
+    """
+
+    name: str
+    length: float
+    bending_stiffness: float
+    mass_per_length: float
+    elements: int = 8
+    loss_factor: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("length", "bending_stiffness", "mass_per_length"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(
+                    f"beam {self.name!r}: {name} is {value!r}; a finite number above zero is wanted"
+                )
+        if self.elements < 1:
+            raise InputError(f"beam {self.name!r}: elements is {self.elements!r}; at least one is wanted")
+        if not (np.isfinite(self.loss_factor) and 0 <= self.loss_factor < 1):
+            raise InputError(f"beam {self.name!r}: loss_factor is {self.loss_factor!r}; 0 up to 1 is wanted")

@@ -1,0 +1,270 @@
+"""A chain of beams, joints and lumped masses on a base, assembled and reduced.
+
+The unknowns are deflections w, rotations φ, and the angle θ of every joint: the rotation behind a joint is
+φ + θ. So the joint angles are coordinates of their own, and a joint that sticks is a coordinate that rests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, eigh
+
+from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.mechanics.beam import Beam, element_mass, element_stiffness
+from sindyjoint.mechanics.laws import Law
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A joint in a chain: a law and what its hardware weighs.
+
+    Parameters
+    ----------
+    name : str
+    law : Law
+        Its transfer moment acts on the angle; its own inertia belongs to the test rig and is not used here.
+    mass : float
+        kg.
+    inertia : float
+        kg·m², on the side away from the base.
+    """
+
+    name: str
+    law: Law
+    mass: float = 0.0
+    inertia: float = 0.0
+
+
+@dataclass(frozen=True)
+class LumpedMass:
+    """A rigid mass at a place of the chain; kg and kg·m²."""
+
+    name: str
+    mass: float
+    inertia: float = 0.0
+
+
+Item = Beam | Hinge | LumpedMass
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Matrices of an assembled chain; the joint angles are the first coordinates.
+
+    Parameters
+    ----------
+    mass, stiffness, loss : ndarray, shape (n, n)
+        Without the joints' own moments; `loss` is the stiffness weighted with the beams' loss factors.
+    hinges : tuple of Hinge
+    points : dict of str to ndarray, shape (n,)
+        How the deflection at each named point follows from the coordinates.
+    """
+
+    mass: Array
+    stiffness: Array
+    loss: Array
+    hinges: tuple[Hinge, ...]
+    points: dict[str, Array]
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.hinges)
+
+    def tangent_stiffness(self) -> Array:
+        """Stiffness of each joint at rest in the middle, N·m/rad, shape (n_joints,)."""
+        return np.array([_tangent(hinge.law) for hinge in self.hinges])
+
+    def frequencies(self, count: int = 6, locked: bool = False) -> Array:
+        """Natural frequencies, Hz, with the joints' stiffness at rest or with locked joints.
+
+        Parameters
+        ----------
+        count : int
+        locked : bool
+        """
+        j = self.n_joints
+        mass, stiffness = self.mass, self.stiffness.copy()
+        stiffness[np.arange(j), np.arange(j)] += self.tangent_stiffness()
+        if locked:
+            mass, stiffness = mass[j:, j:], stiffness[j:, j:]
+        count = min(count, len(mass))
+        values = eigh(stiffness, mass, subset_by_index=[0, count - 1], eigvals_only=True)
+        if values[0] <= 0:
+            raise InputError(
+                f"the chain is no structure: its softest motion has stiffness {values[0]:.3g} s⁻² per unit mass; a "
+                "joint without stiffness needs a beam or base that holds what is behind it"
+            )
+        return np.sqrt(values) / (2 * np.pi)
+
+    def point(self, name: str) -> Array:
+        """Row of a named point."""
+        try:
+            return self.points[name]
+        except KeyError:
+            raise UnknownNameError(
+                f"point {name!r} is not in the chain; wanted: {', '.join(self.points)}"
+            ) from None
+
+
+def _tangent(law: Law) -> float:
+    # Central difference over an angle far below anything a joint is tested at.
+    step, rest = 1e-7, np.zeros(2)
+    state = np.zeros((law.n_states, 2))
+    low, high = law.moment(np.array([-step, step]), rest, rest, state)
+    return float(high - low) / (2 * step)
+
+
+class _Assembly:
+    """Collects element matrices; a local freedom is a sum of unknowns."""
+
+    def __init__(self, size: int):
+        self.mass, self.stiffness, self.loss = (np.zeros((size, size)) for _ in range(3))
+
+    def add(self, target: Array, element: Array, freedoms: Sequence[Sequence[int]]) -> None:
+        for a, row in zip(freedoms, element, strict=True):
+            for b, value in zip(freedoms, row, strict=True):
+                for i in a:
+                    for k in b:
+                        target[i, k] += value
+
+
+def _check_chain(items: Sequence[Item]) -> None:
+    kinds = [type(item) for item in items]
+    if Beam not in kinds:
+        raise InputError("the chain has no beam; at least one is wanted")
+    if kinds[0] is LumpedMass:
+        raise InputError(
+            f"the chain begins with mass {items[0].name!r} at the base; begin with a beam or a joint"
+        )
+    for before, item in zip(items, [*items[1:], None], strict=True):
+        following = getattr(item, "name", None)
+        if isinstance(before, Hinge) and not isinstance(item, Beam):
+            what = f"{following!r}" if item is not None else "nothing"
+            raise InputError(
+                f"the chain is disconnected: joint {before.name!r} is followed by {what}; a beam is wanted behind it"
+            )
+    names = [item.name for item in items]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice or "tip" in names:
+        raise InputError(
+            f"name(s) {', '.join(twice or ['tip'])} used twice in the chain; give each part its own"
+        )
+    for item in items:
+        if not isinstance(item, Beam):
+            for name in ("mass", "inertia"):
+                value = getattr(item, name)
+                if not (np.isfinite(value) and value >= 0):
+                    raise InputError(
+                        f"{item.name!r}: {name} is {value!r}; a number that is not negative is wanted"
+                    )
+
+
+def assemble(items: Sequence[Item], clamp_stiffness: float = np.inf) -> Structure:
+    """Assemble a chain from the base to its free end.
+
+    Parameters
+    ----------
+    items : sequence of Beam, Hinge, LumpedMass
+        In order from the base.
+    clamp_stiffness : float
+        Rotational stiffness of the base, N·m/rad; infinite for a rigid clamp.
+
+    Raises
+    ------
+    InputError
+        For a chain that does not hang together, or a negative stiffness.
+    """
+    _check_chain(items)
+    if not clamp_stiffness > 0:
+        raise InputError(f"clamp_stiffness is {clamp_stiffness!r}; a number above zero, or inf, is wanted")
+    hinges = tuple(item for item in items if isinstance(item, Hinge))
+    soft_clamp = np.isfinite(clamp_stiffness)
+    size = len(hinges) + 2 * sum(item.elements for item in items if isinstance(item, Beam)) + soft_clamp
+    built = _Assembly(size)
+    free = iter(range(len(hinges), size))
+    joints = iter(range(len(hinges)))
+    w: list[int] = []
+    phi: list[int] = [next(free)] if soft_clamp else []
+    if soft_clamp:
+        built.stiffness[phi[0], phi[0]] += clamp_stiffness
+    points: dict[str, Array] = {}
+
+    def mark(name: str) -> None:
+        points[name] = np.zeros(size)
+        points[name][w] = 1.0
+
+    for item in items:
+        if isinstance(item, Beam):
+            length = item.length / item.elements
+            stiffness = element_stiffness(item.bending_stiffness, length)
+            mass = element_mass(item.mass_per_length, length)
+            for _ in range(item.elements):
+                ahead = [next(free)], [next(free)]
+                freedoms = [w, phi, *ahead]
+                built.add(built.stiffness, stiffness, freedoms)
+                built.add(built.loss, item.loss_factor * stiffness, freedoms)
+                built.add(built.mass, mass, freedoms)
+                w, phi = ahead
+        else:
+            if isinstance(item, Hinge):
+                phi = [*phi, next(joints)]
+            built.add(built.mass, np.diag([item.mass, item.inertia]), [w, phi])
+        mark(item.name)
+    mark("tip")
+    return Structure(built.mass, built.stiffness, built.loss, hinges, points)
+
+
+def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) -> Structure:
+    """Reduce a structure to its joint angles, the named points and fixed-interface modes.
+
+    Craig & Bampton, AIAA Journal 6(7), 1968: static shapes for each kept coordinate, and the lowest modes with all
+    of them held.
+
+    Parameters
+    ----------
+    structure : Structure
+    points : sequence of str
+        Where forces act and motion is asked for.
+    modes : int
+
+    Returns
+    -------
+    Structure
+        Coordinates: joint angles, deflections at the points, modes.
+    """
+    rows = np.stack([structure.point(name) for name in dict.fromkeys(points)]) if points else np.zeros((0, 0))
+    n = len(structure.mass)
+    if len(points) and not np.all(rows.sum(axis=1)):
+        still = [name for name in points if not structure.point(name).any()]
+        raise InputError(f"point(s) {', '.join(still)} do not move: they sit at the base")
+    kept = np.concatenate(
+        [np.arange(structure.n_joints), np.argmax(rows, axis=1) if len(points) else []]
+    ).astype(int)
+    kept = np.array(list(dict.fromkeys(kept.tolist())), dtype=int)
+    inner = np.setdiff1d(np.arange(n), kept)
+    k_inner, m_inner = structure.stiffness[np.ix_(inner, inner)], structure.mass[np.ix_(inner, inner)]
+    basis = np.zeros((n, len(kept) + min(modes, len(inner))))
+    basis[kept, np.arange(len(kept))] = 1.0
+    if len(inner):
+        held = cho_factor(k_inner)
+        basis[inner, : len(kept)] = -cho_solve(held, structure.stiffness[np.ix_(inner, kept)])
+        count = min(modes, len(inner))
+        _, shapes = eigh(k_inner, m_inner, subset_by_index=[0, count - 1])
+        basis[inner, len(kept) :] = shapes
+
+    def project(matrix: Array) -> Array:
+        reduced = basis.T @ matrix @ basis
+        return (reduced + reduced.T) / 2
+
+    reduced_points: Mapping[str, Array] = {name: row @ basis for name, row in structure.points.items()}
+    return Structure(
+        project(structure.mass), project(structure.stiffness), project(structure.loss), structure.hinges,
+        dict(reduced_points),
+    )  # fmt: skip
