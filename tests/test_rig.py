@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sindyjoint.errors import InputError
@@ -13,7 +13,7 @@ signals = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=5).map(np.array)
 
 
 def test_equation_1_rejects_axial_strain_and_temperature():
-    # Bending gives +ε, +ε, −ε, −ε; axial strain and temperature give all four the same, which the bridge cancels.
+    # Bending gives +ε, +ε, −ε, −ε; axial strain and temperature give all four the same, and cancel.
     axial = 7e-5
     bridge = full_bridge_strain([2e-5 + axial], [2e-5 + axial], [-2e-5 + axial], [-2e-5 + axial])
     np.testing.assert_allclose(bridge, [2e-5], rtol=1e-12)
@@ -35,6 +35,7 @@ def test_base_motion_drops_out():
     np.testing.assert_allclose(rig.angle(spots), theta, rtol=1e-10)
 
 
+@settings(deadline=None)
 @given(positive, positive, positive, positive, signals)
 def test_backwards_then_forwards_returns_the_signal(stiffness, height, length, factor, signal):
     rig = SensorRig(stiffness, height, length, factor)

@@ -162,7 +162,7 @@ class RunReader:
 
     def _equally_long(self, names: list[Column], columns: dict[Column, Array], factor: float) -> list[Array]:
         self._refuse_lengths({str(name): columns[name].size for name in names})
-        return [columns[name] * factor for name in names]
+        return [_scaled(columns[name], factor, 0.0, f"{self.table.path}: column {name!r}") for name in names]
 
     def _timed(
         self, signals: dict[str, Array], columns: dict[Column, Array]
@@ -173,9 +173,10 @@ class RunReader:
         if axis is None:
             self._refuse_lengths(sizes)
             return signals, self._declared_rate()
-        time = columns[axis.column] * conversion(axis.unit, "s", f"{self.manifest}: [channels] time")
-        self._refuse_lengths({"time": time.size} | sizes)
         where = f"{self.table.path}: column {axis.column!r}"
+        factor = conversion(axis.unit, "s", f"{self.manifest}: [channels] time")
+        time = _scaled(columns[axis.column], factor, 0.0, where)
+        self._refuse_lengths({"time": time.size} | sizes)
         check_order(time, where, self.table.row)
         try:
             return signals, uniform_rate(time, where, self.table.row)
@@ -223,7 +224,7 @@ class RunReader:
         n = signals["angle"].size
         if n <= 4 * lost:
             raise InputError(
-                f"{self.manifest}: [channels] skew: removing {self.channels.skew!r} takes {lost} samples "
+                f"{self.manifest}: [channels] skew: removing {self.channels.skew!r} takes {float(lost):.6g} samples "
                 f"from either end of {self.table.path.name}, which has {n}"
             )
         return {
@@ -237,4 +238,15 @@ def _measured(channel: Channel, columns: dict[Column, Array], unit: str, where: 
     assert channel.column is not None and channel.unit is not None
     factor = conversion(channel.unit, unit, where, channel.gain)
     offset = 0.0 if channel.offset is None else parse_quantity(channel.offset, unit, f"{where}.offset")
-    return columns[channel.column] * factor + offset
+    return _scaled(columns[channel.column], factor, offset, where)
+
+
+def _scaled(values: Array, factor: float, offset: float, where: str) -> Array:
+    """Return values in SI units, or refuse those that grow beyond what a float64 holds."""
+    with np.errstate(over="ignore"):
+        scaled = values * factor + offset
+    if not np.all(np.isfinite(scaled)):
+        raise InputError(
+            f"{where}: values up to {np.max(np.abs(values)):g} are too large in SI; check the unit"
+        )
+    return scaled

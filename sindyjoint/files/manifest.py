@@ -6,6 +6,7 @@ The models hold what the person wrote; units become SI in ``campaign.py``.
 from __future__ import annotations
 
 import difflib
+import os
 import tomllib
 from pathlib import Path
 from typing import Any, Literal
@@ -203,13 +204,14 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
         For a file that is not TOML, or not a campaign; the message names file and field.
     """
     file = Path(path)
-    if file.is_dir():
+    # os.path says no where pathlib raises: names too long, folders that may not be entered.
+    if os.path.isdir(file):
         if not (file / MANIFEST_NAME).is_file():
             raise MissingInputError(
                 f"folder {str(path)!r} holds no {MANIFEST_NAME}; write one, or give its path"
             )
         file = file / MANIFEST_NAME
-    if not file.exists():
+    if not os.path.exists(file):
         raise MissingInputError(
             f"{str(path)!r} does not exist; a {MANIFEST_NAME}, or a folder with one, is wanted"
         )

@@ -107,7 +107,12 @@ def conversion(unit: str, wanted: str, where: str, gain: str | None = None) -> f
         raise UnitError(
             f"{where}: {given} is not {QUANTITIES[wanted].split(',')[0]}; wanted is {QUANTITIES[wanted]}"
         )
-    return number * (factor / wanted_factor)
+    result = number * (factor / wanted_factor)
+    if not (math.isfinite(result) and result != 0):
+        raise UnitError(
+            f"{where}: unit {unit!r} with gain {gain!r} gives the factor {result}; it wipes out the data"
+        )
+    return result
 
 
 def parse_quantity(text: str, wanted: str, where: str) -> float:

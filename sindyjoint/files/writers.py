@@ -108,7 +108,9 @@ def _file_names(names: list[str], format: str) -> list[str]:
     taken: set[str] = set()
     files = []
     for name in names:
-        stem = re.sub(r"[^\w.+=-]+", "-", name).strip(".-")[:100] or "run"
+        clean = re.sub(r"[^\w.+=-]+", "-", name).strip(".-")
+        # File systems count bytes.
+        stem = clean.encode()[:100].decode(errors="ignore") or "run"
         file, count = f"{stem}.{format}", 1
         while file.lower() in taken:
             count += 1

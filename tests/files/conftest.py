@@ -62,6 +62,10 @@ class Bench:
         (self.folder / name).write_bytes(data)
         return self
 
+    def table(self, columns: dict[str, np.ndarray]) -> Bench:
+        """Write run.csv from columns."""
+        return self.csv(csv_text(columns))
+
     def line(self, number: int, text: str) -> Bench:
         """Replace one line of run.csv, counted from 1."""
         lines = csv_text(self.columns).split("\n")

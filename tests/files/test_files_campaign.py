@@ -97,9 +97,7 @@ def test_raw_gauges_through_equations_1_to_3(bench):
         "d2": 3 * a,
         "d3": a / 2,
     }
-    from conftest import csv_text
-
-    bench.csv(csv_text(columns)).manifest(
+    bench.table(columns).manifest(
         """
         [channels]
         time = { column = "t", unit = "s" }
@@ -126,15 +124,17 @@ BAD_LINES = [
     (9, "0.035,abc,0.1", "line 9: column 'm' holds 'abc'; a number is wanted"),
     (9, "0.035,,0.1", "line 9: column 'm' is blank; a number is wanted"),
     (9, "0.035,0.1,", "line 9: column 'a' is blank; a number is wanted"),
+    (9, "0.035,1_000,0.1", "line 9: column 'm' holds '1_000'; a number is wanted"),
+    (9, "0.035,'0.1,0.1", """line 9: column 'm' holds "'0.1"; a number is wanted"""),
     (9, "0.035,nan,0.1", "column 'm' holds nan in line 9; remove or repair"),
     (9, "0.035,0.1,inf", "column 'a' holds inf in line 9"),
     (9, "0.035,0.1,-1e999", "column 'a' holds -inf in line 9"),
-    (9, "0.035,0.1", "line 9 has 2 fields and the header has 3"),
-    (9, "0.035,0.1,0.2,0.3", "line 9 has 4 fields and the header has 3"),
+    (9, "0.035,0.1", "line 9 has 2 fields and line 1 has 3; equal numbers are wanted"),
+    (9, "0.035,0.1,0.2,0.3", "line 9 has 4 fields and line 1 has 3"),
     (9, "0.029,0.1,0.2", "column 't': time runs backwards in line 9 (0.029 s after 0.03 s)"),
     (9, "0.03,0.1,0.2", "column 't': duplicate time stamp in line 9 (0.03 s after 0.03 s)"),
     (9, "0.0353,0.1,0.2", "sampling is irregular beyond 1 %, most in line 9"),
-    (1, "t,m,m,a", "line 2 has 3 fields and the header has 4"),
+    (1, "t,m,m,a", "line 2 has 3 fields and line 1 has 4"),
     (1, "t,a,a", "column 'm' is missing"),
     (1, "t,m,angle", "column 'a' is missing; columns there: 't', 'm', 'angle'"),
     (1, "t,M,a", "column 'm' is missing"),
@@ -232,9 +232,7 @@ def test_resampling_is_offered_and_works(bench):
     t = bench.columns["t"].copy()
     t[1:-1] += np.random.default_rng(3).uniform(-0.1, 0.1, size=t.size - 2) / 200
     phase = 2 * np.pi * 4 * t
-    from conftest import csv_text
-
-    bench.csv(csv_text({"t": t, "m": 5 * np.sin(phase), "a": np.sin(phase - 0.3)}))
+    bench.table({"t": t, "m": 5 * np.sin(phase), "a": np.sin(phase - 0.3)})
     assert "set [channels] resample = true" in refusal(bench)
     bench.manifest(
         (bench.folder / "campaign.toml").read_text().replace("[channels]", "[channels]\nresample = true")
@@ -260,9 +258,7 @@ def test_declared_skew_is_removed(bench):
     # The moment lags by 1.7 ms, a third of a sample: 5 sin(ω(t − τ)) is recorded, 5 sin ωt is wanted.
     t = np.arange(2000) / 200.0
     omega, tau = 2 * np.pi * 4, 1.7e-3
-    from conftest import csv_text
-
-    bench.csv(csv_text({"t": t, "m": 5 * np.sin(omega * (t - tau)), "a": np.sin(omega * t)}))
+    bench.table({"t": t, "m": 5 * np.sin(omega * (t - tau)), "a": np.sin(omega * t)})
     bench.manifest(
         (bench.folder / "campaign.toml").read_text().replace("[channels]", '[channels]\nskew = "1.7 ms"')
     )
@@ -307,4 +303,29 @@ def test_blank_separated_tables(bench, text):
 def test_text_in_a_column_that_nobody_asks_for(bench):
     lines = (bench.folder / "run.csv").read_text().strip().split("\n")
     bench.csv("\n".join([lines[0] + ",remark,", *(line + ",ok," for line in lines[1:])]))
+    np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])
+
+
+def test_values_beyond_float64_in_si(bench):
+    bench.replace('unit = "N*m"', 'unit = "kN*m"').line(9, "0.035,1e308,0.1")
+    with pytest.raises(
+        SindyJointError, match="moment: values up to 1e[+]308 are too large in SI; check the unit"
+    ):
+        bench.load()
+
+
+def test_a_preamble_is_pointed_at(bench):
+    text = (bench.folder / "run.csv").read_text()
+    bench.csv(f"Test rig 4\n{text}")
+    assert (
+        "line 2 has 3 fields and line 1 has 1; equal numbers are wanted (put # before lines that"
+        in refusal(bench)
+    )
+    bench.csv(f"# Test rig 4\n{text}")
+    assert bench.load().runs[0].n_samples == 400
+
+
+def test_a_units_row_with_a_blank(bench):
+    lines = (bench.folder / "run.csv").read_text().split("\n")
+    bench.csv("\n".join([lines[0], ",N*m,mrad", *lines[1:]]))
     np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])

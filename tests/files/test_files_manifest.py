@@ -120,6 +120,18 @@ REFUSED = [
     ("[joint]", "[joint", "is not valid TOML: "),
     ('file = "run.csv"', 'file = "rum.csv"', "rum.csv: there is no such file; did you mean 'run.csv'?"),
     ('file = "run.csv"', 'file = "run.xls"', "there is no such file"),
+    ('file = "run.csv"', f'file = "{"x" * 5000}.csv"', "there is no such file"),
+    (
+        'unit = "N*m"',
+        'unit = "V", gain = "0 N*m/V"',
+        "with gain '0 N*m/V' gives the factor 0.0; it wipes out",
+    ),
+    ('unit = "N*m"', 'unit = "V", gain = "1e308 kN*m/uV"', "gives the factor inf; it wipes out the data"),
+    (
+        "[channels]",
+        '[channels]\nskew = "1e300 s"',
+        "skew: removing '1e300 s' takes 2e+302 samples from either end",
+    ),
     ('file = "run.csv"', 'file = "."', "is a folder; a data file is wanted"),
     (
         "[[run]]",
@@ -144,6 +156,8 @@ def test_no_manifest(tmp_path):
         load_campaign(tmp_path / "nothing.toml")
     with pytest.raises(MissingInputError, match=r"folder '.*' holds no campaign.toml"):
         load_campaign(tmp_path)
+    with pytest.raises(MissingInputError, match="does not exist"):
+        load_campaign("y" * 5000)
 
 
 def test_a_data_file_is_no_manifest(bench):

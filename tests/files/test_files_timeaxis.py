@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sindyjoint.errors import InputError
@@ -24,6 +24,7 @@ def test_exact_stamps_give_the_rate(rate, start):
     assert rate_of(start + np.arange(2000) / rate) == pytest.approx(rate, rel=1e-8)
 
 
+@settings(deadline=None)
 @given(
     rate=st.floats(20, 5000),
     digits=st.integers(3, 9),
@@ -88,6 +89,7 @@ def test_order(stamps, message):
         rate_of(stamps)
 
 
+@settings(deadline=None)
 @given(samples=st.floats(-40, 40), frequency=st.floats(0.001, 0.42), phase=st.floats(0, 6.28))
 def test_delay_filter_shifts_a_sine_exactly(samples, frequency, phase):
     # 2e-6 is the ripple that the filter's Kaiser window allows up to 0.43 of the sampling rate.

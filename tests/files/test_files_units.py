@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sindyjoint.errors import UnitError
@@ -118,6 +118,7 @@ def test_bad_quantity_is_refused(text, message):
         parse_quantity(text, "kg*m**2", "f")
 
 
+@settings(deadline=None)  # the first example imports pint
 @given(st.text(max_size=40) | st.from_regex(r"[a-zA-Z0-9*^/() .+-]{0,40}", fullmatch=True))
 def test_any_text_is_a_unit_or_a_unit_error(text):
     try:
@@ -128,6 +129,7 @@ def test_any_text_is_a_unit_or_a_unit_error(text):
         assert math.isfinite(factor)
 
 
+@settings(deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_printed_quantity_reads_back_to_the_bit(value):
     assert parse_quantity(f"{value!r} N*m", "N*m", "x") == value

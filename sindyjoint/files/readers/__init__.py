@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import os
 from importlib import import_module
 from pathlib import Path
 
@@ -52,9 +53,10 @@ def read_table(path: str | Path) -> tuple[Table, str]:
         When the library for this format is not installed.
     """
     file = Path(path)
-    if file.is_dir():
+    # os.path says no where pathlib raises: names too long, folders that may not be entered.
+    if os.path.isdir(file):
         raise InputError(f"{file}: is a folder; a data file is wanted")
-    if not file.exists():
+    if not os.path.exists(file):
         near = difflib.get_close_matches(file.name, _neighbours(file), n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise MissingInputError(f"{file}: there is no such file{hint}")
@@ -75,4 +77,4 @@ def read_table(path: str | Path) -> tuple[Table, str]:
 
 def _neighbours(file: Path) -> list[str]:
     """Return the names of the files beside a missing one."""
-    return [path.name for path in file.parent.iterdir()] if file.parent.is_dir() else []
+    return os.listdir(file.parent) if os.path.isdir(file.parent) else []

@@ -81,7 +81,7 @@ class Table:
             return self.aliases[name]
         near = difflib.get_close_matches(name, self.names, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        shown = ", ".join(repr(known) for known in self.names[:20]) + (
+        shown = ", ".join(f"{known!r:.40}" for known in self.names[:20]) + (
             ", ..." if len(self.names) > 20 else ""
         )
         raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")

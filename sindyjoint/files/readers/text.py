@@ -91,13 +91,13 @@ def _layout(path: Path, text: str) -> _Layout:
     else:
         names, skip = first, 1
         units = _fields(lines[1], delimiter) if len(lines) > 1 else []
-        if len(units) == len(names) and not any(_is_number(field) or not field for field in units):
+        if len(units) == len(names) and any(units) and not any(map(_is_number, units)):
             skip = 2
-    lines, numbers = lines[skip:], numbers[skip:]
+    top, lines, numbers = numbers[0], lines[skip:], numbers[skip:]
     if not lines:
-        raise InputError(f"{path}: has a header ({', '.join(names)}) and no rows of data")
+        raise InputError(f"{path}: has a header ({', '.join(names):.200}) and no rows of data")
     lines = _with_points(lines, delimiter)
-    _check_lengths(path, lines, numbers, len(names), delimiter)
+    _check_lengths(path, lines, numbers, delimiter, len(names), top)
     return _Layout(path, tuple(names), delimiter, lines, numbers)
 
 
@@ -113,12 +113,12 @@ def _delimiter(lines: list[str]) -> str | None:
 
 def _fields(line: str, delimiter: str | None) -> list[str]:
     """Return the fields of one line, without blanks around them; a delimiter at its end opens no field."""
-    if delimiter is None:
-        fields = next(csv.reader([" ".join(line.split())], delimiter=" "))
-    else:
-        fields = [
-            field.strip() for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-        ]
+    text = " ".join(line.split()) if delimiter is None else line
+    try:
+        fields = next(csv.reader([text], delimiter=delimiter or " ", skipinitialspace=True))
+    except csv.Error:  # a field beyond csv's limit of 131 072 letters
+        fields = text.split(delimiter)
+    fields = [field.strip() for field in fields]
     return fields[:-1] if len(fields) > 1 and not fields[-1] else fields
 
 
@@ -127,7 +127,7 @@ def _is_number(field: str) -> bool:
         float(field)
     except ValueError:
         return bool(_DECIMAL_COMMA.fullmatch(field))
-    return True
+    return "_" not in field  # Python's float takes 1_000, tables do not
 
 
 def _with_points(lines: list[str], delimiter: str | None) -> list[str]:
@@ -138,16 +138,17 @@ def _with_points(lines: list[str], delimiter: str | None) -> list[str]:
 
 
 def _check_lengths(
-    path: Path, lines: list[str], numbers: list[int], width: int, delimiter: str | None
+    path: Path, lines: list[str], numbers: list[int], delimiter: str | None, width: int, top: int
 ) -> None:
-    """Refuse rows that are longer or shorter than the header."""
+    """Refuse rows that are longer or shorter than the table's top line."""
     for line, number in zip(lines, numbers, strict=True):
         # Counting delimiters is fast and nearly always enough; quoted or trailing ones need the careful way.
         quick = len(line.split()) if delimiter is None else line.count(delimiter) + 1
         if quick != width and len(_fields(line, delimiter)) != width:
             found = len(_fields(line, delimiter))
             raise InputError(
-                f"{path}: line {number} has {found} fields and the header has {width}; equal numbers wanted"
+                f"{path}: line {number} has {found} fields and line {top} has {width}; equal numbers are "
+                "wanted (put # before lines that belong to no table)"
             )
 
 
