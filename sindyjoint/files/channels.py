@@ -224,8 +224,8 @@ class RunReader:
         n = signals["angle"].size
         if n <= 4 * lost:
             raise InputError(
-                f"{self.manifest}: [channels] skew: removing {self.channels.skew!r} takes {float(lost):.6g} samples "
-                f"from either end of {self.table.path.name}, which has {n}"
+                f"{self.manifest}: [channels] skew: removing {self.channels.skew!r} takes {float(lost):.6g} "
+                f"samples from either end of {self.table.path.name}, which has {n}"
             )
         return {
             name: advanced(values, samples) if name == "moment" else values[lost : n - lost]
