@@ -26,7 +26,7 @@ class _Strict(BaseModel):
 
 
 class ParameterEntry(_Strict):
-    """An inner parameter: a fixed value, or a multiple of the data's largest angle, rate or moment."""
+    """An inner parameter: a positive number, or a multiple of the largest angle, rate or moment of the data."""
 
     name: Line
     unit: Line
@@ -39,8 +39,10 @@ class ParameterEntry(_Strict):
     def _ordered(self) -> ParameterEntry:
         low = self.value if self.lower is None else self.lower
         high = self.value if self.upper is None else self.upper
-        if not low <= self.value <= high:
-            raise ValueError(f"value {self.value:g} lies outside lower = {low:g} … upper = {high:g}")
+        if not 0 < low <= self.value <= high:
+            raise ValueError(
+                f"0 < lower <= value <= upper is wanted; given are {low:g}, {self.value:g}, {high:g}"
+            )
         return self
 
 

@@ -1,8 +1,7 @@
 """From the text of a formula to a sympy expression, node by node from an allow-list.
 
-sympy decides on the way whether parts are real or positive, and on expressions that may be complex it can
-take minutes. So this module keeps its own account of bounds, takes roots and logarithms only of what cannot be
-negative, and works out constants in floating point: what reaches sympy is real and small.
+Every part must be real and finite for every motion before it becomes part of something larger. That keeps
+useless terms out, and it keeps sympy quick: on expressions that may be complex it can take minutes.
 """
 
 from __future__ import annotations
@@ -14,9 +13,8 @@ import warnings
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
-from sindyjoint.discovery import intervals
 from sindyjoint.errors import FormulaError
 
 FUNCTIONS = (
@@ -42,6 +40,7 @@ MAXIMUM_LENGTH = 400
 MAXIMUM_NODES = 80
 MAXIMUM_DEPTH = 20
 MAXIMUM_POWER = 12
+MAXIMUM_ARGUMENTS = 4  # of min and max
 MAXIMUM_NUMBER = 1e30
 
 _CHARACTERS = re.compile(r"[A-Za-z0-9_+\-*/().,\s]*", re.ASCII)
@@ -68,13 +67,6 @@ _SYNTAX = {
     ast.BinOp: "this operation",
     ast.UnaryOp: "this operation",
 }
-
-
-class _Value(NamedTuple):
-    """An expression and the bounds of its value."""
-
-    expression: Any
-    bounds: intervals.Interval
 
 
 def build_expression(text: str, names: Mapping[str, Any], positive: tuple[str, ...]) -> Any:
@@ -113,12 +105,14 @@ def _sympy_functions() -> dict[str, Callable[..., Any]]:
     return functions | {"abs": sympy.Abs, "heaviside": sympy.Heaviside}
 
 
+# Functions of constants are worked out in floating point: sympy would keep towers of exp, or evaluate them
+# exactly.
 _OF_NUMBERS: dict[str, Callable[..., float]] = {
     "abs": abs,
-    "sign": intervals.sign,
+    "sign": lambda x: float((x > 0) - (x < 0)),
     "min": min,
     "max": max,
-    "heaviside": intervals.heaviside,
+    "heaviside": lambda x: 0.5 * (1 + (x > 0) - (x < 0)),
     **{name: getattr(math, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "atan")},
 }
 
@@ -149,12 +143,14 @@ class _Builder:
         import sympy
 
         # doit settles the min and max that were kept as written; what it cannot settle has no finite value.
-        expression = self._node(self._tree(), 0).expression.doit()
+        expression = self._node(self._tree(), 0).doit()
         if expression.has(sympy.I, sympy.nan, sympy.oo, sympy.zoo):
             raise self.refusal("it has no real, finite value")
-        for power in expression.atoms(sympy.Pow):
-            if power.exp.is_number and abs(float(power.exp)) > MAXIMUM_POWER:
-                raise self.refusal(f"its power {power} is beyond {MAXIMUM_POWER}")
+        for part in sympy.postorder_traversal(expression):
+            if part.is_number and not abs(float(part)) <= MAXIMUM_NUMBER:
+                raise self.refusal(f"a number in it is beyond {MAXIMUM_NUMBER:g}")
+            if part.is_Pow and part.exp.is_number and abs(float(part.exp)) > MAXIMUM_POWER:
+                raise self.refusal(f"its power {part} is beyond {MAXIMUM_POWER}")
         return expression
 
     def _tree(self) -> ast.expr:
@@ -182,7 +178,7 @@ class _Builder:
     def _piece(self, node: ast.AST) -> str:
         return shown(ast.unparse(node), 40)
 
-    def _node(self, node: ast.AST, depth: int) -> _Value:
+    def _node(self, node: ast.AST, depth: int) -> Any:
         self.nodes += 1
         if depth > MAXIMUM_DEPTH:
             raise self.refusal(f"it is nested deeper than {MAXIMUM_DEPTH} levels")
@@ -193,25 +189,18 @@ class _Builder:
                 return self._number(node.value)
             case ast.Name():
                 return self._name(node.id)
-            case ast.UnaryOp(op=ast.UAdd()):
-                return self._node(node.operand, depth + 1)
-            case ast.UnaryOp(op=ast.USub()):
+            case ast.UnaryOp(op=ast.UAdd() | ast.USub()):
                 operand = self._node(node.operand, depth + 1)
-                return self._checked(node, -operand.expression, intervals.negate(operand.bounds))
+                return -operand if isinstance(node.op, ast.USub) else operand
             case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow()):
                 left, right = self._node(node.left, depth + 1), self._node(node.right, depth + 1)
-                return (
-                    self._power(node, left, right)
-                    if isinstance(node.op, ast.Pow)
-                    else self._sum(node, left, right)
-                )
+                return self._checked(node, self._operation(node, left, right))
             case ast.Call():
                 return self._call(node, depth)
-        raise self.refusal(
-            f"{self._piece(node)} ({_SYNTAX.get(type(node), type(node).__name__)}) is not allowed"
-        )
+        kind = _SYNTAX.get(type(node), type(node).__name__)
+        raise self.refusal(f"{self._piece(node)} ({kind}) is not allowed")
 
-    def _number(self, value: object) -> _Value:
+    def _number(self, value: object) -> Any:
         import sympy
 
         if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -219,107 +208,82 @@ class _Builder:
         if not abs(value) <= MAXIMUM_NUMBER:
             raise self.refusal(f"a number in it is beyond {MAXIMUM_NUMBER:g}")
         whole = isinstance(value, int) or (value.is_integer() and abs(value) < 1e15)
-        number = sympy.Integer(int(value)) if whole else sympy.Float(value, 17)
-        return _Value(number, (float(value), float(value)))
+        return sympy.Integer(int(value)) if whole else sympy.Float(value, 17)
 
-    def _name(self, name: str) -> _Value:
+    def _name(self, name: str) -> Any:
         import sympy
 
         if name == "pi":
-            return _Value(sympy.pi, (math.pi, math.pi))
+            return sympy.pi
         if name in self.names:
-            return _Value(
-                self.names[name], intervals.POSITIVE if name in self.positive else intervals.EVERYTHING
-            )
+            return self.names[name]
         if name in FUNCTIONS:
             raise self.refusal(f"the function {name} stands without its argument")
         raise self.refusal(f"the name {shown(name, 40)} is unknown{_hint(name, [*self.names, *FUNCTIONS])}")
 
-    def _call(self, node: ast.Call, depth: int) -> _Value:
+    def _call(self, node: ast.Call, depth: int) -> Any:
         if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS:
             called = ast.unparse(node.func)
             raise self.refusal(
                 f"a call of {shown(called, 40)} is not allowed{_hint(called, list(FUNCTIONS))}"
             )
         name = node.func.id
+        if node.keywords:
+            raise self.refusal(f"{self._piece(node)} (an unpacking) is not allowed")
         count = len(node.args)
         if name in ("min", "max"):
-            if not 2 <= count <= 4:
-                raise self.refusal(f"{name} takes two to four arguments, {count} given")
+            if not 2 <= count <= MAXIMUM_ARGUMENTS:
+                raise self.refusal(f"{name} takes two to {MAXIMUM_ARGUMENTS} arguments, {count} given")
         elif count != 1:
             raise self.refusal(f"{name} takes one argument, {count} given")
         values = [self._node(argument, depth + 1) for argument in node.args]
-        expressions = [value.expression for value in values]
-        if all(expression.is_number for expression in expressions):
+        if all(value.is_number for value in values):
             try:
-                return self._number(float(_OF_NUMBERS[name](*map(float, expressions))))
+                return self._number(float(_OF_NUMBERS[name](*map(float, values))))
             except (ValueError, OverflowError):
                 raise self.refusal(f"{self._piece(node)} has no finite value") from None
-        if name == "log" and values[0].bounds[0] <= 0:
-            raise self.refusal(
-                f"the argument of {self._piece(node)} can be zero or negative; log(1 + abs(...)) cannot"
-            )
-        if name == "sqrt" and values[0].bounds[0] < 0:
-            raise self.refusal(f"the argument of {self._piece(node)} can be negative; sqrt(abs(...)) cannot")
-        bounds = intervals.of_function(name, [value.bounds for value in values])
-        return self._checked(node, _sympy_functions()[name](*expressions), bounds)
+        return self._checked(node, _sympy_functions()[name](*values))
 
-    def _sum(self, node: ast.BinOp, left: _Value, right: _Value) -> _Value:
-        one, other = left.expression, right.expression
+    def _operation(self, node: ast.BinOp, left: Any, right: Any) -> Any:
         match node.op:
             case ast.Add():
-                return self._checked(node, one + other, intervals.add(left.bounds, right.bounds))
+                return left + right
             case ast.Sub():
-                return self._checked(
-                    node, one - other, intervals.add(left.bounds, intervals.negate(right.bounds))
-                )
+                return left - right
             case ast.Mult():
-                square = one == other
-                bounds = (
-                    intervals.power(left.bounds, 2)
-                    if square
-                    else intervals.multiply(left.bounds, right.bounds)
-                )
-                return self._checked(node, one * other, bounds)
-        if other == 0:
-            raise self.refusal(f"{self._piece(node)} divides by zero")
-        return self._checked(node, one / other, intervals.divide(left.bounds, right.bounds))
+                return left * right
+            case ast.Div():
+                return left / right
+        return self._power(node, left, right)
 
-    def _power(self, node: ast.BinOp, left: _Value, right: _Value) -> _Value:
+    def _power(self, node: ast.BinOp, base: Any, exponent: Any) -> Any:
         import sympy
 
-        base, exponent = left.expression, right.expression
         piece = self._piece(node)
         if not {symbol.name for symbol in exponent.free_symbols} <= set(self.positive):
             raise self.refusal(f"the exponent of {piece} is not a number")
-        value = None
         if exponent.is_number:
             value = float(exponent)
             if abs(value) > MAXIMUM_POWER:
                 raise self.refusal(f"the exponent of {piece} is beyond {MAXIMUM_POWER}")
-            if base == 0 and value < 0:
-                raise self.refusal(f"{piece} divides by zero")
-            if (
-                base.is_number
-                and base != 0
-                and abs(value * math.log10(abs(float(base)))) > math.log10(MAXIMUM_NUMBER)
-            ):
+            digits = abs(value * math.log10(abs(float(base)))) if base.is_number and base != 0 else 0.0
+            if digits > math.log10(MAXIMUM_NUMBER):
                 raise self.refusal(f"{piece} is beyond {MAXIMUM_NUMBER:g}")
             # theta**2.0 and abs(theta)**0.5 are the exact powers they look like.
             if exponent.is_Float and (2 * value).is_integer():
                 exponent = sympy.Rational(int(2 * value), 2)
-        if not (value is not None and value.is_integer()) and left.bounds[0] < 0:
-            raise self.refusal(f"the base of {piece} can be negative; a power of abs(...) is real")
-        return self._checked(node, base**exponent, intervals.power(left.bounds, value))
+        return base**exponent
 
-    def _checked(self, node: ast.AST, expression: Any, bounds: intervals.Interval) -> _Value:
-        """Return the value; refuse constants that are not of a sane size."""
-        if expression.is_number:
-            value = float(expression)
-            if not abs(value) <= MAXIMUM_NUMBER:
-                raise self.refusal(f"{self._piece(node)} is beyond {MAXIMUM_NUMBER:g}")
-            bounds = (value, value)
-        return _Value(expression, bounds)
+    def _checked(self, node: ast.AST, value: Any) -> Any:
+        """Return the value; refuse what may be infinite or complex, and constants beyond a sane size."""
+        if not value.is_extended_real:
+            raise self.refusal(
+                f"{self._piece(node)} is not real and finite for every motion; divide by, and take roots and "
+                "logarithms of, what cannot be zero or negative, such as 1 + abs(...)"
+            )
+        if value.is_number and not abs(float(value)) <= MAXIMUM_NUMBER:
+            raise self.refusal(f"{self._piece(node)} is beyond {MAXIMUM_NUMBER:g}")
+        return value
 
 
 def _hint(word: str, known: list[str]) -> str:

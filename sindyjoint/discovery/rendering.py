@@ -15,6 +15,7 @@ from sympy.printing.precedence import precedence
 from sympy.printing.str import StrPrinter
 
 from sindyjoint.discovery.formula import ALIASES, variable_symbols
+from sindyjoint.discovery.parsing import MAXIMUM_ARGUMENTS
 
 # In this order sympy's alphabetical sorting of factors gives θ before θ̇ (dots are combining characters).
 _NAMES = {
@@ -30,8 +31,15 @@ class FormulaPrinter(StrPrinter):
     def _print_Float(self, expr: Any) -> str:
         return repr(float(expr))
 
+    def _print_Exp1(self, expr: Any) -> str:
+        return "exp(1)"
+
     def _call(self, name: str, expr: Any) -> str:
-        return f"{name}({', '.join(self._print(argument) for argument in expr.args)})"
+        arguments = [self._print(argument) for argument in expr.args]
+        while len(arguments) > MAXIMUM_ARGUMENTS:
+            inner = ", ".join(arguments[:MAXIMUM_ARGUMENTS])
+            arguments = [f"{name}({inner})", *arguments[MAXIMUM_ARGUMENTS:]]
+        return f"{name}({', '.join(arguments)})"
 
     def _print_Abs(self, expr: Any) -> str:
         return self._call("abs", expr)
