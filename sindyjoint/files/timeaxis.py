@@ -66,10 +66,10 @@ def uniform_rate(time: Array, where: str, row: Callable[[int], str]) -> float:
     off_grid = np.abs(time - (start + slope * index))
     deviation = np.abs(steps / np.median(steps) - 1)
     even = deviation.max() <= IRREGULARITY and off_grid.max() <= slope
-    # A rounded stamp is off by half a digit at most; the fitted line adds a little. Digits as coarse
-    # as the step cannot tell rounding from a lost sample.
+    # A rounded stamp is off by half a digit; the fitted line may add as much again on a short record. Digits as
+    # coarse as the step cannot tell rounding from a lost sample.
     digit = _resolution(time)
-    rounded = digit <= 0.25 * slope and off_grid.max() <= 0.6 * digit
+    rounded = digit <= 0.25 * slope and off_grid.max() <= digit
     if not (even or rounded):
         worst, limit = (deviation, IRREGULARITY) if deviation.max() > IRREGULARITY else (off_grid[1:], 0.0)
         # One displaced stamp spoils the steps on both of its sides alike: name the first of them.

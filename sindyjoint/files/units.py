@@ -31,6 +31,10 @@ QUANTITIES = {
     "N*m**2": "a bending stiffness, such as 'N*m^2'",
     "m/m": "a strain, such as 'm/m' or 'um/m'",
     "K": "a temperature, such as 'K' or 'degC'",
+    "N*m/rad": "a rotational stiffness, such as 'N*m/rad'",
+    "Pa": "a modulus, such as 'GPa'",
+    "kg/m**3": "a density, such as 'kg/m^3'",
+    "kg/m": "a mass per length, such as 'kg/m'",
 }
 
 _EXPONENT = r"(?:\*\*|\^)\s*\(?\s*[+-]?\d{1,2}(?:\.\d{1,3})?\s*\)?"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sindyjoint.errors import InputError
@@ -25,6 +25,7 @@ def test_exact_stamps_give_the_rate(rate, start):
 
 
 @settings(deadline=None)
+@example(rate=3844.875, digits=5, samples=64)  # least squares is further off than half a digit here
 @given(
     rate=st.floats(20, 5000),
     digits=st.integers(3, 9),
