@@ -167,6 +167,9 @@ class _Crossing:
         self.q, self.v, self.z, _, work = trial
         self.work += work
         self.time += x
+        # Only a joint without friction gets here against its direction.
+        turned = self.v[: self.direction.size] * self.direction < 0
+        self.direction[turned] *= -1
 
     def run(self, h: float) -> None:
         """Advance by h, from event to event."""
@@ -203,6 +206,8 @@ class _Crossing:
             fraction = float(brentq(room, 0.0, 1.0, xtol=1e-12, rtol=1e-10))
             cut = self.trial(fraction * x)
             j = wrong[int(np.argmin(cut[3][wrong]))]
+            if self.direction[j] != 0:
+                cut[1][j] = 0.0
             self.accept(fraction * x, cut)
             self._change(j)
         raise SimulationError(
@@ -213,7 +218,6 @@ class _Crossing:
 
     def _change(self, j: int) -> None:
         if self.direction[j] != 0:
-            self.v[j] = 0.0
             self.decide(j)
             return
         s = self.stepper

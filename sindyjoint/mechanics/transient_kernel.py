@@ -203,6 +203,12 @@ def holding_moments(mass, inverse_mass, damping, stiffness, laws, direction, for
 
 
 @_compiled
+def frictionless(moments):
+    """Whether a joint's friction interval has no width: it may reverse without coming to rest."""
+    return moments[2] - moments[1] <= 1e-12 * (abs(moments[1]) + abs(moments[2]))
+
+
+@_compiled
 def margins(direction, moments, v1, rate_scale):
     """How far each joint is from changing: its rate along its direction, or its moment's room in the interval."""
     room = np.empty(direction.size)
@@ -212,7 +218,7 @@ def margins(direction, moments, v1, rate_scale):
             width = max(0.5 * (high - low), 1e-300)
             room[j] = min(high - moments[j, 0], moments[j, 0] - low) / width
         else:
-            room[j] = v1[j] * direction[j] / rate_scale
+            room[j] = np.inf if frictionless(moments[j]) else v1[j] * direction[j] / rate_scale
     return room
 
 
@@ -261,7 +267,7 @@ def march(
                               q[at + 1], v[at + 1], z[at + 1])  # fmt: skip
         for j in range(joints):
             if direction[j] != 0.0:
-                changed = v[at + 1, j] * direction[j] < 0.0
+                changed = v[at + 1, j] * direction[j] < 0.0 and not frictionless(now[j])
             else:
                 changed = not (now[j, 1] <= now[j, 0] <= now[j, 2])
             if changed:
@@ -270,6 +276,8 @@ def march(
         for j in range(joints):
             moments[at + 1, j] = now[j, 0]
             stuck[at + 1, j] = direction[j] == 0.0
+            if v[at + 1, j] * direction[j] < 0.0:
+                direction[j] = -direction[j]
             if not limits[j, 0] <= q[at + 1, j] <= limits[j, 1]:
                 return at + 1, 3, j
         at += 1

@@ -1,0 +1,302 @@
+"""Rigs: chains of beams, joints and masses with their excitation, written as TOML files.
+
+Two ship with the package: ``pulse-rig``, after section 5 of the paper, and ``four-panel-wing``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
+from sindyjoint.files.manifest import _first_complaint, _Table
+from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.mechanics.beam import Beam, rectangular_section
+from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
+from sindyjoint.mechanics.transient import Response, respond
+from sindyjoint.mechanics.virtual import JOINTS
+
+RIG_FOLDER = Path(__file__).parent / "rig_files"
+
+
+class SectionTable(_Table):
+    """A rectangular section, bent over its height."""
+
+    width: str
+    height: str
+    youngs_modulus: str
+    density: str
+
+
+class PartTable(_Table):
+    """One part of the chain: a beam, a joint or a mass, by the key that names it."""
+
+    beam: str | None = None
+    joint: str | None = None
+    mass: str | None = None
+    length: str | None = Field(default=None, description="Of a beam.")
+    section: SectionTable | None = Field(default=None, description="Of a beam, or stiffness and mass per length.")
+    bending_stiffness: str | None = None
+    mass_per_length: str | None = None
+    elements: int = 8
+    loss_factor: float = 0.0
+    law: str | None = Field(default=None, description="Of a joint: a shipped joint, or 'model'.")
+    value: str | None = Field(default=None, description="Of a mass, or what a joint weighs: '8 kg'.")
+    inertia: str | None = Field(default=None, description="Of a mass or a joint.")
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> PartTable:
+        kinds = [kind for kind in ("beam", "joint", "mass") if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            raise ValueError("exactly one of the keys 'beam', 'joint' and 'mass' names a part")
+        section = self.section is not None
+        both = self.bending_stiffness is not None and self.mass_per_length is not None
+        if kinds[0] == "beam" and (self.length is None or section == both):
+            raise ValueError("a beam wants length, and either section or bending_stiffness and mass_per_length")
+        if kinds[0] == "joint" and self.law is None:
+            raise ValueError("a joint wants law, the name of a shipped joint or 'model'")
+        if kinds[0] == "mass" and self.value is None:
+            raise ValueError("a mass wants value, such as '8 kg'")
+        return self
+
+
+class ColumnTable(_Table):
+    """A column of a pulse file and its unit."""
+
+    column: str | int
+    unit: str
+
+
+class PulseTable(_Table):
+    """The force on the structure: a shape, or a file."""
+
+    point: str = "tip"
+    shape: Literal["rectangular", "half-sine"] | None = None
+    force: str | ColumnTable
+    duration: str | None = None
+    file: str | None = None
+    time: ColumnTable | None = None
+
+    @model_validator(mode="after")
+    def _shape_or_file(self) -> PulseTable:
+        if (self.shape is None) == (self.file is None):
+            raise ValueError("either shape or file is wanted")
+        if self.shape is not None and (self.duration is None or not isinstance(self.force, str)):
+            raise ValueError("a shape wants force, such as '65 N', and duration, such as '5 ms'")
+        if self.file is not None and (self.time is None or isinstance(self.force, str)):
+            raise ValueError("a file wants time and force, each { column = ..., unit = ... }")
+        return self
+
+
+class OutputTable(_Table):
+    """What is simulated and returned."""
+
+    points: list[str] = ["tip"]
+    duration: str = "20 s"
+    sample_rate: str = "1 kHz"
+    step: str = "0.5 ms"
+    modes: int = Field(default=12, ge=1)
+
+
+class BaseTable(_Table):
+    """The base: a rigid clamp unless a stiffness is given."""
+
+    clamp_stiffness: str | None = None
+
+
+class RigFile(_Table):
+    """All of ``rig.toml``."""
+
+    name: str
+    description: str = ""
+    base: BaseTable = BaseTable()
+    chain: list[PartTable] = Field(min_length=1)
+    pulse: PulseTable
+    output: OutputTable = OutputTable()
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A structure with its excitation, in SI units.
+
+    Parameters
+    ----------
+    name, description : str
+    items : tuple
+        Beams, joints and masses from the base on.
+    clamp_stiffness : float
+        N·m/rad.
+    excitation : Excitation
+        N.
+    at : str
+        Point where the force acts.
+    points : tuple of str
+        Output points.
+    duration, sample_rate, step : float
+        s, Hz, s.
+    modes : int
+    """
+
+    name: str
+    description: str
+    items: tuple[Item, ...]
+    clamp_stiffness: float
+    excitation: Excitation
+    at: str
+    points: tuple[str, ...]
+    duration: float
+    sample_rate: float
+    step: float
+    modes: int
+
+    def structure(self) -> Structure:
+        """Assemble the chain."""
+        return assemble(self.items, self.clamp_stiffness)
+
+    def respond(self, **options: Any) -> Response:
+        """Simulate the rig; options as in :func:`sindyjoint.mechanics.transient.respond`."""
+        chosen: dict[str, Any] = {
+            "duration": self.duration, "sample_rate": self.sample_rate, "step": self.step, "points": self.points,
+            "modes": self.modes,
+        }  # fmt: skip
+        return respond(self.structure(), self.excitation, self.at, **(chosen | options))
+
+
+def shipped_rigs() -> list[str]:
+    """Names of the rigs that ship with the package."""
+    return sorted(path.stem for path in RIG_FOLDER.glob("*.toml"))
+
+
+def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
+    """Read a rig.
+
+    Parameters
+    ----------
+    rig : str or Path
+        The name of a shipped rig, or a TOML file.
+    laws : mapping of str to Law, optional
+        Laws by the names that the rig's joints give as ``law``, beside the shipped joints; ``"model"`` is the name
+        for a model under verification.
+
+    Raises
+    ------
+    InputError, UnitError, UnknownNameError, MissingInputError
+        In one line that names file and field.
+
+    Examples
+    --------
+    >>> rig = load_rig("pulse-rig")
+    >>> 3 < rig.structure().frequencies(1)[0] < 6
+    np.True_
+    """
+    path = RIG_FOLDER / f"{rig}.toml" if str(rig) in shipped_rigs() else Path(rig)
+    if not path.is_file():
+        raise MissingInputError(
+            f"{str(rig)!r} is no rig; a TOML file or one of {', '.join(shipped_rigs())} is wanted"
+        )
+    try:
+        given = RigFile.model_validate(tomllib.loads(path.read_bytes().decode("utf-8-sig")))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid TOML: {' '.join(str(error).split())}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: {_first_complaint(error)}") from error
+    try:
+        return _rig(given, path, {**JOINTS, **(laws or {})})
+    except InputError as error:
+        text = str(error)
+        raise type(error)(text if text.startswith(str(path)) else f"{path}: {text}") from error
+
+
+def _rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
+    items = tuple(_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
+    clamp = given.base.clamp_stiffness
+    stiffness = float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
+    where = f"{path}: [output]"
+    rig = Rig(
+        name=given.name, description=given.description, items=items, clamp_stiffness=stiffness,
+        excitation=_excitation(given.pulse, path), at=given.pulse.point, points=tuple(given.output.points),
+        duration=parse_quantity(given.output.duration, "s", f"{where} duration"),
+        sample_rate=parse_quantity(given.output.sample_rate, "Hz", f"{where} sample_rate"),
+        step=parse_quantity(given.output.step, "s", f"{where} step"), modes=given.output.modes,
+    )  # fmt: skip
+    structure = rig.structure()
+    for name in (rig.at, *rig.points):
+        structure.point(name)
+    return rig
+
+
+def _item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
+    def number(name: str, unit: str) -> float:
+        text = getattr(part, name)
+        return 0.0 if text is None else parse_quantity(text, unit, f"{where} {name}")
+
+    if part.joint is not None:
+        assert part.law is not None
+        if part.law not in laws:
+            raise UnknownNameError(
+                f"{where} law: joint {part.law!r} is not known; wanted: {', '.join(laws)}, or a model given as 'model'"
+            )
+        return Hinge(part.joint, laws[part.law], number("value", "kg"), number("inertia", "kg*m**2"))
+    if part.mass is not None:
+        return LumpedMass(part.mass, number("value", "kg"), number("inertia", "kg*m**2"))
+    assert part.beam is not None
+    if part.section is None:
+        stiffness, mass = number("bending_stiffness", "N*m**2"), number("mass_per_length", "kg/m")
+    else:
+        units = {"youngs_modulus": "Pa", "density": "kg/m**3", "width": "m", "height": "m"}
+        values = {
+            name: parse_quantity(getattr(part.section, name), unit, f"{where} section.{name}")
+            for name, unit in units.items()
+        }
+        bad = [name for name, value in values.items() if not value > 0]
+        if bad:
+            raise InputError(f"{where} section.{bad[0]} is {values[bad[0]]:g}; a number above zero is wanted")
+        stiffness, mass = rectangular_section(**values)
+    return Beam(part.beam, number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
+
+
+def _excitation(given: PulseTable, path: Path) -> Excitation:
+    where = f"{path}: [pulse]"
+    if given.shape is not None:
+        assert isinstance(given.force, str) and given.duration is not None
+        duration = parse_quantity(given.duration, "s", f"{where} duration")
+        return pulse(parse_quantity(given.force, "N", f"{where} force"), duration, given.shape)
+    assert given.file is not None and given.time is not None and isinstance(given.force, ColumnTable)
+    return read_pulse(
+        path.parent / given.file, given.time.column, given.time.unit, given.force.column, given.force.unit
+    )
+
+
+def read_pulse(
+    file: Path, time: str | int, time_unit: str, force: str | int, force_unit: str
+) -> Excitation:
+    """Read a measured force, N, as an excitation; between samples it follows straight lines.
+
+    Raises
+    ------
+    InputError, UnitError
+        For a file that cannot be read, another unit, or times that are not uniform within 1 %.
+    """
+    import numpy as np
+
+    from sindyjoint.files.readers import read_table
+
+    to_seconds = conversion(time_unit, "s", f"{file}: time")
+    to_newton = conversion(force_unit, "N", f"{file}: force")
+    table, _ = read_table(file)
+    stamps, values = table.columns([time, force])
+    steps = np.diff(stamps * to_seconds)
+    if not steps.size or not np.all(np.abs(steps - np.median(steps)) <= 0.01 * abs(np.median(steps))) or steps[0] <= 0:
+        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the pulse")
+    return sampled(np.append(values * to_newton, 0.0), 1 / float(np.mean(steps)), "linear")
+
+
