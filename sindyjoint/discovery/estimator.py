@@ -70,6 +70,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         One per candidate, zero where it is not in the model; SI units.
     terms_ : tuple of ResolvedTerm
         The candidates.
+    indistinct_ : tuple of str
+        Ids of candidates that were left out because on these data they are combinations of the others.
     selected_ : tuple of str
         Ids of the terms in the model.
     selection_result_ : Selection
@@ -165,8 +167,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 f"n_samples = {X.shape[0]} for {len(self.terms_)} candidate terms: too few samples; record more or "
                 "choose a smaller library"
             )
-        self.evidence_ = self._gather(X, y, other, y_replicate, weight, labels)
-        self._refuse_dependent()
+        self.evidence_ = self._without_dependent(self._gather(X, y, other, y_replicate, weight, labels))
         self.selection_result_ = self._select()
         self._keep_model(labels)
         return self
@@ -224,14 +225,24 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             runs.append(RunEvidence(str(run), group, Factor.of(columns, target, w), parts))
         return Evidence(tuple(term.id for term in self.terms_), tuple(runs))
 
-    def _refuse_dependent(self) -> None:
-        dependent = dependent_columns(self.evidence_.pooled)
-        if dependent:
-            names = ", ".join(self.evidence_.ids[i] for i in dependent)
+    def _without_dependent(self, evidence: Evidence) -> Evidence:
+        """Leave out candidates that these data cannot tell from those before them; refuse what no data could."""
+        dependent = dependent_columns(evidence.pooled)
+        if not dependent:
+            self.indistinct_ = ()
+            return evidence
+        generic = np.random.default_rng(0).normal(size=(8 * len(self.terms_), self.n_features_in_))
+        scales = [self.reference_.angle or 1.0, self.reference_.rate or 1.0, 1.0][: self.n_features_in_]
+        never = dependent_columns(Factor.of(_columns(self.terms_, generic * scales), np.zeros(generic.shape[0])))
+        if never:
             raise InputError(
-                f"more terms than independent columns: on these data {names} can be written as a combination of the "
-                "other candidates; choose a smaller library, or add runs at other levels and frequencies"
+                f"more terms than independent columns: {', '.join(evidence.ids[i] for i in never)} can be written as "
+                "a combination of the other candidates whatever the motion; take one of them out of the library"
             )
+        keep = [i for i in range(len(evidence.ids)) if i not in dependent]
+        self.indistinct_ = tuple(evidence.ids[i] for i in dependent)
+        self.terms_ = tuple(self.terms_[i] for i in keep)
+        return evidence.take(keep)
 
     def _select(self) -> Selection:
         forced = [self._index(term) for term in self.forced]

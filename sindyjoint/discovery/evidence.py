@@ -192,6 +192,23 @@ def held_out_errors(evidence: Evidence, columns: Sequence[int]) -> Array:
     return np.array(errors)
 
 
+def group_t_ratios(evidence: Evidence, columns: Sequence[int]) -> Array:
+    """Return |coefficient| / its standard error over groups, by the jackknife, shape (k,).
+
+    With the estimates c_g that leave one of G groups out, se² = (G−1)/G Σ (c_g − c̄)² (Efron and Stein 1981). A term
+    that describes the joint has the same coefficient whichever group is left out; one that makes up for something
+    else has not. Infinite with fewer than three groups, which cannot tell.
+    """
+    if len(evidence.groups) < 3:
+        return np.full(len(columns), np.inf)
+    estimates = np.array([_solve_scaled(factor, [*columns]) for factor in evidence.training.values()])
+    groups = estimates.shape[0]
+    mean = estimates.mean(axis=0)
+    spread = np.sqrt((groups - 1) / groups * np.sum((estimates - mean) ** 2, axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(spread > 0, np.abs(mean) / spread, np.inf)
+
+
 def _solve_scaled(factor: Factor, index: list[int]) -> Array:
     """Solve by columns of unit norm; a fold that does not excite a column gives it no coefficient."""
     scaled, norms, target_norm = factor.take(index).normalised()

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 SCHEMA = 1
 INERTIA = "inertia"
+# Beyond the noise, a model may leave this share of the moment's RMS unexplained and still be called a description.
+TOLERATED_MISFIT = 0.05
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,12 @@ class Fitted:
     rate: float
     frequencies: tuple[float, ...] = ()
     simulated: bool = False
+
+    @property
+    def misfit(self) -> float:
+        """Share of the moment's RMS that neither model nor noise accounts for."""
+        beyond = max(self.residual_rms**2 - self.noise_floor**2, 0.0)
+        return float(np.sqrt(beyond)) / self.moment_rms if self.moment_rms > 0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -283,7 +291,10 @@ def model_terms(
 
 
 def _product(symbol: str, formula: str, times: str) -> str:
-    return symbol if formula == "1" else f"{symbol}{times}{formula}"
+    if formula == "1":
+        return symbol
+    # A formula that begins with a sign is not a factor as it stands.
+    return f"{symbol}{times}({formula})" if formula.startswith("-") else f"{symbol}{times}{formula}"
 
 
 def _latex_symbol(symbol: str) -> str:

@@ -7,8 +7,8 @@ fitted again (and each survivor exchanged for a removed term where that fits bet
 of models, one of each size, with the thresholds at which they change.
 
 The threshold is then chosen by evidence: the largest model on the path of which every term is significant against
-the scatter of replicate blocks and carries more than a stated least share, unless a smaller one predicts held-out
-groups as well.
+the scatter of replicate blocks, keeps its coefficient whichever group is left out, and carries more than a stated
+least share, unless a smaller one predicts held-out groups as well.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns, held_out_errors
+from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns, group_t_ratios, held_out_errors
 from sindyjoint.discovery.factors import Factor
 
 Array = NDArray[np.float64]
@@ -27,8 +27,11 @@ Array = NDArray[np.float64]
 # Five standard errors: among twenty candidates tried at every size, noise alone reaches 4.5 once in some hundred
 # campaigns (measured on simulated joints without them).
 SIGNIFICANT = 5.0
-# A term below one thousandth of the moment's RMS cannot be told from the processing's own error.
-LEAST_SHARE = 0.001
+# A term below two thousandths of the moment's RMS cannot be told from sensor and processing errors.
+LEAST_SHARE = 0.002
+# Between groups a coefficient may vary by half its size (k1 by frequency, say) and still be the same term; with
+# three or four groups the jackknife cannot ask for more.
+CONSISTENT = 2.0
 # Exchanging terms is worth its time only where the model is small enough to be chosen.
 EXCHANGE_BELOW = 13
 
@@ -44,11 +47,14 @@ class Step:
         Smallest unique share in the model: the model stands for every threshold up to it.
     held_out : ndarray, shape (n_runs,)
         Mean squared error of each run under the fit to the other groups; empty with one group.
+    group_t_ratios : ndarray, shape (k,)
+        |coefficient| / its jackknife standard error over groups; infinite with fewer than three.
     """
 
     fit: Fit
     threshold: float
     held_out: Array
+    group_t_ratios: Array
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -173,7 +179,8 @@ def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ..
     steps = []
     for columns in sets:
         fit = fit_columns(evidence, columns)
-        steps.append(Step(fit, float(fit.unique_share.min()), held_out_errors(evidence, columns)))
+        held_out, consistency = held_out_errors(evidence, columns), group_t_ratios(evidence, columns)
+        steps.append(Step(fit, float(fit.unique_share.min()), held_out, consistency))
     return tuple(steps)
 
 
@@ -218,7 +225,9 @@ def _passes(step: Step, significance: float, least_share: float, forced: Sequenc
     if not judged.any():
         return True
     return bool(
-        step.fit.t_ratios[judged].min() >= significance and step.fit.unique_share[judged].min() >= least_share
+        step.fit.t_ratios[judged].min() >= significance
+        and step.fit.unique_share[judged].min() >= least_share
+        and step.group_t_ratios[judged].min() >= CONSISTENT
     )
 
 

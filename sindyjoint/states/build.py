@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states.broadband import broadband_states
-from sindyjoint.states.mask import RATE_SHARE
 from sindyjoint.states.periodic import MINIMUM_PERIODS, periodic_states
 from sindyjoint.states.record import ForceStates
 
@@ -24,7 +23,7 @@ REPEATS = 0.2
 
 
 def force_states(
-    run: Run, method: Choice = "auto", bandwidth: float | None = None, rate_share: float = RATE_SHARE
+    run: Run, method: Choice = "auto", bandwidth: float | None = None, rate_share: float | None = None
 ) -> ForceStates:
     """Return the force states of a run.
 
@@ -37,7 +36,9 @@ def force_states(
     bandwidth : float, optional
         Highest frequency kept in the angle, Hz. Default: where the angle sinks into its noise.
     rate_share : float
-        Share of the peak rate below which a sample counts as reversal, not as motion.
+        Share of the peak rate below which a sample counts as reversal, not as motion. Default: 0.05 periodic,
+        0.02 broadband,
+        0.1 where a broadband run dwells at rest.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def force_states(
 
 
 def campaign_states(
-    campaign: Campaign, method: Choice = "auto", bandwidth: float | None = None, rate_share: float = RATE_SHARE
+    campaign: Campaign, method: Choice = "auto", bandwidth: float | None = None, rate_share: float | None = None
 ) -> tuple[ForceStates, ...]:
     """Return the force states of every run that may be used for identification."""
     runs = campaign.identification_runs

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Share of the peak rate below which a sample counts as reversal, and the multiple of the rate's noise.
-RATE_SHARE = 0.05
+# Multiple of the rate's noise below which its sign is not known.
 RATE_SIGMAS = 4.0
 
 
-def rate_limit(rate: Array, noise: float, share: float = RATE_SHARE) -> float:
+def rate_limit(rate: Array, noise: float, share: float) -> float:
     """Return the angular velocity below which nothing is said about its sign, rad/s.
 
     The larger of ``share`` of the peak rate and four standard errors of the rate: below it the sign of θ̇, and

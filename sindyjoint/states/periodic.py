@@ -16,7 +16,7 @@ from sindyjoint.states.harmonics import (
     significant_harmonics,
     steady_start,
 )
-from sindyjoint.states.mask import RATE_SHARE, moving_mask, rate_limit
+from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.record import ForceStates, NoiseFloor
 
 Array = NDArray[np.float64]
@@ -29,10 +29,11 @@ BAND_SHARE = 0.4
 MAXIMUM_HARMONICS = 120
 # Guard beside a reversal, in periods of the highest kept harmonic: the length over which a truncated series rings.
 GUARD_PERIODS = 0.5
+RATE_SHARE = 0.05  # of the peak rate: slower samples count as reversal
 GUARD_LIMIT = 0.03  # of the excitation period, at most
 
 
-def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float = RATE_SHARE) -> ForceStates:
+def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float | None = None) -> ForceStates:
     """Return the force states of a single-frequency run.
 
     The angle is the least-squares Fourier series over whole steady periods, cut where its harmonics sink into
@@ -45,7 +46,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     bandwidth : float, optional
         Highest harmonic frequency tried, Hz. Default: 0.4 of the sampling rate.
     rate_share : float
-        Share of the peak rate below which samples count as reversal.
+        Share of the peak rate below which samples count as reversal. Default: 0.05.
 
     Raises
     ------
@@ -71,7 +72,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     guard = max(2, int(np.ceil(GUARD_PERIODS * run.sample_rate / angle.highest)))
     # Displacement-driven runs have one harmonic; half its period would leave nothing.
     guard = min(guard, max(2, int(GUARD_LIMIT * per)))
-    moving = moving_mask(motion[1], rate_limit(motion[1], rate_noise, rate_share), guard)
+    moving = moving_mask(motion[1], rate_limit(motion[1], rate_noise, RATE_SHARE if rate_share is None else rate_share), guard)
     moment = run.moment[start:stop]
     moment_noise = repeat_noise(moment, run.sample_rate, frequency, moving)
     return ForceStates(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.discovery.model import TOLERATED_MISFIT, JointModel
 from sindyjoint.discovery.skew import Skew
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates
@@ -18,17 +18,26 @@ OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
 
 
 def cautions(
-    campaign: Campaign, states: Sequence[ForceStates], model: JointModel, skew: Skew | None, aligned: bool
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+    model: JointModel,
+    skew: Skew | None,
+    aligned: bool,
+    indistinct: Sequence[str] = (),
 ) -> Iterator[str]:
     """Yield the cautions that hold for a result."""
     if campaign.simulated:
         yield "the campaign is simulated (a virtual test), not measured"
     yield from campaign.notes
-    yield from _skew(skew, model, aligned)
+    if model.fitted.misfit <= TOLERATED_MISFIT:
+        # Where the law does not fit, the best skew makes up for what the law lacks.
+        yield from _skew(skew, model, aligned)
     yield from _signs(states, model)
     yield from _softening(model)
     yield from _offsets(model)
     yield from _variety(campaign, states)
+    if indistinct:
+        yield f"left out, because on these runs they are combinations of other candidates: {', '.join(indistinct)}"
     yield from _sticking(states)
     yield from _misfit(model)
 
@@ -130,13 +139,10 @@ def _sticking(states: Sequence[ForceStates]) -> Iterator[str]:
 
 def _misfit(model: JointModel) -> Iterator[str]:
     fitted = model.fitted
-    if not model.terms or fitted.noise_floor <= 0 or fitted.moment_rms <= 0:
-        return
-    beyond = np.sqrt(max(fitted.residual_rms**2 - fitted.noise_floor**2, 0.0)) / fitted.moment_rms
-    if beyond > 0.05:
+    if model.terms and fitted.misfit > TOLERATED_MISFIT:
         explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
         yield (
-            f"the model explains {explained:.1%} of the mean square moment; {beyond:.1%} of the RMS moment is neither "
+            f"the model explains {explained:.1%} of the mean square moment; {fitted.misfit:.1%} of the RMS moment is neither "
             f"model nor noise (noise floor {fitted.noise_floor / fitted.moment_rms:.1%}): memory, play or another "
             "effect outside this library is likely"
         )

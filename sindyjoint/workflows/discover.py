@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.discovery.catalogue import Catalogue, as_catalogue, load_catalogue
 from sindyjoint.discovery.evidence import fit_columns
-from sindyjoint.discovery.model import INERTIA, Fitted, JointModel
+from sindyjoint.discovery.model import INERTIA, TOLERATED_MISFIT, Fitted, JointModel
 from sindyjoint.discovery.skew import Skew, estimate_skew, reference_of, shifted
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
@@ -29,8 +29,6 @@ PAPER_TERMS = (
     "linear_damping",
     "coulomb_friction",
 )
-# Beyond the noise, a model may leave this share of the moment's RMS unexplained and still be called a confirmation.
-TOLERATED_MISFIT = 0.05
 # A paper term is ruled out when even the end of its 95 % interval carries less than this share of the moment.
 NEGLIGIBLE_SHARE = 0.01
 
@@ -195,7 +193,7 @@ def discover(
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
         skew=skew,
-        warnings=tuple(cautions(campaign, force_states, model, skew, aligned=align)),
+        warnings=tuple(cautions(campaign, force_states, model, skew, align, regressor.indistinct_)),
         states=force_states,
         regressor=regressor,
         campaign=campaign,
@@ -253,12 +251,6 @@ def _campaign_model(regressor: JointRegressor, campaign: Campaign, states: Seque
     return replace(model, joint=campaign.joint, fitted=fitted)
 
 
-def misfit(fitted: Fitted) -> float:
-    """Return the share of the moment's RMS that neither model nor noise accounts for."""
-    beyond = max(fitted.residual_rms**2 - fitted.noise_floor**2, 0.0)
-    return float(np.sqrt(beyond)) / fitted.moment_rms if fitted.moment_rms > 0 else 0.0
-
-
 def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
     """Say whether the campaign confirms the paper's five terms."""
     found = [term for term in model.ids if term != INERTIA]
@@ -266,7 +258,7 @@ def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
     extra = tuple(term for term in found if term not in PAPER_TERMS)
     if not found:
         return Verdict("undecided", missing, extra, f"no model was found: {regressor.selection_result_.reason}")
-    gap = misfit(model.fitted)
+    gap = model.fitted.misfit
     if extra:
         reason = f"the data need {_names(extra)}, which the paper's law lacks"
         if missing:
