@@ -1,7 +1,7 @@
 """The measured record: what a campaign of vibration runs is, in SI units, checked on creation.
 
-Everything past ``files/`` is rad, N·m, s; for a translational joint (``motion = "translation"``) read metre for
-radian and newton for newton-metre. The attribute names stay those of the rotational case.
+Everything past ``files/`` is rad, N·m, s; for a translational joint (``motion = "translation"``) read metre
+for radian and newton for newton-metre. The attribute names stay those of the rotational case.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
         raise InputError(
-            f"run {run!r}: {name} holds {bad.size} value(s) that are not finite, the first at sample {bad[0]}; "
-            "remove or repair them before the run is used"
+            f"run {run!r}: {name} holds {bad.size} value(s) that are not finite, the first at sample {bad[0]}"
+            "; remove or repair them before the run is used"
         )
     array.flags.writeable = False
     return array
@@ -128,12 +128,15 @@ class Run:
             values = getattr(self, name)
             if values is not None and values.size != n:
                 raise InputError(
-                    f"run {self.name!r}: {name} has {values.size} samples and angle has {n}; equal lengths are wanted"
+                    f"run {self.name!r}: {name} has {values.size} samples and angle has {n}; "
+                    "equal lengths are wanted"
                 )
         if n < MINIMUM_SAMPLES:
             raise InputError(f"run {self.name!r}: {n} samples; at least {MINIMUM_SAMPLES} are wanted")
         if not (np.isfinite(self.sample_rate) and self.sample_rate > 0):
-            raise InputError(f"run {self.name!r}: sample_rate is {self.sample_rate!r} Hz; a positive number is wanted")
+            raise InputError(
+                f"run {self.name!r}: sample_rate is {self.sample_rate!r} Hz; a positive number is wanted"
+            )
         if self.use not in ("identify", "validate"):
             raise InputError(f"run {self.name!r}: use is {self.use!r}; 'identify' or 'validate' is wanted")
         if self.frequency is not None:
@@ -144,11 +147,11 @@ class Run:
         assert frequency is not None
         if not (np.isfinite(frequency) and frequency > 0):
             raise InputError(f"run {self.name!r}: frequency is {frequency!r} Hz; a positive number is wanted")
-        # Ten samples per period carry the first three harmonics and nothing more: the least that shows a cubic.
+        # Ten samples per period carry the first three harmonics, and no more: the least that shows a cubic.
         if self.sample_rate < 10 * frequency:
             raise InputError(
-                f"run {self.name!r}: sampling at {self.sample_rate:g} Hz is too slow for {frequency:g} Hz excitation; "
-                f"at least {10 * frequency:g} Hz is wanted"
+                f"run {self.name!r}: sampling at {self.sample_rate:g} Hz is too slow for {frequency:g} Hz "
+                f"excitation; at least {10 * frequency:g} Hz is wanted"
             )
 
     @property

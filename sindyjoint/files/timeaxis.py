@@ -66,7 +66,7 @@ def uniform_rate(time: Array, where: str, row: Callable[[int], str]) -> float:
     off_grid = np.abs(time - (start + slope * index))
     deviation = np.abs(steps / np.median(steps) - 1)
     even = deviation.max() <= IRREGULARITY and off_grid.max() <= slope
-    # A rounded stamp is off by half a digit; the fitted line may add as much again on a short record. Digits as
+    # A rounded stamp is off by half a digit; the fitted line may add as much on a short record. Digits as
     # coarse as the step cannot tell rounding from a lost sample.
     digit = _resolution(time)
     rounded = digit <= 0.25 * slope and off_grid.max() <= digit
