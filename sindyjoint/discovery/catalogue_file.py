@@ -26,7 +26,7 @@ class _Strict(BaseModel):
 
 
 class ParameterEntry(_Strict):
-    """An inner parameter: a positive number, or a multiple of the largest angle, rate or moment of the data."""
+    """An inner parameter: a positive number, or a multiple of the data's largest angle, rate or moment."""
 
     name: Line
     unit: Line

@@ -185,7 +185,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         if self.method not in METHODS:
             raise UnknownNameError(f"method is {self.method!r}; one of {', '.join(METHODS)} is wanted")
         if self.selection not in SELECTIONS:
-            raise UnknownNameError(f"selection is {self.selection!r}; one of {', '.join(SELECTIONS)} is wanted")
+            raise UnknownNameError(
+                f"selection is {self.selection!r}; one of {', '.join(SELECTIONS)} is wanted"
+            )
         if self.threshold is not None and not 0 <= self.threshold < 1:
             raise InputError(
                 f"threshold is {self.threshold!r}; a share of the moment's RMS, from 0 to below 1, is wanted"
@@ -218,7 +220,11 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             replicate = columns if other is None else _columns(self.terms_, other[rows])
             block = labels.block[rows]
             parts = tuple(
-                Factor.of(replicate[block == b], replicate_target[rows][block == b], None if w is None else w[block == b])
+                Factor.of(
+                    replicate[block == b],
+                    replicate_target[rows][block == b],
+                    None if w is None else w[block == b],
+                )
                 for b in np.unique(block)
             )
             group = str(labels.group[rows][0])
@@ -233,7 +239,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             return evidence
         generic = np.random.default_rng(0).normal(size=(8 * len(self.terms_), self.n_features_in_))
         scales = [self.reference_.angle or 1.0, self.reference_.rate or 1.0, 1.0][: self.n_features_in_]
-        never = dependent_columns(Factor.of(_columns(self.terms_, generic * scales), np.zeros(generic.shape[0])))
+        never = dependent_columns(
+            Factor.of(_columns(self.terms_, generic * scales), np.zeros(generic.shape[0]))
+        )
         if never:
             raise InputError(
                 f"more terms than independent columns: {', '.join(evidence.ids[i] for i in never)} can be written as "
@@ -306,7 +314,9 @@ class _Labels:
         return self.run == run
 
     @classmethod
-    def of(cls, n: int, groups: ArrayLike | None, runs: ArrayLike | None, blocks: ArrayLike | None) -> _Labels:
+    def of(
+        cls, n: int, groups: ArrayLike | None, runs: ArrayLike | None, blocks: ArrayLike | None
+    ) -> _Labels:
         given = {"groups": groups, "runs": runs, "blocks": blocks}
         for name, values in given.items():
             if values is not None and np.shape(values) != (n,):

@@ -41,7 +41,10 @@ class RunEvidence:
     def take(self, columns: Sequence[int]) -> RunEvidence:
         """Return the same run with some of the columns."""
         return RunEvidence(
-            self.name, self.group, self.pooled.take(columns), tuple(block.take(columns) for block in self.blocks)
+            self.name,
+            self.group,
+            self.pooled.take(columns),
+            tuple(block.take(columns) for block in self.blocks),
         )
 
 

@@ -30,33 +30,40 @@ def _stlsq(factor: Factor, forced: Sequence[int]) -> Path:
 
 
 def _coefficient_stlsq(factor: Factor, forced: Sequence[int]) -> Path:
-    """pysindy's STLSQ on RMS-scaled columns, all coefficients below the threshold removed at once."""
+    """Pysindy's STLSQ on RMS-scaled columns, all coefficients below the threshold removed at once."""
     from pysindy.optimizers import STLSQ
 
-    return _threshold_path(factor, lambda threshold: STLSQ(threshold=threshold, alpha=0.0, unbias=False), forced)
+    return _threshold_path(
+        factor, lambda threshold: STLSQ(threshold=threshold, alpha=0.0, unbias=False), forced
+    )
 
 
 def _sr3(factor: Factor, forced: Sequence[int]) -> Path:
-    """pysindy's SR3 with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
+    """Pysindy's SR3 with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
     from pysindy.optimizers import SR3
 
     def build(threshold: float) -> Any:
         return SR3(
-            reg_weight_lam=threshold**2 / 2, regularizer="L0", relax_coeff_nu=1.0, unbias=False, max_iter=300, tol=1e-9
+            reg_weight_lam=threshold**2 / 2,
+            regularizer="L0",
+            relax_coeff_nu=1.0,
+            unbias=False,
+            max_iter=300,
+            tol=1e-9,
         )
 
     return _threshold_path(factor, build, forced)
 
 
 def _ssr(factor: Factor, forced: Sequence[int]) -> Path:
-    """pysindy's stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
+    """Pysindy's stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
     from pysindy.optimizers import SSR
 
     return _history_path(factor, SSR(alpha=0.0, unbias=False, max_iter=factor.n_columns), forced)
 
 
 def _frols(factor: Factor, forced: Sequence[int]) -> Path:
-    """pysindy's forward regression by error reduction ratio (Billings 2013)."""
+    """Pysindy's forward regression by error reduction ratio (Billings 2013)."""
     from pysindy.optimizers import FROLS
 
     return _history_path(factor, FROLS(alpha=0.0, unbias=False, max_iter=factor.n_columns), forced)
@@ -71,7 +78,9 @@ METHODS: dict[str, Callable[[Factor, Sequence[int]], Path]] = {
 }
 
 
-def column_path(method: str, evidence: Evidence, forced: Sequence[int] = (), random_state: Any = None) -> Path:
+def column_path(
+    method: str, evidence: Evidence, forced: Sequence[int] = (), random_state: Any = None
+) -> Path:
     """Return the column sets that a method proposes, from large to small, each once.
 
     Parameters

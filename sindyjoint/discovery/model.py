@@ -193,7 +193,10 @@ class JointModel:
         from sindyjoint.discovery.formula import formula_latex
 
         motion = self.joint.motion
-        parts = [_product(_latex_symbol(t.symbol), formula_latex(t.expression, motion), r"\,") for t in self._ordered()]
+        parts = [
+            _product(_latex_symbol(t.symbol), formula_latex(t.expression, motion), r"\,")
+            for t in self._ordered()
+        ]
         if self.joint.inertia is not None:
             parts.insert(0, r"I\,\ddot{\theta}" if motion == "rotation" else r"m\,\ddot{x}")
         return f"{'M' if motion == 'rotation' else 'F'} = {' + '.join(parts) or '0'}"

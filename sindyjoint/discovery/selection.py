@@ -253,4 +253,6 @@ def choose_by_one_standard_error(path: Sequence[Step]) -> Selection:
         excess = path[index].held_out - path[best].held_out
         if excess.mean() <= excess.std(ddof=1) / np.sqrt(excess.size):
             chosen = index
-    return Selection(tuple(path), chosen, "the smallest set within one standard error of the least held-out error")
+    return Selection(
+        tuple(path), chosen, "the smallest set within one standard error of the least held-out error"
+    )

@@ -72,7 +72,9 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
         rate=moved(states.rate),
         acceleration=moved(states.acceleration),
         moving=moving[low] & moving[high],
-        replicate=None if replicate is None else (moved(replicate[0]), moved(replicate[1]), moved(replicate[2])),
+        replicate=None
+        if replicate is None
+        else (moved(replicate[0]), moved(replicate[1]), moved(replicate[2])),
     )
 
 
@@ -116,7 +118,9 @@ def _linearised(
     rows = [_columns(s, terms, inertia, stride) for s in states]
     stacked = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
     scaled, norms, target = stacked.normalised()
-    coefficients = np.linalg.lstsq(scaled.triangle[:, :-1], scaled.triangle[:, -1], rcond=1e-12)[0] * target / norms
+    coefficients = (
+        np.linalg.lstsq(scaled.triangle[:, :-1], scaled.triangle[:, -1], rcond=1e-12)[0] * target / norms
+    )
     runs = []
     for state, (columns, moment, later, block) in zip(states, rows, strict=True):
         # dM/dt from the columns half a sample on either side: exact for the law, no noise of the moment in it.
@@ -151,5 +155,8 @@ def _columns(
 def reference_of(states: Sequence[ForceStates]) -> Reference:
     """Return the largest angle, rate and moment over the moving samples of all runs."""
     return Reference(
-        *(float(max(np.abs(getattr(s, name)[s.moving]).max() for s in states)) for name in ("angle", "rate", "moment"))
+        *(
+            float(max(np.abs(getattr(s, name)[s.moving]).max() for s in states))
+            for name in ("angle", "rate", "moment")
+        )
     )

@@ -42,7 +42,9 @@ class PartTable(_Table):
     joint: str | None = None
     mass: str | None = None
     length: str | None = Field(default=None, description="Of a beam.")
-    section: SectionTable | None = Field(default=None, description="Of a beam, or stiffness and mass per length.")
+    section: SectionTable | None = Field(
+        default=None, description="Of a beam, or stiffness and mass per length."
+    )
     bending_stiffness: str | None = None
     mass_per_length: str | None = None
     elements: int = 8
@@ -59,7 +61,9 @@ class PartTable(_Table):
         section = self.section is not None
         both = self.bending_stiffness is not None and self.mass_per_length is not None
         if kinds[0] == "beam" and (self.length is None or section == both):
-            raise ValueError("a beam wants length, and either section or bending_stiffness and mass_per_length")
+            raise ValueError(
+                "a beam wants length, and either section or bending_stiffness and mass_per_length"
+            )
         if kinds[0] == "joint" and self.law is None:
             raise ValueError("a joint wants law, the name of a shipped joint or 'model'")
         if kinds[0] == "mass" and self.value is None:
@@ -219,7 +223,9 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
 def _rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
     items = tuple(_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
     clamp = given.base.clamp_stiffness
-    stiffness = float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
+    stiffness = (
+        float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
+    )
     where = f"{path}: [output]"
     rig = Rig(
         name=given.name, description=given.description, items=items, clamp_stiffness=stiffness,
@@ -276,9 +282,7 @@ def _excitation(given: PulseTable, path: Path) -> Excitation:
     )
 
 
-def read_pulse(
-    file: Path, time: str | int, time_unit: str, force: str | int, force_unit: str
-) -> Excitation:
+def read_pulse(file: Path, time: str | int, time_unit: str, force: str | int, force_unit: str) -> Excitation:
     """Read a measured force, N, as an excitation; between samples it follows straight lines.
 
     Raises
@@ -295,8 +299,10 @@ def read_pulse(
     table, _ = read_table(file)
     stamps, values = table.columns([time, force])
     steps = np.diff(stamps * to_seconds)
-    if not steps.size or not np.all(np.abs(steps - np.median(steps)) <= 0.01 * abs(np.median(steps))) or steps[0] <= 0:
+    if (
+        not steps.size
+        or not np.all(np.abs(steps - np.median(steps)) <= 0.01 * abs(np.median(steps)))
+        or steps[0] <= 0
+    ):
         raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the pulse")
     return sampled(np.append(values * to_newton, 0.0), 1 / float(np.mean(steps)), "linear")
-
-

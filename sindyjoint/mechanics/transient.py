@@ -391,7 +391,8 @@ def _collected(structure: Structure, stepper: _Stepper, points: Sequence[str], p
 
 def _elastic_energy(law: Any, angle: Array) -> Array:
     """Energy stored in the memoryless elastic part of a law: its moment at rest in the middle of the friction
-    interval, integrated from zero by Gauss' rule of four points."""
+    interval, integrated from zero by Gauss' rule of four points.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(4)
     fractions = (nodes + 1) / 2
     points = np.outer(fractions, angle)

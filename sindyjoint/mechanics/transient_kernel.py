@@ -15,33 +15,85 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @_compiled
-def joint_moment(j, theta, omega, direction, h, laws, z, z_mid, out):
-    """Moment of joint j at the middle of a step; fills the states there, z_mid = z + h/2·ż(z_mid).
-
-    Each state is found by Newton with the others as they are, over and over. Returns NaN when that fails.
-    """
-    addresses, parameters, counts = laws
-    address, p = addresses[j], shifted(pointer(parameters), j * parameters.shape[1])
-    state, result = shifted(pointer(z_mid), j * z_mid.shape[1]), pointer(out)
-    n = counts[j]
-    call_law(address, theta, omega, direction, state, p, result)
-    if n == 0:
-        return out[0]
-    for _ in range(60):
+def _midpoint_states(address, theta, omega, direction, h, p, n, z, middle, out):
+    """Find z_mid = z + h/2·ż(z_mid), each state by Newton with the others as they are; whether that worked."""
+    state, result = pointer(middle), pointer(out)
+    for _ in range(15):
         worst = 0.0
         for i in range(n):
-            residual = z_mid[j, i] - z[j, i] - 0.5 * h * out[1 + i]
-            here, rate = z_mid[j, i], out[1 + i]
+            call_law(address, theta, omega, direction, state, p, result)
+            here, rate = middle[i], out[1 + i]
+            residual = here - z[i] - 0.5 * h * rate
             nudge = 1e-7 * (abs(here) + abs(0.5 * h * rate) + 1e-12)
-            z_mid[j, i] = here + nudge
+            middle[i] = here + nudge
             call_law(address, theta, omega, direction, state, p, result)
             slope = 1.0 - 0.5 * h * (out[1 + i] - rate) / nudge
-            z_mid[j, i] = here - residual / slope
-            worst = max(worst, abs(residual) / (abs(z_mid[j, i]) + abs(h * rate) + 1e-12))
-            call_law(address, theta, omega, direction, state, p, result)
+            middle[i] = here - residual / slope
+            worst = max(worst, abs(residual) / (abs(here) + abs(h * rate) + 1e-300))
         if worst < 1e-10:
-            return out[0]
-    return np.nan
+            return True
+    return False
+
+
+@_compiled
+def _bisected_states(address, theta, omega, direction, h, p, n, z, answer, out):
+    """Find y = z + h·ż(y) by bisection and leave it in `answer`; whether that worked.
+
+    A slider's rate jumps to zero where it yields. The answer is then the yield itself, which bisection finds as the
+    place of the jump (the return mapping of plasticity).
+    """
+    state, result = pointer(answer), pointer(out)
+    for i in range(n):
+        answer[i] = z[i]
+    good = True
+    for _ in range(3 if n > 1 else 1):
+        for i in range(n):
+            answer[i] = z[i]
+            call_law(address, theta, omega, direction, state, p, result)
+            low, high = z[i], z[i] + h * out[1 + i]
+            for _ in range(60):
+                answer[i] = 0.5 * (low + high)
+                call_law(address, theta, omega, direction, state, p, result)
+                if (z[i] + h * out[1 + i] - answer[i]) * (high - low) > 0.0:
+                    low = answer[i]
+                else:
+                    high = answer[i]
+            # The far side: a slider that yields is seen to yield in the next step, too.
+            answer[i] = high
+            good = good and np.isfinite(high)
+    return good
+
+
+@_compiled
+def end_states(j, theta, omega, direction, h, laws, z, z_mid, z_end, out):
+    """States at the end of a step: 2·z_mid − z, or the yield where a slider yielded on the way."""
+    addresses, parameters, counts = laws
+    address, p, n = addresses[j], shifted(pointer(parameters), j * parameters.shape[1]), counts[j]
+    for i in range(z.shape[1]):
+        z_end[j, i] = 2.0 * z_mid[j, i] - z[j, i]
+    if n == 0 or omega == 0.0:
+        return
+    call_law(address, theta, omega, direction, shifted(pointer(z_end), j * z_end.shape[1]), p, pointer(out))
+    for i in range(n):
+        if out[1 + i] * (z_end[j, i] - z[j, i]) <= 0.0 and z_end[j, i] != z[j, i]:
+            _bisected_states(address, theta, omega, direction, h, p, n, z[j], z_end[j], out)
+            return
+
+
+@_compiled
+def joint_moment(j, theta, omega, direction, h, laws, z, z_mid, out):
+    """Moment of joint j at the middle of a step, with the states there in z_mid; NaN when there is no answer."""
+    addresses, parameters, counts = laws
+    address, p = addresses[j], shifted(pointer(parameters), j * parameters.shape[1])
+    n = counts[j]
+    if n:
+        good = _midpoint_states(address, theta, omega, direction, h, p, n, z[j], z_mid[j], out)
+        if not good:
+            good = _bisected_states(address, theta, omega, direction, 0.5 * h, p, n, z[j], z_mid[j], out)
+        if not good:
+            return np.nan
+    call_law(address, theta, omega, direction, shifted(pointer(z_mid), j * z_mid.shape[1]), p, pointer(out))
+    return out[0]
 
 
 @_compiled
@@ -80,7 +132,7 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
     force : ndarray, shape (n,)
         Mean over the step.
     work : ndarray, shape (joints, 2)
-        Work done on each joint's elastic part and on the rest of it; added to.
+        Work done on each joint's elastic part (its moment at rest with its states at zero) and on the rest; added to.
     """
     joints, n = direction.size, q.size
     a = np.empty(n)
@@ -98,7 +150,7 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
     out = np.empty(z.shape[1] + 1)
     moment, slope, trial = np.zeros(joints), np.zeros(joints), a[:joints].copy()
     jacobian, residual = np.empty((joints, joints)), np.empty(joints)
-    z_mid = z.copy()
+    z_mid, keep, rest = z.copy(), np.empty(z.shape[1]), np.zeros(z.shape[1])
     converged = True
     for iteration in range(40):
         worst = 0.0
@@ -111,7 +163,7 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
             moment[j] = joint_moment(j, theta, omega, direction[j], h, laws, z, z_mid, out)
             if nudge > 0.0:
                 theta += 0.25 * h * h * nudge
-                keep = z_mid[j].copy()
+                keep[:] = z_mid[j]
                 ahead = joint_moment(j, theta, omega + 0.5 * h * nudge, direction[j], h, laws, z, z_mid, out)
                 slope[j] = (ahead - moment[j]) / nudge
                 z_mid[j] = keep
@@ -132,7 +184,8 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
         converged = iteration < 39 or worst < 1e-9
         _solve_small(jacobian, residual, joints)
         for j in range(joints):
-            trial[j] -= residual[j]
+            # Kinks of a yielding slider can make whole steps go to and fro.
+            trial[j] -= residual[j] if iteration < 12 else 0.5 * residual[j]
     for j in range(joints):
         if direction[j] != 0.0:
             for i in range(n):
@@ -143,13 +196,11 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
     for j in range(joints):
         if direction[j] == 0.0:
             v1[j], q1[j] = 0.0, q[j]
-        for i in range(z.shape[1]):
-            z1[j, i] = 2.0 * z_mid[j, i] - z[j, i]
-        travel = q1[j] - q[j]
+        middle, travel = 0.5 * (q[j] + q1[j]), q1[j] - q[j]
+        end_states(j, middle, travel / h, direction[j], h, laws, z, z_mid, z1, out)
         if travel != 0.0:
-            row = shifted(pointer(z_mid), j * z.shape[1])
             p = shifted(pointer(laws[1]), j * laws[1].shape[1])
-            call_law(laws[0][j], 0.5 * (q[j] + q1[j]), 0.0, 0.0, row, p, pointer(out))
+            call_law(laws[0][j], middle, 0.0, 0.0, pointer(rest), p, pointer(out))
             work[j, 0] += out[0] * travel
             work[j, 1] += (moment[j] - out[0]) * travel
     return converged

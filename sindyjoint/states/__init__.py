@@ -4,4 +4,11 @@ from sindyjoint.states.build import campaign_states, force_states
 from sindyjoint.states.record import ForceStates, NoiseFloor
 from sindyjoint.states.rows import RegressionRows, regression_rows
 
-__all__ = ["ForceStates", "NoiseFloor", "RegressionRows", "campaign_states", "force_states", "regression_rows"]
+__all__ = [
+    "ForceStates",
+    "NoiseFloor",
+    "RegressionRows",
+    "campaign_states",
+    "force_states",
+    "regression_rows",
+]

@@ -76,7 +76,9 @@ def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
     from scipy.signal import welch
 
     segment = int(min(signal.size, max(256, signal.size // 24)))
-    frequency, density = welch(signal, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear")
+    frequency, density = welch(
+        signal, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+    )
     floor = float(np.median(density[2 * density.size // 3 :]))
     smooth = median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
     peak = int(np.argmax(density))
@@ -123,7 +125,9 @@ def _reversal_spacing(rate: Array) -> float:
     return float(np.median(np.diff(change))) if change.size > 1 else float(rate.size)
 
 
-def broadband_states(run: Run, bandwidth: float | None = None, rate_share: float | None = None) -> ForceStates:
+def broadband_states(
+    run: Run, bandwidth: float | None = None, rate_share: float | None = None
+) -> ForceStates:
     """Return the force states of a run that does not repeat.
 
     Angle, rate and acceleration are convolutions of the measured angle (or, for the last two, of the measured
@@ -171,8 +175,12 @@ def broadband_states(run: Run, bandwidth: float | None = None, rate_share: float
         measured = signal_bandwidth(run.rate, run.sample_rate)[1]
         rate_noise, acceleration_noise = (measured * float(np.linalg.norm(k)) for k in (low, first))
     share, guard_periods = STICKING if dwells(rate) else PASSING
-    guard = min(int(np.ceil(guard_periods * run.sample_rate / cutoff)), int(GUARD_LIMIT * _reversal_spacing(rate)))
-    moving = moving_mask(rate, rate_limit(rate, rate_noise, share if rate_share is None else rate_share), guard)
+    guard = min(
+        int(np.ceil(guard_periods * run.sample_rate / cutoff)), int(GUARD_LIMIT * _reversal_spacing(rate))
+    )
+    moving = moving_mask(
+        rate, rate_limit(rate, rate_noise, share if rate_share is None else rate_share), guard
+    )
     return ForceStates(
         run=run.name,
         frequency=run.frequency,
@@ -186,7 +194,9 @@ def broadband_states(run: Run, bandwidth: float | None = None, rate_share: float
         moving=moving,
         block=np.minimum(np.arange(angle.size) * BLOCKS // angle.size, BLOCKS - 1),
         replicate=None,
-        noise=NoiseFloor(moment_noise(run.moment, run.sample_rate), angle_noise, rate_noise, acceleration_noise),
+        noise=NoiseFloor(
+            moment_noise(run.moment, run.sample_rate), angle_noise, rate_noise, acceleration_noise
+        ),
         method="broadband",
         bandwidth=cutoff,
         dropped=half / run.sample_rate,

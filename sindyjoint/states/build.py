@@ -64,7 +64,10 @@ def force_states(
 
 
 def campaign_states(
-    campaign: Campaign, method: Choice = "auto", bandwidth: float | None = None, rate_share: float | None = None
+    campaign: Campaign,
+    method: Choice = "auto",
+    bandwidth: float | None = None,
+    rate_share: float | None = None,
 ) -> tuple[ForceStates, ...]:
     """Return the force states of every run that may be used for identification."""
     runs = campaign.identification_runs
@@ -110,5 +113,8 @@ def repeats(run: Run) -> bool:
     lag = int(usable / per / 2) * per
     if lag < 2 * per:
         return False
-    far = np.interp(grid[: int(late.size - np.ceil(lag))] + lag, grid, late) - late[: int(late.size - np.ceil(lag))]
+    far = (
+        np.interp(grid[: int(late.size - np.ceil(lag))] + lag, grid, late)
+        - late[: int(late.size - np.ceil(lag))]
+    )
     return bool(np.sqrt(np.mean(far**2)) <= REPEATS * np.sqrt(2) * spread)

@@ -54,7 +54,9 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         If the run has no frequency or fewer than three steady periods.
     """
     if run.frequency is None:
-        raise InputError(f"run {run.name!r}: no frequency; the periodic method needs one, use method='broadband'")
+        raise InputError(
+            f"run {run.name!r}: no frequency; the periodic method needs one, use method='broadband'"
+        )
     frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
     start, stop, periods = steady_span(run, frequency)
     per = run.sample_rate / frequency
@@ -72,7 +74,9 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     guard = max(2, int(np.ceil(GUARD_PERIODS * run.sample_rate / angle.highest)))
     # Displacement-driven runs have one harmonic; half its period would leave nothing.
     guard = min(guard, max(2, int(GUARD_LIMIT * per)))
-    moving = moving_mask(motion[1], rate_limit(motion[1], rate_noise, RATE_SHARE if rate_share is None else rate_share), guard)
+    moving = moving_mask(
+        motion[1], rate_limit(motion[1], rate_noise, RATE_SHARE if rate_share is None else rate_share), guard
+    )
     moment = run.moment[start:stop]
     moment_noise = repeat_noise(moment, run.sample_rate, frequency, moving)
     return ForceStates(

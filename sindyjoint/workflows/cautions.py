@@ -73,8 +73,10 @@ def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
         angle, rate = state.angle[rows] - np.mean(state.angle), state.rate[rows]
         stiffness.append(float(np.mean((moment - moment.mean()) * angle)))
         power.append(float(np.mean(moment * rate)))
-    elastic = any(term.family == "stiffness" for term in model.terms)
-    backwards = elastic and _mean_stiffness(model) < 0 and max(stiffness) < 0
+    # An elastic moment that is a small part of the whole may well fall: only a main part has a sign to speak of.
+    mean_stiffness = _mean_stiffness(model)
+    elastic = abs(mean_stiffness) * model.fitted.angle > 0.2 * model.fitted.moment_rms
+    backwards = elastic and mean_stiffness < 0 and max(stiffness) < 0
     feeding = bool(model.terms) and max(power) < 0
     if backwards and feeding:
         yield "stiffness and dissipation are both negative in every run: the sign of one channel seems reversed"
@@ -146,5 +148,3 @@ def _misfit(model: JointModel) -> Iterator[str]:
             f"model nor noise (noise floor {fitted.noise_floor / fitted.moment_rms:.1%}): memory, play or another "
             "effect outside this library is likely"
         )
-
-

@@ -207,7 +207,9 @@ def the_campaign(campaign: Campaign | str | Path | None, random_state: Any = Non
     if campaign is None:
         from sindyjoint.mechanics.virtual import virtual_campaign
 
-        return virtual_campaign("inter-panel", noise=0.01, random_state=0 if random_state is None else random_state)
+        return virtual_campaign(
+            "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
+        )
     from sindyjoint.files import load_campaign
 
     return load_campaign(campaign)
@@ -227,7 +229,9 @@ def _skew(states: Sequence[ForceStates], inertia: float | None) -> Skew | None:
         return None
 
 
-def _campaign_model(regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates]) -> JointModel:
+def _campaign_model(
+    regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates]
+) -> JointModel:
     """Return the regressor's model with the joint and the data it came from."""
     model = regressor.model_
     inertia = campaign.joint.inertia
@@ -257,7 +261,9 @@ def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
     missing = tuple(term for term in PAPER_TERMS if term not in found)
     extra = tuple(term for term in found if term not in PAPER_TERMS)
     if not found:
-        return Verdict("undecided", missing, extra, f"no model was found: {regressor.selection_result_.reason}")
+        return Verdict(
+            "undecided", missing, extra, f"no model was found: {regressor.selection_result_.reason}"
+        )
     gap = model.fitted.misfit
     if extra:
         reason = f"the data need {_names(extra)}, which the paper's law lacks"
@@ -309,4 +315,3 @@ def _largest_share(regressor: JointRegressor, model: JointModel, term: str) -> f
     fit = fit_columns(regressor.evidence_, [*columns, ids.index(term)])
     size, error, share = abs(fit.coefficients[-1]), fit.standard_errors[-1], fit.unique_share[-1]
     return float(share * (size + 2 * error) / size) if size > 0 else float("inf")
-

@@ -1,0 +1,44 @@
+"""All commands in one application. Each command's own file imports what is heavy only when it runs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from sindyjoint.cli import libraries
+from sindyjoint.cli.discover import discover
+from sindyjoint.cli.schema import schema
+from sindyjoint.cli.simulate import simulate
+
+app = typer.Typer(
+    name="sindyjoint",
+    help="Discover the equation of a nonlinear joint from vibration tests, with evidence.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from sindyjoint import __version__
+
+        typer.echo(f"sindyjoint {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """Discover the equation of a nonlinear joint from vibration tests, with evidence."""
+
+
+app.command("discover")(discover)
+app.command("simulate")(simulate)
+app.add_typer(libraries.app, name="libraries")
+app.command("schema")(schema)

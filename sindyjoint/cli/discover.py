@@ -1,0 +1,130 @@
+"""``sindyjoint discover``: which terms the joint's equation has."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sindyjoint.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.discover import Discovery
+
+
+class _Method(StrEnum):
+    stlsq = "stlsq"
+    coefficient_stlsq = "coefficient_stlsq"
+    sr3 = "sr3"
+    ssr = "ssr"
+    frols = "frols"
+
+
+class _Selection(StrEnum):
+    evidence = "evidence"
+    one_standard_error = "one_standard_error"
+
+
+class _States(StrEnum):
+    auto = "auto"
+    periodic = "periodic"
+    broadband = "broadband"
+
+
+CampaignPath = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="[CAMPAIGN]",
+        help="campaign.toml or its folder. Without it: the built-in virtual test of the inter-panel joint.",
+        show_default=False,
+    ),
+]
+
+
+def discover(
+    campaign: CampaignPath = None,
+    library: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--library", "-l", help="Candidate terms: name or path of a catalogue. Repeatable. [extended]"
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    method: Annotated[_Method, typer.Option(help="How the path of models is made.")] = _Method.stlsq,
+    selection: Annotated[
+        _Selection, typer.Option(help="How one model of the path is chosen.")
+    ] = _Selection.evidence,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help="Least share of the moment that a term carries alone, instead of choosing by evidence."
+        ),
+    ] = None,
+    force: Annotated[
+        list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")
+    ] = None,
+    forbid: Annotated[
+        list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
+    ] = None,
+    states: Annotated[_States, typer.Option(help="How rates are made of angles.")] = _States.auto,
+    bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None,
+    align: Annotated[
+        bool, typer.Option("--align", help="Remove the time skew found between the channels.")
+    ] = False,
+    random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+) -> None:
+    """Find which terms the joint's equation has, with coefficients and evidence.
+
+    Exit status 0: a model was found; 1: none was, and the reason is printed; 2: the input is at fault.
+
+    Example: sindyjoint discover tests/campaign.toml --out results
+    """
+    from sindyjoint.files.atomic import check_output
+
+    if out is not None:
+        check_output(out)
+    with Progress(quiet) as progress:
+        # Not before the output is known to be writable: the imports alone take two seconds.
+        from sindyjoint.workflows.discover import discover as run
+
+        result = run(
+            campaign,
+            library or "extended",
+            states=states.value,
+            bandwidth=bandwidth,
+            align=align,
+            random_state=random_state,
+            progress=progress.say,
+            method=method.value,
+            selection=selection.value,
+            threshold=threshold,
+            forced=tuple(force or ()),
+            forbidden=tuple(forbid or ()),
+        )
+        if out is not None:
+            progress.say("writing the report")
+            from sindyjoint.reporting import write_discovery
+
+            write_discovery(result, out, command_line=["sindyjoint", *sys.argv[1:]])
+    if as_json:
+        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
+    else:
+        _show(result, out)
+    raise typer.Exit(0 if result.found else 1)
+
+
+def _show(result: Discovery, out: Path | None) -> None:
+    """Print the result for a person."""
+    from sindyjoint.reporting.terminal import show_discovery
+
+    show_discovery(result)
+    if out is not None:
+        typer.echo(f"\nreport: {out / 'report.html'}")

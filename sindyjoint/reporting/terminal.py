@@ -1,0 +1,82 @@
+"""Results as a person reads them in a terminal; plain text when piped."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from sindyjoint.rounding import rounded
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.discover import Discovery
+
+WIDTH = 100
+
+
+def show_discovery(result: Discovery) -> None:
+    """Print equation, terms, fit, verdict and cautions."""
+    from rich.console import Console
+
+    console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+    model, fitted = result.model, result.model.fitted
+    rotation = model.joint.motion == "rotation"
+    unit = "N·m" if rotation else "N"
+    title = f"{model.joint.name}{' (simulated)' if fitted.simulated else ''}"
+    at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
+    console.print(f"[bold]{_escaped(title)}[/]: {fitted.runs} run(s){at}, {fitted.samples} moving samples")
+    if not result.found:
+        console.print(f"\nno model: {_escaped(result.reason)}")
+    else:
+        console.print(f"\n  {_escaped(model.equation())}\n")
+        console.print(_terms(result))
+    inertia = model.joint.inertia
+    if inertia is not None:
+        console.print(f"inertia {inertia:g} {'kg·m²' if rotation else 'kg'}, declared")
+    what = "moment" if rotation else "force"
+    console.print(
+        f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
+        f"({fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0:.2%}), "
+        f"noise floor {fitted.noise_floor:.3g} {unit}, moving {fitted.moving_fraction:.0%} of the time"
+    )
+    if result.skew is not None:
+        console.print(
+            f"the {what} lags the {'angle' if rotation else 'displacement'} by "
+            f"{rounded(1e3 * result.skew.time, 1e3 * result.skew.standard_error)} ms"
+        )
+    console.print(f"\n[bold]paper's term set {result.verdict.verdict}[/]: {_escaped(result.verdict.reason)}")
+    for warning in result.warnings:
+        console.print(f"- {_escaped(warning)}")
+
+
+def _terms(result: Discovery) -> object:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading, justify in (("term", "left"), ("", "left"), ("coefficient", "right"), ("unit", "left")):
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    table.add_column("95 % interval", justify="right", no_wrap=True)
+    table.add_column("carries alone", justify="right")
+    for term in result.model.terms:
+        low, high = term.interval95
+        table.add_row(
+            term.id,
+            _escaped(term.symbol),
+            rounded(term.coefficient, term.standard_error),
+            pretty_unit(term.unit),
+            f"{low:.4g} … {high:.4g}",
+            f"{term.unique_share:.1%}",
+        )
+    return table
+
+
+def pretty_unit(unit: str) -> str:
+    """Return ``N*m/rad^2`` as N·m/rad²."""
+    return unit.replace("*", "·").translate(str.maketrans("23456789", "²³⁴⁵⁶⁷⁸⁹")).replace("^", "")
+
+
+def _escaped(text: str) -> str:
+    """Return user text as rich shows it literally."""
+    from rich.markup import escape
+
+    return escape(text)
