@@ -151,9 +151,9 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
     moment, slope, trial = np.zeros(joints), np.zeros(joints), a[:joints].copy()
     jacobian, residual = np.empty((joints, joints)), np.empty(joints)
     z_mid, keep, rest = z.copy(), np.empty(z.shape[1]), np.zeros(z.shape[1])
-    converged = True
-    for iteration in range(40):
-        worst = 0.0
+    before, change, smallest = trial.copy(), np.zeros(joints), np.inf
+    converged = False
+    for iteration in range(200):
         for j in range(joints):
             theta = q[j] + 0.5 * h * v[j] + 0.25 * h * h * trial[j]
             omega = v[j] + 0.5 * h * trial[j]
@@ -167,6 +167,7 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
                 ahead = joint_moment(j, theta, omega + 0.5 * h * nudge, direction[j], h, laws, z, z_mid, out)
                 slope[j] = (ahead - moment[j]) / nudge
                 z_mid[j] = keep
+        largest, done = 0.0, True
         for j in range(joints):
             total, size = trial[j] - a[j], abs(trial[j]) + abs(a[j])
             for k in range(joints):
@@ -175,17 +176,22 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
                 jacobian[j, k] = inverse[j, k] * slope[k]
             jacobian[j, j] += 1.0
             residual[j] = total
-            if not abs(total) <= 1e-12 * size:
-                worst = max(worst, abs(total) / size)
-                if not np.isfinite(total):
-                    return False
-        if worst == 0.0:
+            largest = max(largest, abs(total))
+            done = done and abs(total) <= (1e-11 if iteration < 30 else 1e-8) * size
+        if done:
+            converged = True
             break
-        converged = iteration < 39 or worst < 1e-9
+        if largest >= smallest or not np.isfinite(largest):
+            # Two kinks of a yielding slider throw whole Newton steps to and fro: half of the last one.
+            for j in range(joints):
+                change[j] *= 0.5
+                trial[j] = before[j] - change[j]
+            continue
+        smallest = largest
         _solve_small(jacobian, residual, joints)
         for j in range(joints):
-            # Kinks of a yielding slider can make whole steps go to and fro.
-            trial[j] -= residual[j] if iteration < 12 else 0.5 * residual[j]
+            before[j], change[j] = trial[j], residual[j]
+            trial[j] -= residual[j]
     for j in range(joints):
         if direction[j] != 0.0:
             for i in range(n):
