@@ -16,8 +16,9 @@ def main(arguments: list[str] | None = None) -> None:
     from sindyjoint.errors import SindyJointError
 
     # typer may carry a click of its own: its public names lead to the classes that it raises.
-    usage_error = typer.BadParameter.__mro__[1]
-    click_error = typer.BadParameter.__mro__[2]
+    usage_error: type[Exception]
+    click_error: type[Exception]
+    _, usage_error, click_error = typer.BadParameter.__mro__[:3]
     try:
         status = app(args=arguments, prog_name="sindyjoint", standalone_mode=False)
     except typer.Exit as error:

@@ -117,8 +117,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
 
     def fit(
         self,
-        X: ArrayLike,
-        y: ArrayLike,
+        X: Any,
+        y: Any,
         groups: ArrayLike | None = None,
         sample_weight: ArrayLike | None = None,
         *,
@@ -172,7 +172,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         self._keep_model(labels)
         return self
 
-    def predict(self, X: ArrayLike) -> Array:
+    def predict(self, X: Any) -> Array:
         """Return the moment at force states, shape (n,), N·m."""
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
@@ -235,7 +235,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         """Leave out candidates that these data cannot tell from those before them; refuse what no data could."""
         dependent = dependent_columns(evidence.pooled)
         if not dependent:
-            self.indistinct_ = ()
+            self.indistinct_: tuple[str, ...] = ()
             return evidence
         generic = np.random.default_rng(0).normal(size=(8 * len(self.terms_), self.n_features_in_))
         scales = [self.reference_.angle or 1.0, self.reference_.rate or 1.0, 1.0][: self.n_features_in_]

@@ -138,7 +138,7 @@ def merge(factors: Iterable[Factor], weights: ArrayLike | None = None) -> Factor
 
 def _triangle(matrix: Array) -> Array:
     """Return the square upper triangular factor of a matrix, rows of zeros added where it has too few rows."""
-    triangle = np.linalg.qr(matrix, mode="r")
+    triangle: Array = np.linalg.qr(matrix, mode="r")  # type: ignore[assignment]
     missing = matrix.shape[1] - triangle.shape[0]
     return np.pad(triangle, ((0, missing), (0, 0))) if missing > 0 else triangle
 

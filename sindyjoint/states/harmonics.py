@@ -34,7 +34,7 @@ class HarmonicBasis:
     @classmethod
     def build(cls, time: Array, frequency: float, orders: NDArray[np.intp]) -> HarmonicBasis:
         """Return the basis of the given harmonic orders of ``frequency`` (Hz) at ``time`` (s)."""
-        angular = 2 * np.pi * frequency * orders
+        angular = np.asarray(2 * np.pi * frequency * orders, dtype=np.float64)
         phase = np.outer(time, angular)
         return cls(np.cos(phase), np.sin(phase), angular)
 
@@ -133,7 +133,7 @@ def refine_frequency(signal: Array, sample_rate: float, frequency: float) -> flo
     scatter = np.std(phase - np.mean(phase) - slope * centre, ddof=2) / np.sqrt(centre @ centre)
     if abs(slope) <= 4 * scatter:
         return frequency
-    return frequency * (1 + slope / (2 * np.pi))
+    return float(frequency * (1 + slope / (2 * np.pi)))
 
 
 def steady_start(signal: Array, sample_rate: float, frequency: float, harmonics: int = 3) -> int:

@@ -139,7 +139,7 @@ class _Series:
         full = HarmonicBasis.build(time, frequency, orders)
         mean, a, b = full.fit(signal)
         residual = signal - full.series(mean, a, b)
-        variance = local_noise(residual, sample_rate, orders * frequency, 0.5 * frequency)
+        variance = local_noise(residual, sample_rate, full.angular / (2 * np.pi), 0.5 * frequency)
         standard_error = np.sqrt(2 * variance / n)
         keep = significant_harmonics(np.hypot(a, b), standard_error)
         noise = float(np.sqrt(residual @ residual / max(n - 2 * count - 1, 1)))

@@ -144,7 +144,7 @@ def _misfit(model: JointModel) -> Iterator[str]:
     if model.terms and fitted.misfit > TOLERATED_MISFIT:
         explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
         yield (
-            f"the model explains {explained:.1%} of the mean square moment; {fitted.misfit:.1%} of the RMS moment is neither "
-            f"model nor noise (noise floor {fitted.noise_floor / fitted.moment_rms:.1%}): memory, play or another "
+            f"the model explains {explained:.1%} of the mean square moment; {fitted.misfit:.1%} of the RMS moment "
+            f"is neither model nor noise (noise floor {fitted.noise_floor / fitted.moment_rms:.1%}): memory, play or another "
             "effect outside this library is likely"
         )

@@ -282,7 +282,8 @@ def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
         reason = f"{_names(hidden)} was not found, and these runs could not have shown it"
         return Verdict("undecided", missing, extra, reason + _rest(gap))
     if gap > TOLERATED_MISFIT:
-        reason = f"the five terms are the best of these candidates, yet {gap:.1%} of the moment is neither they nor noise"
+        reason = "the five terms are the best of these candidates, yet "
+        reason += f"{gap:.1%} of the moment is neither they nor noise"
         return Verdict("undecided", missing, extra, reason)
     candidates = len(regressor.terms_)
     least = min(term.unique_share for term in model.terms)
