@@ -252,7 +252,9 @@ _MODELS: dict[str, type[BaseModel]] = {
 
 def _sentence(error: ValidationError, data: dict[str, Any]) -> str:
     """Put the first fault that pydantic found into one sentence that names the entry and the field."""
-    fault = error.errors()[0]
+    # A misspelt key shows up as one that is missing and one that is unknown; the second says more.
+    faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
+    fault = faults[0]
     model: type[BaseModel] = CatalogueEntry
     place: list[str] = []
     here: Any = data
