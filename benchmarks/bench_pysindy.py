@@ -1,0 +1,122 @@
+"""The same virtual campaigns through plain ``pysindy.SINDy`` and through sindyjoint, side by side.
+
+    python benchmarks/bench_pysindy.py --seeds 20 --noise 0.001 0.01 0.05
+
+Everyone gets the same candidates (the ``extended`` library), the true inertia, and the same runs. The columns:
+
+plain       pysindy as it comes: measured angle, its own differentiation, candidates in SI units, default STLSQ
+smooth      the same with its SmoothedFiniteDifference
+states      default STLSQ on sindyjoint's force states: exact derivatives, sticking left out, SI units
+scaled      the same with RMS-scaled candidates (TermLibrary as it comes)
+oracle      the same, and the best of 31 thresholds picked by someone who knows the answer
+sindyjoint  ``discover`` as it comes
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+TERMS = ("linear_stiffness", "quadratic_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction")
+THRESHOLDS = np.geomspace(1e-3, 1.0, 31)
+
+
+def plain(campaign: Any, method: Callable[[], Any]) -> tuple[list, list]:
+    """Return (angle, rate) and the transfer moment of every run as pysindy's differentiation gives them."""
+    states, moments = [], []
+    for run in campaign.runs:
+        rate = np.asarray(method()._differentiate(run.angle[:, None], run.time))
+        acceleration = np.asarray(method()._differentiate(rate, run.time))
+        states.append(np.column_stack([run.angle, rate[:, 0]]))
+        moments.append((run.moment - campaign.joint.inertia * acceleration[:, 0])[:, None])
+    return states, moments
+
+
+def moving(campaign: Any) -> tuple[list, list]:
+    """Return the same from sindyjoint's force states."""
+    from sindyjoint.states import campaign_states
+
+    states, moments = [], []
+    for state in campaign_states(campaign):
+        keep = state.moving
+        states.append(np.column_stack([state.angle, state.rate])[keep])
+        moments.append(state.transfer_moment(campaign.joint.inertia)[keep, None])
+    return states, moments
+
+
+def terms_of(data: tuple[list, list], scale: str | None, threshold: float | None = None) -> set[str]:
+    """Return the terms that pysindy keeps; its default optimiser unless a threshold is given."""
+    import pysindy
+
+    from sindyjoint import TermLibrary
+
+    library = TermLibrary("extended", scale=scale)
+    # alpha of the default is a ridge that also shrinks; whoever tunes the threshold turns it off.
+    optimiser = pysindy.STLSQ() if threshold is None else pysindy.STLSQ(threshold=threshold, alpha=0.0)
+    states, moments = data
+    times = [np.arange(len(x)) * 1e-3 for x in states]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = pysindy.SINDy(optimizer=optimiser, feature_library=library).fit(states, times, x_dot=moments)
+    coefficients = model.coefficients()[0]
+    return {
+        name for name, c in zip(model.feature_library.get_feature_names(), coefficients, strict=True) if c
+    }
+
+
+def one(joint: str, noise: float, seed: int) -> dict[str, set[str]]:
+    """Return the terms that each way finds."""
+    import pysindy
+
+    from sindyjoint.mechanics.virtual import virtual_campaign
+    from sindyjoint.workflows.discover import discover
+
+    campaign = virtual_campaign(joint, noise=noise, random_state=seed)
+    states = moving(campaign)
+    tried = [terms_of(states, "rms", threshold) for threshold in THRESHOLDS]
+    return {
+        "plain": terms_of(plain(campaign, pysindy.FiniteDifference), None),
+        "smooth": terms_of(plain(campaign, pysindy.SmoothedFiniteDifference), None),
+        "states": terms_of(states, None),
+        "scaled": terms_of(states, "rms"),
+        "oracle": next((terms for terms in tried if terms == set(TERMS)), tried[0]),
+        "sindyjoint": set(discover(campaign).model.ids),
+    }
+
+
+def main() -> None:
+    """Run the campaigns and print how often each way finds the five terms and nothing else."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--joints", nargs="+", default=["inter-panel", "panel-root"])
+    parser.add_argument("--noise", type=float, nargs="+", default=[0.001, 0.01, 0.05])
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--jobs", type=int, default=2)
+    given = parser.parse_args()
+    from joblib import Parallel, delayed
+
+    header = True
+    for joint in given.joints:
+        for noise in given.noise:
+            found = Parallel(n_jobs=given.jobs)(
+                delayed(one)(joint, noise, seed) for seed in range(given.seeds)
+            )
+            ways = list(found[0])
+            if header:
+                print("exactly the five terms: campaigns of", given.seeds, "(median number of terms)")
+                print("joint         noise  " + "".join(f"{way:>12}" for way in ways))
+                header = False
+            cells = []
+            for way in ways:
+                exact = sum(f[way] == set(TERMS) for f in found)
+                cells.append(f"{exact} ({np.median([len(f[way]) for f in found]):g})")
+            print(f"{joint:<12} {noise:>6.1%}  " + "".join(f"{cell:>12}" for cell in cells), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""The arrows of the design: layers look down only, and what makes motion never meets what explains it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "sindyjoint"
+
+# Layer by layer, from the bottom: what each part of the package may import. Itself it always may.
+BASE = {"errors", "record", "rounding"}
+DOOR = BASE | {"rig", "files"}
+ALLOWED = {
+    "errors": set(),
+    "rounding": set(),
+    "record": {"errors"},
+    "rig": {"errors", "record"},
+    "files": BASE | {"rig"},
+    "states": BASE,
+    "surface": BASE | {"states"},
+    "mechanics": DOOR,  # rigs are read from files
+    "discovery": BASE | {"states", "surface"},
+    "discrepancy": BASE | {"states", "surface", "mechanics", "discovery"},
+    "workflows": DOOR | {"states", "surface", "mechanics", "discovery", "discrepancy"},
+}
+BELOW_TOP = DOOR | {"states", "surface", "mechanics", "discovery", "discrepancy", "workflows"}
+ALLOWED |= {
+    "reporting": BELOW_TOP,
+    "export": BELOW_TOP,
+    "cli": BELOW_TOP | {"reporting", "export", "__init__"},
+}
+# The package's own front door names public things of any layer, and fetches them only when asked.
+FRONT = "__init__"
+
+
+def layer_of(module: str) -> str:
+    """Return the part of the package that a dotted name belongs to."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else FRONT
+
+
+def imports(path: Path) -> set[str]:
+    """Return the dotted names inside sindyjoint that a file imports, wherever in the file and for whatever use."""
+    here = ["sindyjoint", *path.relative_to(PACKAGE).with_suffix("").parts]
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = here[: len(here) - node.level] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            # "from sindyjoint import states" imports a layer, "from sindyjoint import __version__" the front door.
+            names |= {
+                f"{module}.{alias.name}"
+                if module == "sindyjoint" and alias.name in [*ALLOWED, FRONT]
+                else module
+                for alias in node.names
+            }
+    return {name for name in names if name == "sindyjoint" or name.startswith("sindyjoint.")}
+
+
+def files() -> list[Path]:
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def test_every_part_of_the_package_has_a_place_in_the_diagram():
+    parts = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in files()}
+    assert parts - {FRONT} == set(ALLOWED)
+
+
+@pytest.mark.parametrize("path", files(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_down(path):
+    here = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    if here == FRONT:
+        return
+    reached = {layer_of(name) for name in imports(path)} - {here}
+    assert reached <= ALLOWED[here], f"{here} may not import {sorted(reached - ALLOWED[here])}"
+
+
+def test_the_diagram_itself_has_no_circle():
+    order: list[str] = []
+    left = {part: set(below) - {FRONT} for part, below in ALLOWED.items()}
+    while left:
+        free = sorted(part for part, below in left.items() if below <= set(order))
+        assert free, f"a circle among {sorted(left)}"
+        order += free
+        left = {part: below for part, below in left.items() if part not in free}
+    assert order.index("states") < order.index("discovery") < order.index("workflows") < order.index("cli")
+
+
+def test_mechanics_and_discovery_never_import_each_other():
+    # So that a recovered law is evidence, not an echo of the simulator.
+    assert "discovery" not in ALLOWED["mechanics"] and "mechanics" not in ALLOWED["discovery"]
+
+
+def test_the_check_sees_what_it_forbids(tmp_path, monkeypatch):
+    monkeypatch.setitem(globals(), "PACKAGE", tmp_path)
+    (tmp_path / "mechanics").mkdir()
+    bad = tmp_path / "mechanics" / "bad.py"
+    bad.write_text("def f():\n    from ..discovery import model\n    import sindyjoint.cli.app\n")
+    assert {layer_of(name) for name in imports(bad)} == {"discovery", "cli"}
+
+
+@pytest.mark.parametrize("library", ["pysindy", "sklearn"])
+def test_a_dependency_has_one_home(library):
+    users = set()
+    for path in files():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
+            if any(name.split(".")[0] == library for name in names):
+                users.add(path.relative_to(PACKAGE).parts[0].removesuffix(".py"))
+    assert users == {"discovery"}
+
+
+def test_nothing_evaluates_text_or_unpickles():
+    for path in files():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                assert node.func.id not in {"eval", "exec", "compile", "__import__"}, path
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = {a.name for a in node.names} | {getattr(node, "module", None)}
+                assert not names & {"pickle", "dill", "cloudpickle"}, path
