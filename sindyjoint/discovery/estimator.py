@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +58,10 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         Ids of terms that are never removed.
     forbidden : sequence of str
         Ids of terms that are left out of the library.
+    signs : mapping of str to int, optional
+        Id of a term to the sign, +1 or -1, that its coefficient must have: ``{"coulomb_friction": 1}``.
+    fixed : mapping of str to float, optional
+        Id of a term to its known coefficient, SI: it is in the model and not fitted.
     motion : {"rotation", "translation"}
         For the units of the coefficients.
     random_state : int, Generator or None
@@ -77,7 +81,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
     selection_result_ : Selection
         The path of models, the chosen one and the reason.
     evidence_ : Evidence
-        Factors of all runs and blocks: everything later analyses need of the samples.
+        Factors of all runs and blocks: everything later analyses need of the samples. Without the fixed terms, whose
+        part is taken from the target.
     reference_ : Reference
         Largest angle and rate of the data.
     n_features_in_ : int
@@ -101,6 +106,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         least_share: float = LEAST_SHARE,
         forced: Sequence[str] = (),
         forbidden: Sequence[str] = (),
+        signs: Mapping[str, int] | None = None,
+        fixed: Mapping[str, float] | None = None,
         motion: Motion = "rotation",
         random_state: Any = None,
     ):
@@ -112,6 +119,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         self.least_share = least_share
         self.forced = forced
         self.forbidden = forbidden
+        self.signs = signs
+        self.fixed = fixed
         self.motion = motion
         self.random_state = random_state
 
@@ -167,7 +176,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 f"n_samples = {X.shape[0]} for {len(self.terms_)} candidate terms: too few samples; record more or "
                 "choose a smaller library"
             )
-        self.evidence_ = self._without_dependent(self._gather(X, y, other, y_replicate, weight, labels))
+        gathered = self._without_dependent(self._gather(X, y, other, y_replicate, weight, labels))
+        self._moment_rms = gathered.target_rms
+        self.evidence_ = self._with_fixed(gathered)
         self.selection_result_ = self._select()
         self._keep_model(labels)
         return self
@@ -192,6 +203,12 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             raise InputError(
                 f"threshold is {self.threshold!r}; a share of the moment's RMS, from 0 to below 1, is wanted"
             )
+        for term, sign in (self.signs or {}).items():
+            if sign not in (1, -1):
+                raise InputError(f"signs: {term!r} is {sign!r}; +1 or -1 is wanted")
+        for term, value in (self.fixed or {}).items():
+            if not np.isfinite(value):
+                raise InputError(f"fixed: {term!r} is {value!r}; a finite coefficient is wanted")
 
     def _catalogue(self, with_inertia: bool) -> Catalogue:
         catalogue = as_catalogue(self.library)
@@ -253,45 +270,68 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         return evidence.take(keep)
 
     def _select(self) -> Selection:
-        forced = [self._index(term) for term in self.forced]
+        forced = [self._index("forced", term) for term in self.forced]
+        signs = {self._index("signs", term): int(sign) for term, sign in (self.signs or {}).items()}
         if self.evidence_.pooled.squared_target == 0:
             return Selection((), None, "the moment is zero throughout")
-        sets = column_path(self.method, self.evidence_, forced, self.random_state)
+        sets = column_path(self.method, self.evidence_, forced, self.random_state, signs)
         path = path_of(self.evidence_, sets)
         if self.threshold is not None:
-            return choose_by_threshold(path, self.threshold)
+            return choose_by_threshold(path, self.threshold, forced, signs)
         if self.selection == "one_standard_error":
-            return choose_by_one_standard_error(path)
-        return choose_by_evidence(path, self.significance, self.least_share, forced)
+            return choose_by_one_standard_error(path, signs)
+        return choose_by_evidence(path, self.significance, self.least_share, forced, signs)
 
-    def _index(self, term_id: str) -> int:
+    def _index(self, option: str, term_id: str) -> int:
         ids = self.evidence_.ids
         if term_id not in ids:
-            raise UnknownNameError(f"forced term {term_id!r} is not among the candidates: {', '.join(ids)}")
+            raise UnknownNameError(
+                f"{option} names {term_id!r}, which is not among the candidates: {', '.join(ids)}"
+            )
         return ids.index(term_id)
+
+    def _with_fixed(self, evidence: Evidence) -> Evidence:
+        """Take what the fixed terms carry out of the target, and remember their share of it."""
+        self._fixed_share: dict[str, float] = {}
+        for term_id, value in (self.fixed or {}).items():
+            if term_id not in evidence.ids:
+                raise UnknownNameError(
+                    f"fixed names {term_id!r}, which is not among the candidates: {', '.join(evidence.ids)}"
+                )
+            rms = evidence.pooled.column_rms[evidence.ids.index(term_id)]
+            self._fixed_share[term_id] = abs(value) * rms / evidence.target_rms
+        return evidence.fixing(self.fixed) if self.fixed else evidence
 
     def _keep_model(self, labels: _Labels) -> None:
         step = self.selection_result_.step
         self.coef_ = np.zeros(len(self.terms_))
-        chosen: list[ResolvedTerm] = []
-        covariance = np.zeros((0, 0))
-        terms: tuple[Any, ...] = ()
-        residual = self.evidence_.target_rms
+        positions = {term.id: index for index, term in enumerate(self.terms_)}
+        chosen: list[int] = []
+        values, covariance, shares = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
+        residual, degrees = self.evidence_.target_rms, 1
         if step is not None:
             fit = step.fit
-            chosen = [self.terms_[i] for i in fit.columns]
-            self.coef_[[*fit.columns]] = fit.coefficients
-            covariance, residual = fit.covariance, fit.residual_rms
-            terms = model_terms(
-                chosen, fit.coefficients, fit.covariance, fit.unique_share, fit.degrees, self.motion
-            )
-        self.selected_ = tuple(term.id for term in chosen)
+            chosen = [positions[self.evidence_.ids[i]] for i in fit.columns]
+            values, covariance, shares = fit.coefficients, fit.covariance, fit.unique_share
+            residual, degrees = fit.residual_rms, fit.degrees
+        if self.fixed and step is not None:
+            chosen += [positions[name] for name in self.fixed]
+            values = np.concatenate([values, [*self.fixed.values()]])
+            covariance = np.pad(covariance, (0, len(self.fixed)))
+            shares = np.concatenate([shares, [*self._fixed_share.values()]])
+        # Terms are told in the order of the catalogue.
+        order = np.argsort(chosen)
+        chosen = [chosen[i] for i in order]
+        values, covariance, shares = values[order], covariance[np.ix_(order, order)], shares[order]
+        self.coef_[chosen] = values
+        kept = [self.terms_[i] for i in chosen]
+        self.selected_ = tuple(term.id for term in kept)
         self.model_ = JointModel(
             joint=Joint(motion=self.motion, inertia=None if self.n_features_in_ == 3 else 0.0),
-            terms=terms,
+            terms=model_terms(kept, values, covariance, shares, degrees, self.motion),
             covariance=tuple(tuple(float(v) for v in row) for row in covariance),
             fitted=Fitted(
-                moment_rms=self.evidence_.target_rms,
+                moment_rms=self._moment_rms,
                 residual_rms=residual,
                 noise_floor=float("nan"),
                 moving_fraction=1.0,

@@ -6,7 +6,7 @@ into blocks whose scatter tells the noise. One :class:`Evidence` holds a factor 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,6 +46,11 @@ class RunEvidence:
             self.pooled.take(columns),
             tuple(block.take(columns) for block in self.blocks),
         )
+
+    def fixing(self, columns: Sequence[int], coefficients: Sequence[float]) -> RunEvidence:
+        """Return the same run on the other columns, these ones' given share taken from the target."""
+        blocks = tuple(block.fixing(columns, coefficients) for block in self.blocks)
+        return RunEvidence(self.name, self.group, self.pooled.fixing(columns, coefficients), blocks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +92,17 @@ class Evidence:
     def take(self, columns: Sequence[int]) -> Evidence:
         """Return the evidence on some of the columns."""
         return Evidence(tuple(self.ids[c] for c in columns), tuple(run.take(columns) for run in self.runs))
+
+    def fixing(self, coefficients: Mapping[str, float]) -> Evidence:
+        """Return the evidence on the other columns, the target less what the named ones carry at these coefficients."""
+        columns = [self.ids.index(name) for name in coefficients]
+        values = [*coefficients.values()]
+        ids = tuple(name for name in self.ids if name not in coefficients)
+        return Evidence(ids, tuple(run.fixing(columns, values) for run in self.runs))
+
+    def only(self, groups: Sequence[str]) -> Evidence:
+        """Return the evidence of the runs of some groups."""
+        return Evidence(self.ids, tuple(run for run in self.runs if run.group in groups))
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,6 +78,14 @@ class Factor:
         """Return the factor of some of the columns."""
         return Factor(_triangle(self.triangle[:, [*columns, self.n_columns]]), self.rows)
 
+    def fixing(self, columns: Sequence[int], coefficients: ArrayLike) -> Factor:
+        """Return the factor of the other columns, the target less these columns times given coefficients."""
+        target = self.triangle[:, -1] - self.triangle[:, [*columns]] @ np.asarray(
+            coefficients, dtype=np.float64
+        )
+        others = [column for column in range(self.n_columns) if column not in columns]
+        return Factor(_triangle(np.column_stack([self.triangle[:, others], target])), self.rows)
+
     def normalised(self) -> tuple[Factor, Array, float]:
         """Return the factor with columns and target scaled to unit norm, and the norms that were divided by.
 

@@ -1,45 +1,60 @@
 """Ways to make a path of models: our own sequential thresholding, and pysindy's optimisers behind one door.
 
-Every method sees the same thing: the triangular factor of the RMS-scaled candidates and target, which has the same
-least-squares problem as the samples. Every call builds its optimiser afresh, because pysindy's keep state. What a
-method yields is a sequence of column sets; fits, uncertainties and the choice on the path are the same for all.
+Every method sees the same thing: the triangular factors of the candidates and the target, scaled to unit norm,
+which pose the same least-squares problem as the samples at the same conditioning. Every call builds its optimiser
+afresh, because pysindy's keep state. What a method yields is a sequence of column sets; fits, uncertainties and the
+choice on the path are the same for all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
-from sindyjoint.discovery.factors import Factor
-from sindyjoint.discovery.selection import elimination_path
+from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.discovery.selection import backward_path, elimination_path
 
 Array = NDArray[np.float64]
 Path = list[tuple[int, ...]]
+Method = Callable[[Evidence, tuple[int, ...], Mapping[int, int], np.random.Generator], Path]
 
 # Thresholds on scaled coefficients, as shares of the target's RMS.
 THRESHOLDS = np.geomspace(1e-4, 1.0, 49)
+# A resampled fit costs as many fits as there are replicates: coarser steps, twenty replicates as pysindy's default.
+ENSEMBLE_THRESHOLDS = np.geomspace(1e-3, 0.5, 17)
+ENSEMBLE_MODELS = 20
 
 
-def _stlsq(factor: Factor, forced: Sequence[int]) -> Path:
+def _stlsq(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
     """Sequentially thresholded least squares on unique shares, one term at a time, with exchange."""
-    return elimination_path(factor, forced)
+    return elimination_path(evidence.pooled, forced)
 
 
-def _coefficient_stlsq(factor: Factor, forced: Sequence[int]) -> Path:
-    """Pysindy's STLSQ on RMS-scaled columns, all coefficients below the threshold removed at once."""
-    from pysindy.optimizers import STLSQ
-
-    return _threshold_path(
-        factor, lambda threshold: STLSQ(threshold=threshold, alpha=0.0, unbias=False), forced
-    )
+def _backward(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    """Backward elimination: the term whose removal costs least goes, and does not come back."""
+    return backward_path(evidence.pooled, forced)
 
 
-def _sr3(factor: Factor, forced: Sequence[int]) -> Path:
-    """Pysindy's SR3 with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
+def _best_subset(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    """The exact best subset of every size, by branch and bound."""
+    from sindyjoint.discovery.best_subset import best_subsets
+
+    return [subset.columns for subset in best_subsets(evidence.pooled, forced, signs)]
+
+
+def _coefficient_stlsq(
+    evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any
+) -> Path:
+    """pysindy's STLSQ on scaled columns, all coefficients below the threshold removed at once."""
+    return _threshold_path(evidence.pooled, _pysindy_stlsq, forced)
+
+
+def _sr3(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    """pysindy's SR3 with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
     from pysindy.optimizers import SR3
 
     def build(threshold: float) -> Any:
@@ -52,34 +67,89 @@ def _sr3(factor: Factor, forced: Sequence[int]) -> Path:
             tol=1e-9,
         )
 
-    return _threshold_path(factor, build, forced)
+    return _threshold_path(evidence.pooled, build, forced)
 
 
-def _ssr(factor: Factor, forced: Sequence[int]) -> Path:
-    """Pysindy's stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
+def _ssr(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    """pysindy's stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
     from pysindy.optimizers import SSR
 
+    factor = evidence.pooled
     return _history_path(factor, SSR(alpha=0.0, unbias=False, max_iter=factor.n_columns), forced)
 
 
-def _frols(factor: Factor, forced: Sequence[int]) -> Path:
-    """Pysindy's forward regression by error reduction ratio (Billings 2013)."""
+def _frols(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    """pysindy's forward regression by error reduction ratio (Billings 2013)."""
     from pysindy.optimizers import FROLS
 
+    factor = evidence.pooled
     return _history_path(factor, FROLS(alpha=0.0, unbias=False, max_iter=factor.n_columns), forced)
 
 
-METHODS: dict[str, Callable[[Factor, Sequence[int]], Path]] = {
+def _ensemble(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    """pysindy's ensemble of STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
+    from pysindy.optimizers import EnsembleOptimizer
+
+    resampled = [_resampled_blocks(evidence, rng) for _ in range(ENSEMBLE_MODELS)]
+
+    class BlockEnsemble(EnsembleOptimizer):
+        """The ensemble with its resampling handed in: the base class draws single rows from the global generator."""
+
+        def _reduce(self, x: Any, y: Any) -> None:
+            for factor in resampled:
+                optimiser = _pysindy_stlsq(self.opt.threshold)
+                optimiser.fit(factor.triangle[:, :-1], factor.triangle[:, -1:])
+                self.coef_list.append(optimiser.coef_)
+            self.coef_ = np.median(self.coef_list, axis=0)
+
+    def build(threshold: float) -> Any:
+        return BlockEnsemble(_pysindy_stlsq(threshold), bagging=True, n_models=ENSEMBLE_MODELS)
+
+    return _threshold_path(evidence.pooled, build, forced, ENSEMBLE_THRESHOLDS)
+
+
+def _lasso_lars(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    """Least-angle regression with the l1 penalty: the sets of its path, the one of least BIC among them.
+
+    Efron, Hastie, Johnstone and Tibshirani, Annals of Statistics 32(2), 2004. Set sizes are met more than once; all
+    are kept.
+    """
+    from sklearn.linear_model import LassoLarsIC
+
+    scaled, _, _ = evidence.pooled.normalised()
+    # LassoLarsIC wants the noise variance where rows are no more than columns, as on a factor: that of the full fit.
+    noise = max(scaled.triangle[-1, -1] ** 2 / max(evidence.pooled.rows - scaled.n_columns, 1), 1e-30)
+    fit = LassoLarsIC(criterion="bic", fit_intercept=False, noise_variance=noise)
+    _quiet(lambda: fit.fit(scaled.triangle[:, :-1], scaled.triangle[:, -1]))
+    from sklearn.linear_model import lars_path
+
+    path = _quiet(lambda: lars_path(scaled.triangle[:, :-1], scaled.triangle[:, -1], method="lasso")[2])
+    return [
+        tuple(range(scaled.n_columns)),
+        _nonzero(fit.coef_, forced),
+        *(_nonzero(c, forced) for c in path.T),
+    ]
+
+
+METHODS: dict[str, Method] = {
     "stlsq": _stlsq,
+    "best_subset": _best_subset,
+    "backward": _backward,
     "coefficient_stlsq": _coefficient_stlsq,
     "sr3": _sr3,
     "ssr": _ssr,
     "frols": _frols,
+    "ensemble": _ensemble,
+    "lasso_lars": _lasso_lars,
 }
 
 
 def column_path(
-    method: str, evidence: Evidence, forced: Sequence[int] = (), random_state: Any = None
+    method: str,
+    evidence: Evidence,
+    forced: Sequence[int] = (),
+    random_state: Any = None,
+    signs: Mapping[int, int] | None = None,
 ) -> Path:
     """Return the column sets that a method proposes, from large to small, each once.
 
@@ -92,10 +162,45 @@ def column_path(
         Columns that every set holds.
     random_state : int, Generator or None
         For methods that resample.
+    signs : mapping of int to int, optional
+        Column to the sign, +1 or -1, that its coefficient must have. Beside each set that breaks it stands the one
+        without the offenders.
     """
-    sets = METHODS[method](evidence.pooled, tuple(forced))
+    signs = dict(signs or {})
+    sets = METHODS[method](evidence, tuple(forced), signs, np.random.default_rng(random_state))
+    if signs:
+        sets = [s for each in sets for s in (each, obedient(evidence.pooled, each, signs))]
     unique = dict.fromkeys(tuple(sorted(s)) for s in sets if s)
     return sorted(unique, key=len, reverse=True)
+
+
+def obedient(factor: Factor, columns: Sequence[int], signs: Mapping[int, int]) -> tuple[int, ...]:
+    """Return the columns less those whose fitted coefficient has the wrong sign, the worst first, refitted each time."""
+    kept = [*columns]
+    while kept:
+        part, _, _ = factor.take(kept).normalised()
+        solved = part.solve() / np.linalg.norm(part.inverse(), axis=1)
+        wrong = [solved[i] * signs.get(column, 0) for i, column in enumerate(kept)]
+        worst = int(np.argmin(wrong))
+        if wrong[worst] >= 0:
+            break
+        kept.pop(worst)
+    return tuple(kept)
+
+
+def _pysindy_stlsq(threshold: float) -> Any:
+    from pysindy.optimizers import STLSQ
+
+    return STLSQ(threshold=threshold, alpha=0.0, unbias=False)
+
+
+def _resampled_blocks(evidence: Evidence, rng: np.random.Generator) -> Factor:
+    """Return the normalised factor of blocks drawn with replacement, as many of each run as it has."""
+    drawn = []
+    for run in evidence.runs:
+        count = len(run.blocks)
+        drawn += [run.blocks[i] for i in rng.integers(0, count, count)] if count > 1 else [run.pooled]
+    return merge(drawn).normalised()[0]
 
 
 def _quiet(fit: Callable[[], Any]) -> Any:
@@ -107,11 +212,13 @@ def _quiet(fit: Callable[[], Any]) -> Any:
         return fit()
 
 
-def _threshold_path(factor: Factor, build: Callable[[float], Any], forced: Sequence[int]) -> Path:
+def _threshold_path(
+    factor: Factor, build: Callable[[float], Any], forced: Sequence[int], thresholds: Array = THRESHOLDS
+) -> Path:
     scaled, _, _ = factor.normalised()
     columns, target = scaled.triangle[:, :-1], scaled.triangle[:, -1:]
     path: Path = [tuple(range(scaled.n_columns))]
-    for threshold in THRESHOLDS:
+    for threshold in thresholds:
         optimiser = build(float(threshold))
         _quiet(lambda optimiser=optimiser: optimiser.fit(columns, target))  # type: ignore[misc]
         path.append(_nonzero(optimiser.coef_, forced))

@@ -13,7 +13,7 @@ least share, unless a smaller one predicts held-out groups as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,6 +106,15 @@ def elimination_path(factor: Factor, forced: Sequence[int] = ()) -> list[tuple[i
     forced : sequence of int
         Columns that are never removed.
     """
+    return _eliminate(factor, forced, EXCHANGE_BELOW)
+
+
+def backward_path(factor: Factor, forced: Sequence[int] = ()) -> list[tuple[int, ...]]:
+    """Return one set of columns for every size, by removing the least unique share and never exchanging."""
+    return _eliminate(factor, forced, 0)
+
+
+def _eliminate(factor: Factor, forced: Sequence[int], exchange_below: int) -> list[tuple[int, ...]]:
     scaled, _, _ = factor.normalised()
     kept = list(range(scaled.n_columns))
     path = [tuple(kept)]
@@ -115,7 +124,7 @@ def elimination_path(factor: Factor, forced: Sequence[int] = ()) -> list[tuple[i
         removable = [i for i, column in enumerate(kept) if column not in forced]
         least = min(removable, key=lambda i: share[i])
         kept = [column for i, column in enumerate(kept) if i != least]
-        if len(kept) < EXCHANGE_BELOW:
+        if len(kept) < exchange_below:
             kept = exchange(scaled, kept, forced)
         path.append(tuple(kept))
     return path
@@ -189,6 +198,7 @@ def choose_by_evidence(
     significance: float = SIGNIFICANT,
     least_share: float = LEAST_SHARE,
     forced: Sequence[int] = (),
+    signs: Mapping[int, int] | None = None,
 ) -> Selection:
     """Choose the step whose every term is significant and material, and that held-out groups confirm.
 
@@ -202,8 +212,14 @@ def choose_by_evidence(
         Least unique share of a term.
     forced : sequence of int
         Columns that need not pass.
+    signs : mapping of int to int, optional
+        Column to the sign, +1 or -1, that its coefficient must have.
     """
-    passing = [i for i, step in enumerate(path) if _passes(step, significance, least_share, forced)]
+    passing = [
+        i
+        for i, step in enumerate(path)
+        if _passes(step, significance, least_share, forced) and obeys(step, signs)
+    ]
     if not passing:
         reason = f"no set of terms in which each stands {significance:g} standard errors out of the scatter"
         return Selection(tuple(path), None, reason)
@@ -231,15 +247,26 @@ def _passes(step: Step, significance: float, least_share: float, forced: Sequenc
     )
 
 
-def choose_by_threshold(path: Sequence[Step], threshold: float) -> Selection:
-    """Choose the first step of which every term's unique share reaches a given threshold."""
+def obeys(step: Step, signs: Mapping[int, int] | None) -> bool:
+    """Return whether every coefficient of a model has the sign that is asked of it."""
+    if not signs:
+        return True
+    pairs = zip(step.columns, step.fit.coefficients, strict=True)
+    return all(signs.get(column, 0) * value >= 0 for column, value in pairs)
+
+
+def choose_by_threshold(
+    path: Sequence[Step], threshold: float, forced: Sequence[int] = (), signs: Mapping[int, int] | None = None
+) -> Selection:
+    """Choose the first step of which every term's unique share, forced ones aside, reaches a given threshold."""
     for index, step in enumerate(path):
-        if step.threshold >= threshold:
+        judged = [s for c, s in zip(step.columns, step.fit.unique_share, strict=True) if c not in forced]
+        if min(judged, default=np.inf) >= threshold and obeys(step, signs):
             return Selection(tuple(path), index, f"the given threshold of {threshold:g}")
     return Selection(tuple(path), None, f"no term carries the given threshold of {threshold:g} alone")
 
 
-def choose_by_one_standard_error(path: Sequence[Step]) -> Selection:
+def choose_by_one_standard_error(path: Sequence[Step], signs: Mapping[int, int] | None = None) -> Selection:
     """Choose the smallest model whose held-out error is within one standard error of the best.
 
     The standard error is that of the paired difference over runs (Breiman et al., Classification and Regression
@@ -247,9 +274,12 @@ def choose_by_one_standard_error(path: Sequence[Step]) -> Selection:
     """
     if not path[0].held_out.size:
         return Selection(tuple(path), None, "one group only: nothing can be held out")
-    best = min(range(len(path)), key=lambda i: path[i].held_out_rms)
+    allowed = [i for i in range(len(path)) if obeys(path[i], signs)]
+    if not allowed:
+        return Selection(tuple(path), None, "no set of terms with the wanted signs")
+    best = min(allowed, key=lambda i: path[i].held_out_rms)
     chosen = best
-    for index in range(best + 1, len(path)):
+    for index in (i for i in allowed if i > best):
         excess = path[index].held_out - path[best].held_out
         if excess.mean() <= excess.std(ddof=1) / np.sqrt(excess.size):
             chosen = index

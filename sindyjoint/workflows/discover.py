@@ -312,7 +312,7 @@ def _largest_share(regressor: JointRegressor, model: JointModel, term: str) -> f
     ids = regressor.evidence_.ids
     if term not in ids:
         return float("inf")
-    columns = [ids.index(found) for found in model.ids]
+    columns = [ids.index(found) for found in model.ids if found in ids]
     fit = fit_columns(regressor.evidence_, [*columns, ids.index(term)])
     size, error, share = abs(fit.coefficients[-1]), fit.standard_errors[-1], fit.unique_share[-1]
     return float(share * (size + 2 * error) / size) if size > 0 else float("inf")

@@ -1,0 +1,100 @@
+"""Random joints and their virtual tests, drawn without any code of discovery: the referee of recovery.
+
+Ranges: stiffness and damping ×/÷ 2 about the paper's inter-panel joint, softening limit 0.7–1.0 mrad, friction
+15–45 % of the largest elastic moment, quadratic stiffness 1–10 % of the RMS moment on either side.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw
+from sindyjoint.mechanics.virtual import virtual_campaign
+
+TRUE_IDS = (
+    "linear_stiffness",
+    "quadratic_stiffness",
+    "cubic_stiffness",
+    "linear_damping",
+    "coulomb_friction",
+)
+DRIVES = ("moment", "rig", "displacement")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One random joint and how it is tested."""
+
+    seed: int
+    law: PaperLaw
+    drive: str
+    frequencies: tuple
+    levels: tuple
+    sample_rate: float
+    duration: float
+
+    def campaign(self, noise, **options):
+        """Return the virtual test; the noise's generator is the plan's own, whatever its level."""
+        settings = dict(
+            drive=self.drive,
+            frequencies=self.frequencies,
+            levels=self.levels,
+            sample_rate=self.sample_rate,
+            duration=self.duration,
+            random_state=10_000 + self.seed,
+        )
+        return virtual_campaign(self.law, noise=noise, **{**settings, **options})
+
+    @property
+    def truth(self):
+        """Coefficients in the order of TRUE_IDS."""
+        return np.array([self.law.k1, self.law.k2, self.law.k3, self.law.c1, self.law.M_F])
+
+    def __str__(self):
+        return (
+            f"seed {self.seed}: {self.drive}, {len(self.frequencies)} frequencies × {len(self.levels)} levels "
+            f"({', '.join(f'{level:.2f}' for level in self.levels)}), {self.sample_rate:g} Hz, {self.duration:g} s"
+        )
+
+
+def random_plan(seed, **fixed):
+    """Draw a joint and its test; ``fixed`` overrides fields of the plan."""
+    rng = np.random.default_rng(seed)
+    k1 = INTER_PANEL.k1 * 2 ** rng.uniform(-1, 1)
+    limit = rng.uniform(0.7e-3, 1.0e-3)
+    k3 = -k1 / (3 * limit**2)
+    c1 = INTER_PANEL.c1 * 2 ** rng.uniform(-1, 1)
+    levels = np.sort([rng.uniform(0.85, 0.92), *rng.uniform(0.3, 0.8, rng.integers(1, 4))])[::-1]
+    top = levels[0] * limit
+    friction = rng.uniform(0.15, 0.45) * (k1 * top + k3 * top**3)
+    frequencies = tuple(
+        sorted(rng.choice([3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0], rng.integers(3, 5), replace=False))
+    )
+    share = rng.choice([-1, 1]) * np.exp(rng.uniform(np.log(0.01), np.log(0.1)))
+    k2 = share * _moment_rms(k1, k3, c1, friction, limit * levels, frequencies) / _square_rms(limit * levels)
+    plan = dict(
+        seed=seed,
+        law=PaperLaw(k1, k2, k3, c1, friction, name=f"random joint {seed}"),
+        drive=DRIVES[seed % 3],
+        frequencies=tuple(float(f) for f in frequencies),
+        levels=tuple(round(float(level), 3) for level in levels),
+        sample_rate=float(rng.choice([500, 1000, 2000, 5000], p=[0.3, 0.4, 0.2, 0.1])),
+        duration=float(rng.choice([5, 10])),
+    )
+    return Plan(**{**plan, **fixed})
+
+
+def _square_rms(peaks):
+    """RMS of θ² over sinusoidal runs of these peak angles."""
+    return float(np.sqrt(np.mean(3 / 8 * np.asarray(peaks) ** 4)))
+
+
+def _moment_rms(k1, k3, c1, friction, peaks, frequencies):
+    """RMS moment over sinusoidal runs, k2 left out."""
+    phase = 2 * np.pi * (np.arange(200) + 0.5) / 200
+    squares = []
+    for peak in peaks:
+        for frequency in frequencies:
+            theta, rate = peak * np.sin(phase), peak * 2 * np.pi * frequency * np.cos(phase)
+            squares.append(np.mean((k1 * theta + k3 * theta**3 + c1 * rate + friction * np.sign(rate)) ** 2))
+    return float(np.sqrt(np.mean(squares)))
