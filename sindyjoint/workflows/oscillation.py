@@ -1,0 +1,209 @@
+"""Amplitude and period of a vibration, cycle by cycle, and how two vibrations differ in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+# Window of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
+WINDOW = 0.35
+# A swing smaller than this many times the noise, or this share of the largest one, is no swing.
+LEAST_SWING = 6.0
+LEAST_SHARE = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillation:
+    """Turning points of a vibration.
+
+    Parameters
+    ----------
+    time, value : ndarray, shape (n,)
+        Maxima and minima in turn, s and the signal's unit.
+    first : int
+        +1 if the first one is a maximum, −1 if it is a minimum.
+    """
+
+    time: Array
+    value: Array
+    first: int
+
+    @property
+    def amplitude(self) -> Array:
+        """Half of each swing from one turning point to the next, shape (n − 1,); a wandering rest drops out."""
+        return np.abs(np.diff(self.value)) / 2
+
+    @property
+    def amplitude_time(self) -> Array:
+        """Middle of each swing, s, shape (n − 1,)."""
+        return (self.time[1:] + self.time[:-1]) / 2
+
+    @property
+    def period(self) -> Array:
+        """From each maximum to the next and each minimum to the next, s, shape (n − 2,)."""
+        return self.time[2:] - self.time[:-2]
+
+
+def white_noise(signal: ArrayLike) -> float:
+    """Return the RMS of white noise on a signal that is smooth over five samples.
+
+    Fourth differences of white noise have 70 times its variance, those of a smooth signal are next to nothing.
+    """
+    fourth = np.diff(np.asarray(signal, dtype=np.float64), 4)
+    return float(1.4826 * np.median(np.abs(fourth)) / np.sqrt(70.0))
+
+
+def main_frequency(signal: ArrayLike, sample_rate: float) -> float:
+    """Return the frequency of the strongest line of a signal's spectrum, Hz, zero frequency left out."""
+    values = np.asarray(signal, dtype=np.float64)
+    spectrum = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size)))
+    return float((np.argmax(spectrum[1:]) + 1) * sample_rate / values.size)
+
+
+def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None = None) -> Oscillation | None:
+    """Find the turning points of a vibration.
+
+    A cubic is fitted around every sample (Savitzky & Golay, Analytical Chemistry 36(8), 1964); its extremes that
+    stand out of the noise are refined by a parabola.
+
+    Parameters
+    ----------
+    signal : array_like, shape (n,)
+    sample_rate : float
+        Hz.
+    frequency : float, optional
+        Hz; the strongest line of the signal if not given.
+
+    Returns
+    -------
+    Oscillation or None
+        ``None`` for a signal with fewer than four turning points.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) / 1000
+    >>> found = oscillation(np.exp(-0.2 * t) * np.sin(2 * np.pi * 4 * t), 1000)
+    >>> round(float(np.mean(found.period)), 4)
+    0.25
+    """
+    from scipy.signal import find_peaks, savgol_filter
+
+    values = np.asarray(signal, dtype=np.float64)
+    if values.size < 16 or np.ptp(values) == 0:
+        return None
+    frequency = main_frequency(values, sample_rate) if frequency is None else frequency
+    width = max(5, int(WINDOW * sample_rate / frequency) | 1)
+    if width >= values.size:
+        return None
+    smooth = savgol_filter(values, width, 3)
+    # A cubic over w points leaves 9/(4w) of the noise's variance (its value in the middle).
+    least = max(
+        LEAST_SWING * white_noise(values) * np.sqrt(2.25 / width),
+        LEAST_SHARE * float(np.ptp(smooth)),
+    )
+    maxima, _ = find_peaks(smooth, prominence=least)
+    minima, _ = find_peaks(-smooth, prominence=least)
+    places = np.concatenate([maxima, minima])
+    signs = np.concatenate([np.ones(maxima.size), -np.ones(minima.size)])
+    order = np.argsort(places, kind="stable")
+    places, signs = _in_turn(places[order], signs[order], smooth)
+    if places.size < 4:
+        return None
+    left, middle, right = smooth[places - 1], smooth[places], smooth[places + 1]
+    bend = left - 2 * middle + right
+    shift = np.where(bend != 0, 0.5 * (left - right) / np.where(bend != 0, bend, 1.0), 0.0)
+    return Oscillation(
+        (places + shift) / sample_rate, middle - 0.25 * (left - right) * shift, int(signs[0])
+    )
+
+
+def _in_turn(places: NDArray[np.intp], signs: Array, smooth: Array) -> tuple[NDArray[np.intp], Array]:
+    """Keep the most extreme of neighbouring maxima, or minima, so that both kinds alternate."""
+    kept: list[int] = []
+    for i in range(places.size):
+        if kept and signs[kept[-1]] == signs[i]:
+            if signs[i] * (smooth[places[i]] - smooth[places[kept[-1]]]) > 0:
+                kept[-1] = i
+        else:
+            kept.append(i)
+    return places[kept], signs[kept]
+
+
+def hilbert_envelope(signal: ArrayLike, sample_rate: float) -> tuple[Array, Array]:
+    """Return envelope and instantaneous frequency by Hilbert's transform, each of shape (n,).
+
+    The slow part (mean over one period) is taken away first; the frequency, Hz, is the phase's mean slope over a
+    period. Half a period at either end is an extrapolation.
+    """
+    from scipy.ndimage import uniform_filter1d
+    from scipy.signal import hilbert
+
+    values = np.asarray(signal, dtype=np.float64)
+    period = max(3, round(sample_rate / main_frequency(values, sample_rate)))
+    swing = values - uniform_filter1d(values, period, mode="nearest")
+    # Odd continuation at both ends: the transform of a record that breaks off has large end errors.
+    n = min(2 * period, values.size - 1)
+    padded = np.concatenate([-swing[n:0:-1], swing, -swing[-2 : -n - 2 : -1]])
+    analytic = hilbert(padded)[n : n + values.size]
+    phase = np.unwrap(np.angle(analytic))
+    frequency = uniform_filter1d(np.gradient(phase) * sample_rate / (2 * np.pi), period, mode="nearest")
+    envelope = uniform_filter1d(np.abs(analytic), max(3, period // 2), mode="nearest")
+    return envelope, frequency
+
+
+@dataclass(frozen=True)
+class OscillationGap:
+    """The paper's two figures for two vibrations.
+
+    Parameters
+    ----------
+    amplitude_rms_error : float
+        RMS of the difference of amplitudes, swing by swing, relative to the first measured amplitude.
+    mean_period_difference : float
+        Mean of the absolute difference of periods, s.
+    swings : int
+        Compared.
+    """
+
+    amplitude_rms_error: float
+    mean_period_difference: float
+    swings: int
+
+
+def compare_oscillations(measured: Oscillation | None, simulated: Oscillation | None) -> OscillationGap | None:
+    """Compare two vibrations that were excited at the same time, swing by swing.
+
+    Returns
+    -------
+    OscillationGap or None
+        ``None`` where one of them does not vibrate.
+    """
+    if measured is None or simulated is None:
+        return None
+    a, b = _paired(measured, simulated)
+    n = min(a.time.size, b.time.size)
+    if n < 4:
+        return None
+    # A vibration that ends below the noise sooner than the other has no amplitude from there on.
+    amplitudes = np.zeros((2, max(a.amplitude.size, b.amplitude.size)))
+    amplitudes[0, : a.amplitude.size], amplitudes[1, : b.amplitude.size] = a.amplitude, b.amplitude
+    error = float(np.sqrt(np.mean((amplitudes[0] - amplitudes[1]) ** 2)))
+    periods = np.abs(a.period[: n - 2] - b.period[: n - 2])
+    return OscillationGap(error / float(a.amplitude[0]), float(np.mean(periods)), n - 1)
+
+
+def _paired(a: Oscillation, b: Oscillation) -> tuple[Oscillation, Oscillation]:
+    """Drop first turning points until both begin with the same kind at nearly the same time."""
+    half = float(np.median(a.period)) / 2
+    while a.time.size > 4 and a.time[0] < b.time[0] - half / 2:
+        a = Oscillation(a.time[1:], a.value[1:], -a.first)
+    while b.time.size > 4 and b.time[0] < a.time[0] - half / 2:
+        b = Oscillation(b.time[1:], b.value[1:], -b.first)
+    if a.first != b.first:
+        later = Oscillation(b.time[1:], b.value[1:], -b.first)
+        b = later
+    return a, b
