@@ -48,6 +48,18 @@ class Excitation:
     scale: float = 1.0
     ramp: float = 0.0
 
+    def __post_init__(self) -> None:
+        # One memory layout and one set of types, so that the integrators are compiled once.
+        object.__setattr__(self, "pieces", np.ascontiguousarray(self.pieces, dtype=np.float64))
+        for name, kind in (
+            ("step", float),
+            ("periodic", bool),
+            ("smooth", bool),
+            ("scale", float),
+            ("ramp", float),
+        ):
+            object.__setattr__(self, name, kind(getattr(self, name)))
+
     def __call__(self, time: ArrayLike) -> Array:
         """Return the value at the times, s."""
         return self.derivative(time, 0)

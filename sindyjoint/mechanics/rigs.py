@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
+from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
 from sindyjoint.files.manifest import _first_complaint, _Table
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.mechanics.beam import Beam, rectangular_section
@@ -215,9 +215,11 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
         raise InputError(f"{path}: {_first_complaint(error)}") from error
     try:
         return _rig(given, path, {**JOINTS, **(laws or {})})
-    except InputError as error:
+    except SindyJointError as error:
         text = str(error)
-        raise type(error)(text if text.startswith(str(path)) else f"{path}: {text}") from error
+        raise type(error)(
+            text if text.startswith((str(path), str(path.parent))) else f"{path}: {text}"
+        ) from error
 
 
 def _rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:

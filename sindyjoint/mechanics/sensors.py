@@ -74,12 +74,12 @@ def quantised(signal: ArrayLike, bits: int) -> Array:
     return np.round(values / step) * step if largest > 0 else values
 
 
-def delayed(time: ArrayLike, fine_time: ArrayLike, fine_signal: ArrayLike, delay: float) -> Array:
+def delayed(time: Array, fine_time: Array, fine_signal: Array, delay: float) -> Array:
     """Return a finely sampled signal at `time` − `delay`, by straight lines between the fine samples.
 
     Straight lines, since a moment has corners (and, for a prescribed motion, jumps) at which smooth curves ring.
     """
-    return np.interp(np.asarray(time) - delay, fine_time, fine_signal)
+    return np.interp(time - delay, fine_time, fine_signal)
 
 
 def raw_channels(

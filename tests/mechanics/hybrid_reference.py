@@ -29,7 +29,12 @@ def solve_stick_slip(law, moment, duration, time, rtol=1e-10, method="DOP853", i
             if out.size:
                 i = max(out[0], 1)
                 end = (
-                    brentq(lambda s: abs(moment(s) - held) - friction, grid[i - 1], grid[i], xtol=1e-15)
+                    brentq(
+                        lambda s, held=held: abs(moment(s) - held) - friction,
+                        grid[i - 1],
+                        grid[i],
+                        xtol=1e-15,
+                    )
                     if i
                     else t
                 )
