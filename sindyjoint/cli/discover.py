@@ -38,7 +38,7 @@ class _States(StrEnum):
 CampaignPath = Annotated[
     Path | None,
     typer.Argument(
-        metavar="[CAMPAIGN]",
+        metavar="CAMPAIGN",
         help="campaign.toml or its folder. Without it: the built-in virtual test of the inter-panel joint.",
         show_default=False,
     ),

@@ -47,17 +47,23 @@ def _skew(skew: Skew | None, model: JointModel, aligned: bool) -> Iterator[str]:
         return
     size = f"{1e3 * skew.time:.3f} ± {1e3 * skew.standard_error:.3f} ms"
     direction = "lags" if skew.time > 0 else "leads"
+    moment, angle = channel_words(model)
     if aligned:
-        yield f"the moment {direction} the angle by {size}; the channels were aligned"
+        yield f"the {moment} {direction} the {angle} by {size}; the channels were aligned"
         return
     effect = ""
     if "linear_stiffness" in model:
         bias = skew.time * model["linear_stiffness"].coefficient
         effect = f", which shifts the linear damping by about {-bias:.3g} {_damping_unit(model)}"
     yield (
-        f"the moment seems to {direction[:-1]} the angle by {size}{effect}: check the common trigger, or run again "
-        "with --align"
+        f"the {moment} seems to {direction[:-1]} the {angle} by {size}{effect}: check the common trigger, or run "
+        "again with --align"
     )
+
+
+def channel_words(model: JointModel) -> tuple[str, str]:
+    """Return what the two channels are called for this joint's kind of motion."""
+    return ("moment", "angle") if model.joint.motion == "rotation" else ("force", "displacement")
 
 
 def _damping_unit(model: JointModel) -> str:
@@ -83,9 +89,10 @@ def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
     elif backwards:
         yield "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
     elif feeding:
+        moment, angle = channel_words(model)
         yield (
-            "the joint gives off energy in every run (negative dissipation): a channel may be reversed or the moment "
-            "may lead the angle in time"
+            "the joint gives off energy in every run (negative dissipation): a channel may be reversed or the "
+            f"{moment} may lead the {angle} in time"
         )
 
 
@@ -108,18 +115,20 @@ def _softening(model: JointModel) -> Iterator[str]:
     beyond = np.abs(angle[tangent <= 0])
     if beyond.size:
         unit = "rad" if model.joint.motion == "rotation" else "m"
+        moment, _ = channel_words(model)
         yield (
-            f"the elastic moment softens to zero tangent at {beyond.min():.3g} {unit}, inside the tested range of "
-            f"{top:.3g} {unit}: a moment-driven joint snaps through there"
+            f"the elastic {moment} softens to zero tangent at {beyond.min():.3g} {unit}, inside the tested range of "
+            f"{top:.3g} {unit}: a {moment}-driven joint snaps through there"
         )
 
 
 def _offsets(model: JointModel) -> Iterator[str]:
     if any(term in model for term in OFFSET_FAMILY):
+        moment, angle = channel_words(model)
         yield (
-            "zero error of the angle, quadratic stiffness and preload (or unequal Coulomb levels, or zero error of the "
-            "moment) form one family: these data determine two numbers of it, not three; gain errors and gravity are "
-            "never visible in such tests"
+            f"zero error of the {angle}, quadratic stiffness and preload (or unequal Coulomb levels, or zero error of "
+            f"the {moment}) form one family: these data determine two numbers of it, not three; gain errors and "
+            "gravity are never visible in such tests"
         )
 
 
@@ -143,8 +152,9 @@ def _misfit(model: JointModel) -> Iterator[str]:
     fitted = model.fitted
     if model.terms and fitted.misfit > TOLERATED_MISFIT:
         explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
+        moment, _ = channel_words(model)
         yield (
-            f"the model explains {explained:.1%} of the mean square moment; {fitted.misfit:.1%} of the RMS moment "
-            f"is neither model nor noise (noise floor {fitted.noise_floor / fitted.moment_rms:.1%}): memory, play or another "
-            "effect outside this library is likely"
+            f"the model explains {explained:.1%} of the mean square {moment}; {fitted.misfit:.1%} of the RMS {moment} "
+            f"is neither model nor noise (noise floor {fitted.noise_floor / fitted.moment_rms:.1%}): memory, play or "
+            "another effect outside this library is likely"
         )

@@ -16,7 +16,7 @@ from sindyjoint.discovery.skew import Skew, estimate_skew, reference_of, shifted
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.workflows.cautions import cautions
+from sindyjoint.workflows.cautions import cautions, channel_words
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
@@ -31,6 +31,8 @@ PAPER_TERMS = (
 )
 # A paper term is ruled out when even the end of its 95 % interval carries less than this share of the moment.
 NEGLIGIBLE_SHARE = 0.01
+# The noise floor is known to a few per cent; a misfit below this share of the noise may be its error.
+NOISE_DOUBT = 0.3
 
 
 @dataclass(frozen=True)
@@ -265,6 +267,8 @@ def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
             "undecided", missing, extra, f"no model was found: {regressor.selection_result_.reason}"
         )
     gap = model.fitted.misfit
+    word, _ = channel_words(model)
+    rest = f"; {gap:.1%} of the {word} is neither model nor noise" if gap > TOLERATED_MISFIT else ""
     if extra:
         reason = f"the data need {_names(extra)}, which the paper's law lacks"
         if missing:
@@ -272,15 +276,15 @@ def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
         elif extra == ("constant_moment",):
             reason += ": all five of its terms are there, and the constant may be a sensor's zero, preload or friction "
             reason += "that differs by direction"
-        return Verdict("refuted", missing, extra, reason + _rest(gap))
+        return Verdict("refuted", missing, extra, reason + rest)
     hidden = [term for term in missing if _largest_share(regressor, model, term) > NEGLIGIBLE_SHARE]
     absent = [term for term in missing if term not in hidden]
     if absent:
-        reason = f"{_names(absent)} would carry less than {NEGLIGIBLE_SHARE:.0%} of the moment"
-        return Verdict("refuted", missing, extra, reason + _rest(gap))
+        reason = f"{_names(absent)} would carry less than {NEGLIGIBLE_SHARE:.0%} of the {word}"
+        return Verdict("refuted", missing, extra, reason + rest)
     if hidden:
         reason = f"{_names(hidden)} was not found, and these runs could not have shown it"
-        return Verdict("undecided", missing, extra, reason + _rest(gap))
+        return Verdict("undecided", missing, extra, reason + rest)
     if gap > TOLERATED_MISFIT:
         reason = "the five terms are the best of these candidates, yet "
         reason += f"{gap:.1%} of the moment is neither they nor noise"
@@ -292,10 +296,6 @@ def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
         f"{least:.1%} of the moment, and {gap:.1%} is left beyond the noise"
     )
     return Verdict("confirmed", missing, extra, reason)
-
-
-def _rest(gap: float) -> str:
-    return f"; {gap:.1%} of the moment is neither model nor noise" if gap > TOLERATED_MISFIT else ""
 
 
 def _names(terms: Sequence[str]) -> str:
