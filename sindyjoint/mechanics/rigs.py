@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -22,6 +22,11 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
+from sindyjoint.record import MINIMUM_SAMPLES
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 RIG_FOLDER = Path(__file__).parent / "rig_files"
 
@@ -109,6 +114,15 @@ class OutputTable(_Table):
     modes: int = Field(default=12, ge=1)
 
 
+class MeasuredTable(_Table):
+    """A measured response; its first sample is the instant at which the pulse begins."""
+
+    file: str
+    time: ColumnTable
+    displacement: ColumnTable
+    point: str = "tip"
+
+
 class BaseTable(_Table):
     """The base: a rigid clamp unless a stiffness is given."""
 
@@ -124,6 +138,25 @@ class RigFile(_Table):
     chain: list[PartTable] = Field(min_length=1)
     pulse: PulseTable
     output: OutputTable = OutputTable()
+    measured: MeasuredTable | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredResponse:
+    """Displacement measured at a point of a rig after its pulse.
+
+    Parameters
+    ----------
+    point : str
+    displacement : ndarray, shape (n,)
+        m; the first sample is the instant at which the pulse begins.
+    sample_rate : float
+        Hz.
+    """
+
+    point: str
+    displacement: NDArray[np.float64]
+    sample_rate: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +179,8 @@ class Rig:
     duration, sample_rate, step : float
         s, Hz, s.
     modes : int
+    measured : MeasuredResponse or None
+        The response that the file names.
     """
 
     name: str
@@ -159,6 +194,7 @@ class Rig:
     sample_rate: float
     step: float
     modes: int
+    measured: MeasuredResponse | None = None
 
     def structure(self) -> Structure:
         """Assemble the chain."""
@@ -235,9 +271,10 @@ def _rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         duration=parse_quantity(given.output.duration, "s", f"{where} duration"),
         sample_rate=parse_quantity(given.output.sample_rate, "Hz", f"{where} sample_rate"),
         step=parse_quantity(given.output.step, "s", f"{where} step"), modes=given.output.modes,
+        measured=None if given.measured is None else _measured(given.measured, path),
     )  # fmt: skip
     structure = rig.structure()
-    for name in (rig.at, *rig.points):
+    for name in (rig.at, *rig.points, *((given.measured.point,) if given.measured else ())):
         structure.point(name)
     return rig
 
@@ -294,17 +331,45 @@ def read_pulse(file: Path, time: str | int, time_unit: str, force: str | int, fo
     """
     import numpy as np
 
+    values, sample_rate = _series(file, (time, time_unit), ("force", force, force_unit, "N"))
+    return sampled(np.append(values, 0.0), sample_rate, "linear")
+
+
+def _series(
+    file: Path, time: tuple[str | int, str], channel: tuple[str, str | int, str, str]
+) -> tuple[NDArray[np.float64], float]:
+    """Read one channel (its name, column, unit and SI unit) and its sampling rate, Hz."""
+    import numpy as np
+
     from sindyjoint.files.readers import read_table
 
-    to_seconds = conversion(time_unit, "s", f"{file}: time")
-    to_newton = conversion(force_unit, "N", f"{file}: force")
+    name, column, unit, wanted = channel
+    to_seconds = conversion(time[1], "s", f"{file}: time")
+    to_si = conversion(unit, wanted, f"{file}: {name}")
     table, _ = read_table(file)
-    stamps, values = table.columns([time, force])
+    stamps, values = table.columns([time[0], column])
     steps = np.diff(stamps * to_seconds)
     if (
         not steps.size
         or not np.all(np.abs(steps - np.median(steps)) <= 0.01 * abs(np.median(steps)))
         or steps[0] <= 0
     ):
-        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the pulse")
-    return sampled(np.append(values * to_newton, 0.0), 1 / float(np.mean(steps)), "linear")
+        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the {name}")
+    if not np.all(np.isfinite(values)):
+        row = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise InputError(f"{file}: {name} is not a finite number in data row {row + 1}; repair the file")
+    return values * to_si, 1 / float(np.mean(steps))
+
+
+def _measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
+    values, sample_rate = _series(
+        path.parent / given.file,
+        (given.time.column, given.time.unit),
+        ("displacement", given.displacement.column, given.displacement.unit, "m"),
+    )
+    if values.size < MINIMUM_SAMPLES or not values.any():
+        raise InputError(
+            f"{path.parent / given.file}: displacement has {values.size} samples, "
+            f"{'all zero' if not values.any() else 'too few'}; a response of at least {MINIMUM_SAMPLES} is wanted"
+        )
+    return MeasuredResponse(given.point, values, sample_rate)

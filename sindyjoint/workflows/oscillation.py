@@ -116,9 +116,7 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     left, middle, right = smooth[places - 1], smooth[places], smooth[places + 1]
     bend = left - 2 * middle + right
     shift = np.where(bend != 0, 0.5 * (left - right) / np.where(bend != 0, bend, 1.0), 0.0)
-    return Oscillation(
-        (places + shift) / sample_rate, middle - 0.25 * (left - right) * shift, int(signs[0])
-    )
+    return Oscillation((places + shift) / sample_rate, middle - 0.25 * (left - right) * shift, int(signs[0]))
 
 
 def _in_turn(places: NDArray[np.intp], signs: Array, smooth: Array) -> tuple[NDArray[np.intp], Array]:
@@ -174,7 +172,9 @@ class OscillationGap:
     swings: int
 
 
-def compare_oscillations(measured: Oscillation | None, simulated: Oscillation | None) -> OscillationGap | None:
+def compare_oscillations(
+    measured: Oscillation | None, simulated: Oscillation | None
+) -> OscillationGap | None:
     """Compare two vibrations that were excited at the same time, swing by swing.
 
     Returns

@@ -1,6 +1,4 @@
-"""Simulated against measured response of one run: the angle under the measured moment, or the moment of the
-measured motion.
-"""
+"""Simulated against measured response of one run: the angle under the moment, or the moment of the motion."""
 
 from __future__ import annotations
 
@@ -217,7 +215,7 @@ def simulate_run(
 
 
 def _settling(states: ForceStates) -> int:
-    """Samples of the first period of a periodic run that has periods to spare."""
+    """Return the samples of the first period of a periodic run that has periods to spare."""
     if states.method != "periodic" or states.frequency is None:
         return 0
     period = round(states.sample_rate / states.frequency)
@@ -235,8 +233,9 @@ def _cut(states: ForceStates, skip: int) -> ForceStates:
 
 
 def _limits(law: Law, states: ForceStates, drive: Drive) -> Any:
-    """Angles that end a simulation: the softening limit; where the measured motion passes it, or the joint has no
-    stiffness to soften, three times the measured motion.
+    """Return the angles that end a simulation.
+
+    The softening limit; where the measured motion itself passes it, or in windows, three times the measured range.
     """
     low, high = softening_limit(law)
     least, most = float(np.min(states.angle)), float(np.max(states.angle))
@@ -255,9 +254,7 @@ def _moved(
         options["limits"] = _limits(law, states, drive)
     if drive == "windows":
         start = np.column_stack([states.angle, states.rate])
-        return simulate_windows(
-            law, moment, run.sample_rate, window, start, interpolation="cubic", **options
-        )
+        return simulate_windows(law, moment, run.sample_rate, window, start, interpolation="cubic", **options)
     return simulate(
         law,
         sampled(moment, run.sample_rate),

@@ -1,0 +1,134 @@
+"""A model simulated against measured response, with the paper's two figures and a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.record import Campaign
+from sindyjoint.workflows.response import WINDOW
+from sindyjoint.workflows.verification import Verification
+from sindyjoint.workflows.verify_campaign import verify_campaign
+from sindyjoint.workflows.verify_rig import MODEL_PLACE, verify_rig
+
+TOLERANCE = 0.05
+DRAWS = 20
+
+
+def load_model(path: str | Path) -> JointModel:
+    """Read a model from ``model.json`` or from a folder that holds one.
+
+    Raises
+    ------
+    MissingInputError, InputError
+        In one line that names the file.
+    """
+    file = Path(path) / "model.json" if Path(path).is_dir() else Path(path)
+    if not file.exists():
+        raise MissingInputError(
+            f"{file}: no such file; a model.json, or a folder with one as 'discover --out' leaves it, is wanted"
+        )
+    try:
+        return JointModel.from_json(file.read_text(encoding="utf-8"))
+    except (InputError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: {error}") from error
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from error
+
+
+def verify(
+    model: JointModel | str | Path,
+    against: Rig | Campaign | str | Path,
+    *,
+    tolerance: float = TOLERANCE,
+    draws: int = DRAWS,
+    window: float = WINDOW,
+    noise: float | None = None,
+    presliding: float | None = None,
+    loss_factor: float | None = None,
+    random_state: int | np.random.Generator | None = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Verification:
+    """Simulate a model and hold it against measured response.
+
+    Parameters
+    ----------
+    model : JointModel or path of a model.json
+    against : Rig, Campaign, or path
+        A campaign: its runs marked ``use = "validate"``, or all of them where none is. A rig (or the name of a
+        shipped one): the response it names as measured; without one, a virtual pulse test of the rig as it is
+        written, in which the model then takes the joint's place.
+    tolerance : float
+        Largest response NRMSE beyond the noise floor that passes.
+    draws : int
+        Sets of coefficients drawn from the model's covariance for the band; 0: no band.
+    window : float
+        s between restarts for joints without restoring moment.
+    noise, presliding, loss_factor : float, optional
+        Of the virtual pulse test: sensor noise (fraction of RMS, 0.01), elastic presliding of the friction (rad) and
+        the beams' loss factor.
+    random_state : int, Generator or None
+    progress : callable, optional
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    InputError
+        For input that cannot be used.
+    """
+    say = progress or (lambda stage: None)
+    if not (np.isfinite(tolerance) and tolerance > 0):
+        raise InputError(f"tolerance is {tolerance!r}; a number above zero is wanted")
+    if draws < 0:
+        raise InputError(f"draws is {draws!r}; a number that is not negative is wanted")
+    if not isinstance(model, JointModel):
+        model = load_model(model)
+    if not model.terms:
+        raise InputError("the model has no terms: there is nothing to simulate; run discover first")
+    generator = np.random.default_rng(random_state)
+    against = _opened(against)
+    given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
+    truth = {name: value for name, value in given.items() if value is not None}
+    if isinstance(against, Campaign):
+        if truth:
+            raise InputError(
+                f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given"
+            )
+        return verify_campaign(model, against, tolerance, draws, window, generator, say)
+    return verify_rig(model, against, tolerance, draws, truth, generator, say)
+
+
+def _opened(against: Rig | Campaign | str | Path) -> Rig | Campaign:
+    """Return the rig or campaign that a path means: a TOML file with a chain is a rig."""
+    if isinstance(against, Rig | Campaign):
+        return against
+    from sindyjoint.files import load_campaign
+
+    path = Path(against)
+    if str(against) in shipped_rigs() and not path.is_dir():
+        return load_rig(str(against))
+    if not path.exists():
+        raise MissingInputError(
+            f"{str(against)!r}: no such file or folder; a campaign.toml, its folder, a rig's TOML file or one of the "
+            f"shipped rigs ({', '.join(shipped_rigs())}) is wanted"
+        )
+    if path.is_file() and _is_rig(path):
+        return load_rig(path, {"model": MODEL_PLACE})
+    return load_campaign(path)
+
+
+def _is_rig(path: Path) -> bool:
+    import tomllib
+
+    try:
+        return bool({"chain", "pulse", "base"} & tomllib.loads(path.read_text("utf-8-sig")).keys())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError):
+        return False
