@@ -129,22 +129,22 @@ def maxwell(theta, omega, direction, state, parameters, out):
 )
 def test_one_joint_alone_agrees_with_the_single_joint_solver(branch):
     # A short stiff beam with a mass at its end is an inertia m·L² on the joint. The two solvers share no stepping.
+    # The beam is damped: without, it rings while the joint sticks and shakes it loose for a sample here and there.
     from sindyjoint.mechanics.stickslip import simulate
 
     law = INTER_PANEL if branch is None else SumLaw(INTER_PANEL, branch)
-    arm = Beam("arm", 0.5, 1e9, 1e-4, 1)
+    arm = Beam("arm", 0.5, 1e8, 1e-4, 1, loss_factor=0.3)
     structure = assemble([Hinge("joint", law), arm, LumpedMass("mass", 20.0)])
     rate = 1000.0
     force = 6.0 * np.sin(2 * np.pi * 4.0 * np.arange(2001) / rate)
-    response = respond(structure, sampled(force, rate), step=2.5e-4, duration=2.0, modes=2)
+    response = respond(structure, sampled(force, rate), step=1e-4, duration=2.0, modes=2)
     beam_inertia = 20.0 * 0.25 - INTER_PANEL.inertia
     single = simulate(law, sampled(0.5 * force, rate), 2.0, rate, rtol=1e-9, beam_inertia=beam_inertia)
     n = single.angle.size
     assert 0.02 < single.stuck.mean() < 0.9
-    # 2e-4: the step is of second order, and the arm bends by 1e-5 of the joint's angle
-    assert np.abs(response.angle[0][:n] - single.angle).max() < 2e-4 * np.abs(single.angle).max()
-    # 3 %: without damping the arm rings while the joint sticks, and shakes it loose for a sample here and there
-    assert np.mean(response.stuck[0][:n] != single.stuck) < 0.03
+    # 1e-4: the step is of second order, and the arm bends by 1e-5 of the joint's angle
+    assert np.abs(response.angle[0][:n] - single.angle).max() < 1e-4 * np.abs(single.angle).max()
+    assert np.count_nonzero(response.stuck[0][:n] != single.stuck) <= 2
 
 
 def opensees_pulse(slider):
