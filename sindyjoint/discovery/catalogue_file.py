@@ -21,11 +21,13 @@ Line = Annotated[str, Field(min_length=1, pattern=r"^[^\n\r]+$")]
 Identifier = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
-class _Strict(BaseModel):
+class StrictEntry(BaseModel):
+    """An entry of a TOML file: unknown keys, wrong types and infinities are refused."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-class ParameterEntry(_Strict):
+class ParameterEntry(StrictEntry):
     """An inner parameter: a positive number, or a multiple of the data's largest angle, rate or moment."""
 
     name: Line
@@ -46,7 +48,7 @@ class ParameterEntry(_Strict):
         return self
 
 
-class TermEntry(_Strict):
+class TermEntry(StrictEntry):
     """A candidate term as the file gives it."""
 
     id: Identifier
@@ -61,7 +63,7 @@ class TermEntry(_Strict):
     parameters: list[ParameterEntry] = []
 
 
-class IncludeEntry(_Strict):
+class IncludeEntry(StrictEntry):
     """Another catalogue, whole or some of its terms."""
 
     catalogue: Line
@@ -72,7 +74,7 @@ def _as_table(value: Any) -> Any:
     return {"catalogue": value} if isinstance(value, str) else value
 
 
-class CatalogueEntry(_Strict):
+class CatalogueEntry(StrictEntry):
     """A catalogue file."""
 
     name: Line
