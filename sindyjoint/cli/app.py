@@ -10,6 +10,7 @@ from sindyjoint.cli import libraries
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.schema import schema
 from sindyjoint.cli.simulate import simulate
+from sindyjoint.cli.verify import verify
 
 app = typer.Typer(
     name="sindyjoint",
@@ -40,5 +41,6 @@ def options(
 
 app.command("discover")(discover)
 app.command("simulate")(simulate)
+app.command("verify")(verify)
 app.add_typer(libraries.app, name="libraries")
 app.command("schema")(schema)

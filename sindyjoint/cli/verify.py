@@ -1,0 +1,89 @@
+"""``sindyjoint verify``: a model against measured response."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sindyjoint.cli.progress import Progress
+
+
+def verify(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, or a folder that holds one.")],
+    against: Annotated[
+        str,
+        typer.Argument(
+            metavar="RIG|CAMPAIGN",
+            help="A rig's TOML file or a shipped rig (pulse-rig, four-panel-wing); or campaign.toml or its folder.",
+        ),
+    ],
+    tolerance: Annotated[
+        float, typer.Option(help="Largest response NRMSE beyond the noise floor that passes.")
+    ] = 0.05,
+    draws: Annotated[
+        int, typer.Option(help="Sets of coefficients drawn for the band of the simulated response; 0: no band.")
+    ] = 20,
+    window: Annotated[
+        float, typer.Option(help="Time in s between restarts of a joint that nothing pulls back.")
+    ] = 1.0,
+    noise: Annotated[
+        float | None,
+        typer.Option(help="Virtual pulse test: sensor noise as a fraction of the response's RMS. [0.01]"),
+    ] = None,
+    presliding: Annotated[
+        float | None,
+        typer.Option(help="Virtual pulse test: angle in rad over which the true friction gives way elastically."),
+    ] = None,
+    loss_factor: Annotated[
+        float | None, typer.Option(help="Virtual pulse test: true loss factor of the beams' material.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for verification.json and figures.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+) -> None:
+    """Simulate a model and hold it against measured response.
+
+    Against a campaign: the runs marked use = "validate". Against a rig: the response that its file names as measured,
+    or a virtual pulse test of the rig as it is written.
+
+    Exit status 0: the model passed; 1: it failed, and the reason is printed; 2: the input is at fault.
+
+    Example: sindyjoint verify results/model.json pulse-rig
+    """
+    from sindyjoint.files.atomic import check_output
+
+    if out is not None:
+        check_output(out)
+    with Progress(quiet) as progress:
+        from sindyjoint.workflows.verify import verify as run
+
+        result = run(
+            model,
+            against,
+            tolerance=tolerance,
+            draws=draws,
+            window=window,
+            noise=noise,
+            presliding=presliding,
+            loss_factor=loss_factor,
+            random_state=random_state,
+            progress=progress.say,
+        )
+        if out is not None:
+            from sindyjoint.reporting.verification import write_verification
+
+            progress.say("writing the results")
+            write_verification(result, out)
+    if as_json:
+        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
+    else:
+        from sindyjoint.reporting.verification import show_verification
+
+        show_verification(result)
+        if out is not None:
+            typer.echo(f"\nresults: {out / 'verification.json'}")
+    raise typer.Exit(0 if result.passed else 1)
