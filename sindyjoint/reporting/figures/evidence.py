@@ -1,0 +1,201 @@
+"""Why these terms: the threshold path, the coefficients by frequency, their covariance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.reporting.data import ReportData, gather
+from sindyjoint.reporting.figures.residuals import _nothing
+from sindyjoint.reporting.paper_values import paper_values
+from sindyjoint.reporting.style import (
+    ACCENT,
+    DIVERGING,
+    INK,
+    MUTED,
+    PALETTE,
+    RULE,
+    plain,
+    prefixed,
+    pretty_unit,
+)
+from sindyjoint.reporting.units import quantities
+
+# A parameter counts as the same at two frequencies when it differs by less than this.
+EQUIVALENCE = 0.10
+
+
+def path(result: Any, ax: Axes) -> Axes:
+    """Draw the residual and the held-out error over the number of terms kept, and the chosen model."""
+    data = gather(result)
+    q = quantities(data.model.joint.motion)
+    if not data.path:
+        return _nothing(ax, data.selection_reason)
+    size = np.array([len(step.terms) for step in data.path])
+    fitted = np.array([step.residual_rms for step in data.path])
+    held_out = np.array([step.held_out_rms for step in data.path])
+    factor, unit = prefixed(float(fitted.max()), q.moment_unit)
+    ax.plot(size, fitted * factor, color=PALETTE[0], marker="o", markersize=3, label="residual of the fit")
+    if np.isfinite(held_out).any():
+        ax.plot(
+            size,
+            held_out * factor,
+            color=PALETTE[1],
+            marker="s",
+            markersize=3,
+            linestyle="--",
+            label="held-out error",
+        )
+    floor = data.model.fitted.noise_floor
+    if np.isfinite(floor) and floor > 0:
+        ax.axhline(floor * factor, color=MUTED, linewidth=1.6, zorder=1, label="noise floor")
+    if data.chosen is not None:
+        ax.axvline(size[data.chosen], color=INK, linewidth=0.8, linestyle=":")
+        ax.annotate(
+            f"chosen: {size[data.chosen]} terms",
+            (size[data.chosen], 0.97),
+            xycoords=("data", "axes fraction"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="top",
+            fontsize=7,
+        )
+    ax.set_yscale("log")
+    ax.set_xlabel("Terms kept")
+    ax.set_ylabel(f"RMS ({unit})")
+    ax.set_title("Path of models, from few terms to many")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.legend(loc="upper right", bbox_to_anchor=(1, 0.9))
+    return ax
+
+
+def threshold(result: Any, ax: Axes) -> Axes:
+    """Draw how many terms survive a threshold on what each carries alone."""
+    data = gather(result)
+    if not data.path:
+        return _nothing(ax, data.selection_reason)
+    size = np.array([len(step.terms) for step in data.path])
+    # A model stands for every threshold up to its weakest term; larger models with weaker terms come first.
+    limit = np.maximum.accumulate(np.array([max(step.threshold, 1e-9) for step in data.path]))
+    edges = np.concatenate([[limit[0] / 3], limit])
+    ax.stairs(size, edges, baseline=None, color=PALETTE[0], linewidth=1.2)
+    ax.set_xscale("log")
+    if data.chosen is not None:
+        chosen = data.chosen
+        low = limit[chosen - 1] if chosen else edges[0]
+        if limit[chosen] > low:
+            ax.axvspan(low, limit[chosen], color=PALETTE[4], alpha=0.25, linewidth=0)
+        ax.annotate(
+            f"{size[chosen]} terms",
+            (limit[chosen], size[chosen]),
+            xytext=(3, 6),
+            textcoords="offset points",
+            fontsize=7,
+        )
+    ax.set_xlabel("Threshold (share of RMS carried alone)")
+    ax.set_ylabel("Terms kept")
+    ax.set_title("Terms over the threshold (shaded: chosen)")
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.xaxis.set_major_locator(LogLocator(numticks=7))
+    return ax
+
+
+def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
+    """Draw one coefficient for each frequency alone, with 95 % intervals, a ±10 % band and the paper's values."""
+    data = gather(result)
+    ids = data.model.ids
+    index = ids.index(term) if term else 0
+    item = data.model.terms[index]
+    factor, unit = _scale(item.coefficient, item.unit)
+    centre = item.coefficient * factor
+    groups = data.groups
+    ax.axhspan(*sorted((centre * (1 - EQUIVALENCE), centre * (1 + EQUIVALENCE))), color=RULE, alpha=0.6, lw=0)
+    ax.axhline(centre, color=INK, linewidth=0.8)
+    x = np.arange(len(groups))
+    values = np.array([group.coefficients[index] for group in groups]) * factor
+    errors = np.array([group.standard_errors[index] for group in groups]) * abs(factor)
+    ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
+    published = paper_values(data.model.joint.name).get(item.id, {})
+    where = [i for i, group in enumerate(groups) if group.group in published]
+    shown: list[float] = []
+    if where:
+        shown = [published[groups[i].group] * factor for i in where]
+        ax.plot(np.array(where) + 0.18, shown, linestyle="none", marker="x", markersize=4, color=ACCENT)
+    ax.set_xticks(x, [plain(group.group) for group in groups])
+    if len(groups) > 6:
+        ax.tick_params(axis="x", rotation=60)
+    ax.set_xlim(-0.6, len(groups) - 0.4)
+    _room(ax, values, errors, centre, shown)
+    ax.set_ylabel(f"{_math(item.symbol)}" + (f" ({unit})" if unit else ""))
+    ax.set_title(plain(item.name))
+    return ax
+
+
+def covariance(result: Any, ax: Axes) -> Axes:
+    """Draw the correlation of the coefficients' errors."""
+    data = gather(result)
+    model = data.model
+    if not model.terms:
+        return _nothing(ax, "no terms, no covariance")
+    matrix = correlation(model)
+    mesh = ax.imshow(matrix, cmap=DIVERGING, vmin=-1, vmax=1)
+    names = [_math(term.symbol) for term in model.terms]
+    ax.set_xticks(range(len(names)), names)
+    ax.set_yticks(range(len(names)), names)
+    ax.grid(False)
+    if len(names) <= 9:
+        for (row, column), value in np.ndenumerate(matrix):
+            colour = "white" if abs(value) > 0.6 else INK
+            ax.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
+    ax.figure.colorbar(mesh, ax=ax, label="correlation", pad=0.02)
+    ax.set_title("Correlation of the coefficients' errors")
+    return ax
+
+
+def correlation(model: JointModel) -> Any:
+    """Return the correlation matrix of a model's coefficients, shape (k, k); the diagonal is one."""
+    matrix = np.array(model.covariance, dtype=float).reshape(len(model.terms), len(model.terms))
+    size = np.sqrt(np.diag(matrix))
+    size[size == 0] = 1.0
+    scaled = matrix / np.outer(size, size)
+    np.fill_diagonal(scaled, 1.0)
+    return scaled
+
+
+def drawn_coefficients(data: ReportData) -> list[str]:
+    """Return the ids whose coefficient by frequency can be drawn."""
+    return list(data.model.ids) if data.groups else []
+
+
+def _scale(value: float, unit: str) -> tuple[float, str]:
+    """Return a power of ten for large coefficients; a prefix would hide the unit's own powers."""
+    power = int(np.floor(np.log10(abs(value)))) if value else 0
+    if -3 <= power < 5:
+        return 1.0, pretty_unit(unit)
+    power = 3 * (power // 3)
+    return 10.0**-power, rf"$10^{{{power}}}$ " + pretty_unit(unit)
+
+
+def _math(symbol: str) -> str:
+    """Return a term's symbol with its index lowered; text that is not such a symbol stays as it is."""
+    head, _, tail = symbol.partition("_")
+    if not tail and len(head) > 1 and head[0].isalpha() and head[1:].isdigit():
+        head, tail = head[0], head[1:]
+    if head.isalpha() and head.isascii() and (not tail or (tail.isalnum() and tail.isascii())):
+        return f"${head}_{{{tail}}}$" if tail else f"${head}$"
+    return plain(symbol)
+
+
+def _room(ax: Axes, values: Any, errors: Any, centre: float, shown: list[float]) -> None:
+    """Show the band whole, and points outside it, with some room; never an interval that leaves the page."""
+    finite = np.isfinite(values)
+    reach = [centre * (1 - 1.5 * EQUIVALENCE), centre * (1 + 1.5 * EQUIVALENCE), *shown]
+    reach += [*(values - 2.2 * errors)[finite], *(values + 2.2 * errors)[finite]]
+    reach = [value for value in reach if np.isfinite(value) and abs(value) < 10 * abs(centre) + 1e-300]
+    low, high = min(reach), max(reach)
+    if high > low:
+        ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))

@@ -1,0 +1,84 @@
+"""Where a result came from: input files with hashes, versions, seed, command line."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from sindyjoint import __version__
+from sindyjoint.record import Campaign
+
+PACKAGES = ("pysindy", "scikit-learn", "numpy", "scipy", "matplotlib", "sympy", "numba")
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What one needs to make a result again.
+
+    Parameters
+    ----------
+    command_line : str
+        Empty where the result was made from Python.
+    seed : str
+    made : str
+        Date and time, UTC.
+    versions : tuple of (str, str)
+    inputs : tuple of (str, str, str)
+        Run, file, SHA-256; the latter two empty for runs that come from no file.
+    notes : tuple of str
+    """
+
+    command_line: str
+    seed: str
+    made: str
+    versions: tuple[tuple[str, str], ...]
+    inputs: tuple[tuple[str, str, str], ...]
+    notes: tuple[str, ...] = ()
+
+
+def provenance(
+    campaign: Campaign, seed: object = None, command_line: str | Sequence[str] | None = None
+) -> Provenance:
+    """Return the provenance of a result that is made now."""
+    return Provenance(
+        command_line=_line(command_line),
+        seed=_seed(seed),
+        made=f"{np.datetime64('now', 's')} UTC".replace("T", " "),
+        versions=versions(),
+        inputs=tuple(
+            (run.name, run.source.path if run.source else "", run.source.sha256 if run.source else "")
+            for run in campaign.runs
+        ),
+        notes=campaign.notes,
+    )
+
+
+def versions() -> tuple[tuple[str, str], ...]:
+    """Return the versions of this package, of Python and of what it computes with."""
+    found = [("sindyjoint", __version__), ("Python", platform.python_version())]
+    for name in PACKAGES:
+        try:
+            found.append((name, version(name)))
+        except PackageNotFoundError:
+            continue
+    return tuple(found)
+
+
+def _line(command_line: str | Sequence[str] | None) -> str:
+    if command_line is None:
+        return ""
+    if isinstance(command_line, str):
+        return command_line
+    import shlex
+
+    return shlex.join(command_line)
+
+
+def _seed(seed: object) -> str:
+    if seed is None:
+        return "none given"
+    return str(seed) if isinstance(seed, int | np.integer) else "a generator of the caller's"

@@ -1,0 +1,170 @@
+"""How figures look: palette, sizes, SI prefixes, and figures without global state."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Okabe and Ito (2008): told apart with every common colour blindness. Black is left to the model.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+# Grey printing takes the colours away: dashes and markers carry the same distinction.
+DASHES = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1.2, 1.2)),
+    (0, (5, 1.2, 1.2, 1.2)),
+    (0, (2.5, 1)),
+    (0, (7, 1, 1, 1, 1, 1)),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P")
+INK, MUTED, RULE, ACCENT = "#1b1f24", "#5b6570", "#d5dae0", "#D55E00"
+# One shade per step, dark to light, ordered in grey too.
+SEQUENTIAL, DIVERGING = "cividis", "RdBu_r"
+
+SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.0  # inch
+
+_RC: dict[str, Any] = {
+    "axes.edgecolor": INK,
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.7,
+    "axes.prop_cycle": None,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 8,
+    "axes.formatter.limits": (-3, 5),
+    "font.size": 8,
+    "grid.color": RULE,
+    "grid.linewidth": 0.5,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "lines.linewidth": 1.1,
+    "mathtext.fontset": "dejavusans",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "sindyjoint",
+    "text.color": INK,
+    "xtick.color": INK,
+    "xtick.labelsize": 7,
+    "ytick.color": INK,
+    "ytick.labelsize": 7,
+}
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# Fonts that hold letters which the built-in one lacks; whichever of them the machine has.
+_OTHER_SCRIPTS = (
+    "Noto Sans CJK SC",
+    "Noto Sans CJK JP",
+    "Microsoft YaHei",
+    "PingFang SC",
+    "Hiragino Sans GB",
+    "WenQuanYi Zen Hei",
+    "Noto Sans",
+    "Arial Unicode MS",
+)
+
+
+def pretty_unit(unit: str) -> str:
+    """Return a unit for people.
+
+    Examples
+    --------
+    >>> pretty_unit("N*m/rad^2")
+    'N·m/rad²'
+    """
+    text = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda found: found[1].translate(_SUPERSCRIPTS), unit)
+    return text.replace("*", "·")
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Return the number to multiply by, and the unit with the prefix under which the largest lies between 0.3 and 300.
+
+    Examples
+    --------
+    >>> prefixed(7.7e-4, "rad")
+    (1000.0, 'mrad')
+    >>> prefixed(2e-5, "rad")
+    (1000000.0, 'µrad')
+    >>> prefixed(5.2, "N*m")
+    (1.0, 'N·m')
+    """
+    size = abs(largest)
+    if not (size > 0 and size < float("inf")) or unit in ("", "1"):
+        return 1.0, pretty_unit(unit)
+    for factor, prefix in _PREFIXES:
+        if size >= 0.3 * factor:
+            return float(f"{1 / factor:g}"), prefix + pretty_unit(unit)
+    return 1e9, "n" + pretty_unit(unit)
+
+
+def plain(text: object) -> str:
+    """Return text that matplotlib draws as it stands: no mathematics, no control characters."""
+    shown = "".join(char if char.isprintable() else "\ufffd" for char in str(text))
+    return shown.replace("$", r"\$")
+
+
+def shortened(text: object, length: int = 28) -> str:
+    """Return at most ``length`` characters, the middle left out."""
+    shown = str(text)
+    if len(shown) <= length:
+        return shown
+    head = (length - 1) // 2
+    return f"{shown[:head]}…{shown[-(length - 1 - head) :]}"
+
+
+@cache
+def _fonts() -> list[str]:
+    """Return the fonts to draw with: matplotlib's own first, so that a picture is the same everywhere."""
+    from matplotlib.font_manager import fontManager
+
+    installed = {font.name for font in fontManager.ttflist}
+    return ["DejaVu Sans", *(name for name in _OTHER_SCRIPTS if name in installed)]
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the project's style within the block, whatever the caller's matplotlib settings are."""
+    import matplotlib
+    from cycler import cycler
+
+    settings: Any = {**_RC, "axes.prop_cycle": cycler(color=PALETTE), "font.family": _fonts()}
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(settings)
+        with warnings.catch_warnings():
+            # A run may be named in a script that no installed font holds; an empty box says so in the picture.
+            warnings.filterwarnings("ignore", message="Glyph .* missing from")
+            yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure in inches that belongs to nobody; call within :func:`style`."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def figure_bytes(figure: Figure, kind: str, dpi: int = 200) -> bytes:
+    """Return a drawn figure as ``"svg"``, ``"pdf"`` or ``"png"``; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    with style():
+        if kind == "svg":
+            from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+            # savefig would draw a figure that was laid out a second time.
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})
+        else:
+            metadata: dict[str, Any] | None = {"CreationDate": None} if kind == "pdf" else None
+            figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
+    return buffer.getvalue()

@@ -1,0 +1,158 @@
+"""Tables: the terms of a model as rows, as CSV text, and as a table for a terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sindyjoint.discovery.formula import formula_pretty
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.rounding import rounded
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+TERM_COLUMNS = (
+    "id",
+    "symbol",
+    "name",
+    "formula",
+    "coefficient",
+    "standard_error",
+    "interval95_low",
+    "interval95_high",
+    "unit",
+    "unique_share",
+)
+
+
+@dataclass(frozen=True)
+class TermRow:
+    """A term as people read it.
+
+    Parameters
+    ----------
+    id, symbol, name, formula, unit : str
+        Formula and unit in plain text: ``θ²``, ``N·m/rad²``.
+    value : str
+        Coefficient and uncertainty, rounded: ``5910 ± 40``.
+    interval : str
+        95 % interval, each end to the place that the uncertainty allows.
+    coefficient, standard_error : float
+    share : float
+        Moment that no other term can take over, of the RMS moment.
+    """
+
+    id: str
+    symbol: str
+    name: str
+    formula: str
+    unit: str
+    value: str
+    interval: str
+    coefficient: float
+    standard_error: float
+    share: float
+
+
+def term_rows(model: JointModel) -> list[TermRow]:
+    """Return the terms of a model as rows to read."""
+    return [
+        TermRow(
+            id=term.id,
+            symbol=term.symbol,
+            name=term.name,
+            formula=formula_pretty(term.expression, model.joint.motion),
+            unit=pretty_unit(term.unit),
+            value=superscripted(rounded(term.coefficient, term.standard_error)),
+            interval=interval_text(*term.interval95, term.standard_error),
+            coefficient=term.coefficient,
+            standard_error=term.standard_error,
+            share=term.unique_share,
+        )
+        for term in model.terms
+    ]
+
+
+def interval_text(low: float, high: float, error: float) -> str:
+    """Return an interval with its ends rounded to the place of the error.
+
+    Examples
+    --------
+    >>> interval_text(5830.71, 5993.9, 41.7)
+    '5830 … 5990'
+    """
+    ends = [superscripted(rounded(end, error)).partition(" ±")[0].lstrip("(") for end in (low, high)]
+    powers = {rounded(end, error).rpartition(")")[2] for end in (low, high)}
+    if len(powers) == 1 and (power := powers.pop()):
+        return f"({ends[0]} … {ends[1]}){_power(power)}"
+    if any(")" in rounded(end, error) for end in (low, high)):
+        return f"{low:.4g} … {high:.4g}"
+    return f"{ends[0]} … {ends[1]}"
+
+
+def superscripted(text: str) -> str:
+    """Return ``(1.2 ± 0.1)e9`` as ``(1.2 ± 0.1)·10⁹``; a minus sign where a hyphen stood.
+
+    Examples
+    --------
+    >>> superscripted("(-2.684 ± 0.012)e9")
+    '(−2.684 ± 0.012)·10⁹'
+    """
+    head, bracket, power = text.rpartition(")e")
+    shown = f"{head}){_power('e' + power)}" if bracket else text
+    return shown.replace("-", "−")
+
+
+def _power(power: str) -> str:
+    digits = power.lstrip("e").translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"·10{digits}"
+
+
+def terms_csv(model: JointModel) -> str:
+    """Return the terms as CSV text, numbers in full, SI."""
+    rows = [
+        (
+            term.id,
+            term.symbol,
+            term.name,
+            term.formula,
+            repr(term.coefficient),
+            repr(term.standard_error),
+            repr(term.interval95[0]),
+            repr(term.interval95[1]),
+            term.unit,
+            repr(term.unique_share),
+        )
+        for term in model.terms
+    ]
+    return csv_text(TERM_COLUMNS, rows)
+
+
+def csv_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table as CSV text."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def terms_table(model: JointModel) -> Table:
+    """Return the terms as a rich table for a terminal."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for heading in ("term", "", "of", "value", "unit", "carries alone"):
+        table.add_column(heading, justify="right" if heading in ("value", "carries alone") else "left")
+    for row in term_rows(model):
+        # Names come from a catalogue that anybody may write: Text keeps square brackets from being markup.
+        cells = (row.name, row.symbol, row.formula, row.value, row.unit, f"{row.share:.1%}")
+        table.add_row(*(Text(cell) for cell in cells))
+    return table
