@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -64,8 +65,11 @@ def single_joint():
     for rtol in (2e-3, 1e-4, 1e-6, 1e-8):
         motion = simulate(INTER_PANEL, DRIVE, DURATION, RATE, rtol=rtol)
         sets = np.tile(INTER_PANEL.parameters, (50, 1))
-        seconds = best(lambda r=rtol, s=sets: simulate_many(
-            INTER_PANEL, [DRIVE], DURATION, RATE, parameters=s, rtol=r, threads=1), clock=time.process_time) / 50  # fmt: skip
+        options = {"parameters": sets, "rtol": rtol, "threads": 1}
+        seconds = best(
+            partial(simulate_many, INTER_PANEL, [DRIVE], DURATION, RATE, **options), clock=time.process_time
+        )
+        seconds /= len(sets)
         ours.append((error(motion.angle), seconds))
         print(
             f"  sindyjoint rtol {rtol:7.0e}: error {ours[-1][0]:.1e}, {seconds * 1e3:7.3f} ms, {1 / seconds:.0f} runs/s"
