@@ -193,6 +193,30 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
     return Excitation(pieces, 1 / sample_rate, smooth=interpolation == "cubic")
 
 
+def repeated(values: ArrayLike, period: float) -> Excitation:
+    """Return the excitation that repeats one period, given at equal distances from its beginning.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        A C² spline goes through them and from the last one to the first.
+    period : float
+        s.
+
+    Raises
+    ------
+    InputError
+        For fewer than four values, values that are not finite, or a period that is not positive.
+    """
+    y = np.asarray(values, dtype=np.float64)
+    _check_positive(period=period)
+    if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
+        raise InputError(f"one period of shape {y.shape}: at least four finite values in a row are wanted")
+    return Excitation(
+        _spline_pieces(np.append(y, y[0]), period / y.size, periodic=True), period / y.size, periodic=True
+    )
+
+
 def multisine(
     amplitudes: ArrayLike, frequencies: ArrayLike, phases: ArrayLike, duration: float
 ) -> Excitation:

@@ -153,9 +153,10 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
         )  # fmt: skip
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"{run.channel.capitalize()} ({unit})")
-    ax.set_title("first cycles" if zoom else plain(shortened(run.name)))
     if zoom:
-        ax.legend(loc="upper right")
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.2)
+    else:
+        ax.set_title(plain(shortened(run.name)))
     return ax
 
 
@@ -168,7 +169,7 @@ def _first_cycles(run: RunVerification) -> int:
 
 
 def amplitude(run: RunVerification, ax: Axes) -> Axes:
-    """Draw the amplitude of each swing, and the envelope by Hilbert's transform as a line."""
+    """Draw the amplitude of each swing, as a mark, and the envelope by Hilbert's transform as a line."""
     factor, unit = prefixed(float(np.abs(run.measured).max()), UNITS[run.channel])
     rate = 1 / (run.time[1] - run.time[0])
     for (label, swings, signal), color, marker in zip(_pair(run), (PALETTE[0], INK), ("o", "x"), strict=True):
@@ -176,10 +177,10 @@ def amplitude(run: RunVerification, ax: Axes) -> Axes:
             continue
         ax.plot(
             swings.amplitude_time + run.time[0], swings.amplitude * factor, color=color, ls="none", marker=marker,
-            ms=2.5, label=f"{label}, swings",
+            ms=2.5, label=label,
         )  # fmt: skip
         envelope, _ = hilbert_envelope(signal, rate)
-        ax.plot(run.time, envelope * factor, color=color, lw=0.7, label=f"{label}, Hilbert")
+        ax.plot(run.time, envelope * factor, color=color, lw=0.7)
     ax.set_yscale("log")
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"Amplitude ({unit})")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import simulate, simulate_windows, transfer_moment
 from sindyjoint.record import Run
@@ -183,7 +183,7 @@ def simulate_run(
     drive = choose_drive(law, states) if drive is None else drive
     first = round(states.time[0] * run.sample_rate)
     span = slice(first, first + states.n_samples)
-    skip = _settling(states)
+    skip = settling(states)
     kept = slice(first + skip, span.stop)
     compared = _cut(states, skip)
     angle = rate = None
@@ -214,7 +214,7 @@ def simulate_run(
     )
 
 
-def _settling(states: ForceStates) -> int:
+def settling(states: ForceStates) -> int:
     """Return the samples of the first period of a periodic run that has periods to spare."""
     if states.method != "periodic" or states.frequency is None:
         return 0
@@ -232,7 +232,7 @@ def _cut(states: ForceStates, skip: int) -> ForceStates:
     return replace(states, replicate=None, **{name: getattr(states, name)[skip:] for name in names})
 
 
-def _limits(law: Law, states: ForceStates, drive: Drive) -> Any:
+def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     """Return the angles that end a simulation.
 
     The softening limit; where the measured motion itself passes it, or in windows, three times the measured range.
@@ -245,19 +245,38 @@ def _limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     return (least - reach, most + reach)
 
 
+def measured_drive(run: Run, states: ForceStates) -> Excitation:
+    """Return the measured moment over the span of the states as an excitation.
+
+    A run that repeats is driven by the mean of its periods: its response repeats, too, so noise of the moment
+    channel has no place in the simulation.
+    """
+    first = round(states.time[0] * run.sample_rate)
+    moment = run.moment[first : first + states.n_samples]
+    if states.method != "periodic" or states.frequency is None:
+        return sampled(moment, run.sample_rate)
+    from scipy.interpolate import CubicSpline
+
+    per = run.sample_rate / states.frequency
+    nodes, periods = round(per), int((moment.size - 1) / per + 1e-9)
+    places = (np.arange(periods)[:, None] + np.arange(nodes) / nodes) * per
+    mean = CubicSpline(np.arange(moment.size), moment)(places).mean(axis=0)
+    return repeated(mean, 1 / states.frequency)
+
+
 def _moved(
     law: Law, run: Run, states: ForceStates, span: slice, drive: Drive, window: float, options: dict[str, Any]
 ) -> Any:
     """Simulate the joint under the measured moment."""
     moment = run.moment[span]
     if "limits" not in options:
-        options["limits"] = _limits(law, states, drive)
+        options["limits"] = angle_limits(law, states, drive)
     if drive == "windows":
         start = np.column_stack([states.angle, states.rate])
         return simulate_windows(law, moment, run.sample_rate, window, start, interpolation="cubic", **options)
     return simulate(
         law,
-        sampled(moment, run.sample_rate),
+        measured_drive(run, states),
         moment.size / run.sample_rate,
         run.sample_rate,
         initial=(states.angle[0], states.rate[0]),
