@@ -9,6 +9,8 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 
 from sindyjoint.discovery.model import INERTIA, JointModel, ModelTerm
 
+_NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
+GREEK = dict(zip(_NAMES.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
 _DOTS = {"theta": ("", "θ", "x"), "omega": ("˙", "θ", "x"), "alpha": ("¨", "θ", "x")}
 
 
@@ -43,6 +45,8 @@ class _StatePrinter(MathMLPresentationPrinter):
                 continue
             element = self.dom.createElement(tag)
             element.appendChild(self.dom.createTextNode(text))
+            if tag == "mo":
+                element.setAttribute("stretchy", "false")
             row.appendChild(element)
         return row
 
@@ -69,12 +73,32 @@ def mathml(model: JointModel) -> str:
 
 def symbol_mathml(symbol: str) -> str:
     """Return a coefficient's symbol, its index lowered: k1 as k with index 1."""
-    head, _, tail = symbol.partition("_")
-    if not tail and len(head) > 1 and head[1:].isdigit():
-        head, tail = head[0], head[1:]
+    head, tail = split_symbol(symbol)
     if not tail:
         return f"<mi>{escape(head)}</mi>"
     return f"<msub><mi>{escape(head)}</mi><mi>{escape(tail)}</mi></msub>"
+
+
+def symbol_html(symbol: str) -> str:
+    """Return a coefficient's symbol for a line of text: k1 as *k* with index 1."""
+    head, tail = split_symbol(symbol)
+    return f"<i>{escape(head)}</i>" + (f"<sub>{escape(tail)}</sub>" if tail else "")
+
+
+def split_symbol(symbol: str) -> tuple[str, str]:
+    """Return letter and index of a coefficient's symbol.
+
+    Examples
+    --------
+    >>> split_symbol("k1"), split_symbol("M_F"), split_symbol("I")
+    (('k', '1'), ('M', 'F'), ('I', ''))
+    >>> split_symbol("mu_a")
+    ('μ', 'a')
+    """
+    head, _, tail = symbol.partition("_")
+    if not tail and len(head) > 1 and head[0].isalpha() and head[1:].isdigit():
+        head, tail = head[0], head[1:]
+    return GREEK.get(head, head), GREEK.get(tail, tail)
 
 
 def _term(printer: _StatePrinter, term: ModelTerm) -> str:
@@ -84,4 +108,4 @@ def _term(printer: _StatePrinter, term: ModelTerm) -> str:
     formula = printer.doprint(term.expression)
     if term.expression.is_Add:
         formula = f"<mrow><mo>(</mo>{formula}<mo>)</mo></mrow>"
-    return f"{symbol}<mo>⁢</mo>{formula}"
+    return f'{symbol}<mspace width="0.17em"/>{formula}'

@@ -11,7 +11,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.reporting.data import ReportData
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.equation import mathml, symbol_html
 from sindyjoint.reporting.figures import KINDS
 from sindyjoint.reporting.interactive import loops_payload, map_payload
 from sindyjoint.reporting.provenance import Provenance
@@ -57,6 +57,7 @@ def discovery_page(data: ReportData, origin: Provenance, pictures: dict[str, byt
         equation_text=data.model.equation(),
         equation_latex=data.model.latex(),
         terms=term_rows(data.model),
+        symbols=[markup(symbol_html(term.symbol)) for term in data.model.terms],
         runs=run_rows(data),
         steps=step_rows(data),
         kinds=KINDS,
@@ -95,7 +96,10 @@ def inline_svg(svg: bytes, kind: str) -> str:
     # The sheet on which matplotlib draws, once for the figure and once for each panel.
     text = text.replace("fill: #ffffff", "fill: none")
     title = KINDS[kind].title if kind in KINDS else kind
-    return re.sub(r"<svg ", f'<svg role="img" aria-label="{title}" class="figure" ', text, count=1)
+    width = re.search(r'width="([\d.]+)pt"', text)
+    inches = float(width[1]) / 72 if width else 7.0
+    opening = f'<svg role="img" aria-label="{title}" style="--wide: {inches:.3g}" '
+    return text.replace("<svg ", opening, 1)
 
 
 def key_facts(data: ReportData) -> list[tuple[str, str, str]]:

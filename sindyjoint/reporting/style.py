@@ -11,6 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Okabe and Ito (2008): told apart with every common colour blindness. Black is left to the model.
@@ -146,6 +147,13 @@ def style() -> Iterator[None]:
             # A run may be named in a script that no installed font holds; an empty box says so in the picture.
             warnings.filterwarnings("ignore", message="Glyph .* missing from")
             yield
+
+
+def legend_above(ax: Axes, lines: int, columns: int = 1) -> None:
+    """Put the legend into the upper left corner and make room for its lines above what is drawn."""
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + 0.09 * lines * (high - low))
+    ax.legend(loc="upper left", ncols=columns, borderaxespad=0.2, labelspacing=0.3, columnspacing=1)
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
+from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.reporting.data import ReportData, gather
@@ -50,6 +51,12 @@ def _loops(data: ReportData) -> list[Panel]:
     return [partial(loops.loops, group=group) for group in groups]
 
 
+def _residual(data: ReportData) -> list[Panel]:
+    periodic = any(loop.residual_over_phase.size for loop in data.loops)
+    phase: list[Panel] = [residuals.residual_phase] if periodic else []
+    return [maps.map_residual, *phase, residuals.residual_time]
+
+
 def _coefficients(data: ReportData) -> list[Panel]:
     return [partial(evidence.coefficient, term=term) for term in evidence.drawn_coefficients(data)]
 
@@ -79,7 +86,7 @@ KINDS: dict[str, Kind] = {
             "What the model leaves",
             "Residual over angle and rate, over the phase of the cycle, and over time. Structure that stands above the "
             "noise floor is an effect that the model lacks.",
-            _fixed(maps.map_residual, residuals.residual_phase, residuals.residual_time),
+            _residual,
         ),
         Kind(
             "path",
@@ -89,8 +96,8 @@ KINDS: dict[str, Kind] = {
         ),
         Kind(
             "coefficients",
-            "Coefficients by frequency",
-            "The chosen terms fitted to each frequency alone, with 95 % intervals. Line: all frequencies together. "
+            "Coefficients by frequency, or by part of the record",
+            "The chosen terms fitted to each frequency (or part) alone, with 95 % intervals. Line: all together. "
             "Grey: ±10 %. Crosses: the paper's tables, where the joint is one of the paper's.",
             _coefficients,
         ),
@@ -143,13 +150,20 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
             row, column = divmod(index, columns)
             # Of an odd number of panels in two columns the last takes the whole row.
             alone = columns == 2 and index == len(panels) - 1 and column == 0
-            panel(data, figure.add_subplot(grid[row, :] if alone else grid[row, column]))
+            _few_ticks(panel(data, figure.add_subplot(grid[row, :] if alone else grid[row, column])))
         engine = figure.get_layout_engine()
         assert engine is not None
         engine.execute(figure)
         # Laid out once: every later drawing would do it again, for half of the time that a figure takes.
         figure.set_layout_engine("none")
     return figure
+
+
+def _few_ticks(ax: Axes) -> None:
+    """Keep to six ticks: easier to read, and ticks are what drawing spends its time on."""
+    for axis in (ax.xaxis, ax.yaxis):
+        if isinstance(axis.get_major_locator(), AutoLocator):
+            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
 
 
 def drawable(result: Any) -> list[str]:

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.reporting.data import ReportData, gather
-from sindyjoint.reporting.figures.residuals import _nothing
+from sindyjoint.reporting.equation import split_symbol
+from sindyjoint.reporting.figures.residuals import nothing
 from sindyjoint.reporting.paper_values import paper_values
 from sindyjoint.reporting.style import (
     ACCENT,
@@ -34,7 +35,7 @@ def path(result: Any, ax: Axes) -> Axes:
     data = gather(result)
     q = quantities(data.model.joint.motion)
     if not data.path:
-        return _nothing(ax, data.selection_reason)
+        return nothing(ax, data.selection_reason)
     size = np.array([len(step.terms) for step in data.path])
     fitted = np.array([step.residual_rms for step in data.path])
     held_out = np.array([step.held_out_rms for step in data.path])
@@ -55,21 +56,13 @@ def path(result: Any, ax: Axes) -> Axes:
         ax.axhline(floor * factor, color=MUTED, linewidth=1.6, zorder=1, label="noise floor")
     if data.chosen is not None:
         ax.axvline(size[data.chosen], color=INK, linewidth=0.8, linestyle=":")
-        ax.annotate(
-            f"chosen: {size[data.chosen]} terms",
-            (size[data.chosen], 0.97),
-            xycoords=("data", "axes fraction"),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="top",
-            fontsize=7,
-        )
     ax.set_yscale("log")
     ax.set_xlabel("Terms kept")
     ax.set_ylabel(f"RMS ({unit})")
-    ax.set_title("Path of models, from few terms to many")
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.set_title("Path of models" + _chosen_note(data, size, "dotted"))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.legend(loc="upper right", bbox_to_anchor=(1, 0.9))
+    ax.legend(loc="best")
     return ax
 
 
@@ -77,7 +70,7 @@ def threshold(result: Any, ax: Axes) -> Axes:
     """Draw how many terms survive a threshold on what each carries alone."""
     data = gather(result)
     if not data.path:
-        return _nothing(ax, data.selection_reason)
+        return nothing(ax, data.selection_reason)
     size = np.array([len(step.terms) for step in data.path])
     # A model stands for every threshold up to its weakest term; larger models with weaker terms come first.
     limit = np.maximum.accumulate(np.array([max(step.threshold, 1e-9) for step in data.path]))
@@ -89,17 +82,10 @@ def threshold(result: Any, ax: Axes) -> Axes:
         low = limit[chosen - 1] if chosen else edges[0]
         if limit[chosen] > low:
             ax.axvspan(low, limit[chosen], color=PALETTE[4], alpha=0.25, linewidth=0)
-        ax.annotate(
-            f"{size[chosen]} terms",
-            (limit[chosen], size[chosen]),
-            xytext=(3, 6),
-            textcoords="offset points",
-            fontsize=7,
-        )
     ax.set_xlabel("Threshold (share of RMS carried alone)")
     ax.set_ylabel("Terms kept")
-    ax.set_title("Terms over the threshold (shaded: chosen)")
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_title("Terms over the threshold" + _chosen_note(data, size, "shaded"))
+    ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(LogLocator(numticks=7))
     return ax
 
@@ -140,7 +126,7 @@ def covariance(result: Any, ax: Axes) -> Axes:
     data = gather(result)
     model = data.model
     if not model.terms:
-        return _nothing(ax, "no terms, no covariance")
+        return nothing(ax, "no terms, no covariance")
     matrix = correlation(model)
     mesh = ax.imshow(matrix, cmap=DIVERGING, vmin=-1, vmax=1)
     names = [_math(term.symbol) for term in model.terms]
@@ -171,10 +157,14 @@ def drawn_coefficients(data: ReportData) -> list[str]:
     return list(data.model.ids) if data.groups else []
 
 
+def _chosen_note(data: ReportData, size: Any, mark: str) -> str:
+    return "" if data.chosen is None else f" ({mark}: the chosen {size[data.chosen]})"
+
+
 def _scale(value: float, unit: str) -> tuple[float, str]:
     """Return a power of ten for large coefficients; a prefix would hide the unit's own powers."""
     power = int(np.floor(np.log10(abs(value)))) if value else 0
-    if -3 <= power < 5:
+    if -1 <= power < 5:
         return 1.0, pretty_unit(unit)
     power = 3 * (power // 3)
     return 10.0**-power, rf"$10^{{{power}}}$ " + pretty_unit(unit)
@@ -182,10 +172,8 @@ def _scale(value: float, unit: str) -> tuple[float, str]:
 
 def _math(symbol: str) -> str:
     """Return a term's symbol with its index lowered; text that is not such a symbol stays as it is."""
-    head, _, tail = symbol.partition("_")
-    if not tail and len(head) > 1 and head[0].isalpha() and head[1:].isdigit():
-        head, tail = head[0], head[1:]
-    if head.isalpha() and head.isascii() and (not tail or (tail.isalnum() and tail.isascii())):
+    head, tail = split_symbol(symbol)
+    if head.isalpha() and (not tail or tail.isalnum()):
         return f"${head}_{{{tail}}}$" if tail else f"${head}$"
     return plain(symbol)
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from sindyjoint.reporting.data import Loop, ReportData, gather
-from sindyjoint.reporting.style import DASHES, INK, PALETTE, plain, prefixed, shortened
+from sindyjoint.reporting.style import DASHES, INK, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
 
 MOST_LOOPS = 6
@@ -59,7 +59,7 @@ def loops(result: Any, ax: Axes, group: str | None = None) -> Axes:
     ax.set_ylabel(f"{q.transfer} {q.transfer_symbol} ({moment_unit})")
     if group is not None:
         ax.set_title(plain(shortened(group)))
-    ax.legend(loc="best")
+    legend_above(ax, -(-(len(chosen) + bool(data.model.terms)) // 2), columns=2)
     return ax
 
 

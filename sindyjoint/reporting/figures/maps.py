@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.data import ReportData, gather
-from sindyjoint.reporting.style import DIVERGING, INK, MUTED, PALETTE, SEQUENTIAL, prefixed
+from sindyjoint.reporting.style import DIVERGING, INK, MUTED, PALETTE, SEQUENTIAL, legend_above, prefixed
 from sindyjoint.reporting.units import quantities
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def cut_at_rest(result: Any, ax: Axes) -> Axes:
     ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
     ax.set_ylabel(f"{q.transfer_symbol} ({y_unit})")
     ax.set_title(f"Cut at {q.rate_symbol} = 0")
-    ax.legend(loc="best")
+    legend_above(ax, 4 if data.model.terms else 2)
     return ax
 
 
@@ -87,7 +87,8 @@ def cut_at_centre(result: Any, ax: Axes) -> Axes:
     data = gather(result)
     q = quantities(data.model.joint.motion)
     edges = data.surface.angle_edges
-    centre = 0.0 if edges[0] < 0 < edges[-1] else 0.5 * float(edges[0] + edges[-1])
+    middle, quarter = 0.5 * float(edges[0] + edges[-1]), 0.25 * float(edges[-1] - edges[0])
+    centre = 0.0 if abs(middle) < quarter else middle
     row = int(np.clip(np.searchsorted(edges, centre, side="right") - 1, 0, data.surface.n - 1))
     x_factor, x_unit = prefixed(float(data.surface.rate_edges[-1]), q.rate_unit)
     y_factor, y_unit = prefixed(float(np.nanmax(np.abs(data.surface.moment))), q.moment_unit)
@@ -122,7 +123,7 @@ def cut_at_centre(result: Any, ax: Axes) -> Axes:
     ax.set_xlabel(f"{q.rate} {q.rate_symbol} ({x_unit})")
     ax.set_ylabel(f"{q.transfer_symbol} ({y_unit})")
     ax.set_title(f"Cut at {name} = {centre * unit[0]:.3g}" + (f" {unit[1]}" if centre else ""))
-    ax.legend(loc="best")
+    legend_above(ax, 2)
     return ax
 
 

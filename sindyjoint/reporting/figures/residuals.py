@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from sindyjoint.reporting.data import ReportData, gather, run_labels
+from sindyjoint.reporting.data import gather, run_labels
 from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups, spread
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
@@ -26,8 +26,8 @@ def residual_phase(result: Any, ax: Axes) -> Axes:
             with np.errstate(invalid="ignore"):
                 lines[group] = np.where(known, np.nansum(stacked, axis=0) / known, np.nan)
     if not lines:
-        return _nothing(ax, "no periodic run: there is no phase to fold on")
-    factor, unit = prefixed(_top([*lines.values(), np.array([_noise(data)])]), q.moment_unit)
+        return nothing(ax, "no periodic run: there is no phase to fold on")
+    factor, unit = prefixed(_top([*lines.values(), np.array([data.model.fitted.noise_floor])]), q.moment_unit)
     for index, (group, values) in enumerate(_few(lines).items()):
         phase = (np.arange(values.size) + 0.5) * 360 / values.size
         ax.plot(
@@ -85,16 +85,12 @@ def _few(lines: dict[str, Any]) -> dict[str, Any]:
     return {key: lines[key] for key in spread(list(lines), MOST_LOOPS)}
 
 
-def _noise(data: ReportData) -> float:
-    return data.model.fitted.noise_floor
-
-
 def _top(arrays: list[Any]) -> float:
     finite = [np.abs(a[np.isfinite(a)]) for a in arrays]
     return max((float(a.max()) for a in finite if a.size), default=1.0)
 
 
-def _nothing(ax: Axes, sentence: str) -> Axes:
+def nothing(ax: Axes, sentence: str) -> Axes:
     """Say in the picture why there is none."""
     ax.set_axis_off()
     ax.text(0.5, 0.5, sentence, ha="center", va="center", wrap=True, transform=ax.transAxes)

@@ -29,11 +29,24 @@
     count: { index: 2, low: 0, high: largest(2) },
   };
 
-  const tiles = data.cells.map((cell) => {
-    const [i, j, , z] = cell;
-    const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
-    return { cell, points: corners.map(([a, b]) => place(xAxis.edges[a], yAxis.edges[b], z)) };
-  });
+  // Tiles meet at their corners, at the mean of the cells around it that lie on the same side of zero rate.
+  const corners = new Map();
+  const cornersOf = ([i, j]) => [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
+  const keyOf = (cell, [a, b]) => `${a} ${b} ${yAxis.edges[cell[1]] + yAxis.edges[cell[1] + 1] > 0}`;
+  for (const cell of data.cells) {
+    for (const corner of cornersOf(cell)) {
+      const key = keyOf(cell, corner);
+      const [sum, count] = corners.get(key) || [0, 0];
+      corners.set(key, [sum + cell[3], count + 1]);
+    }
+  }
+  const tiles = data.cells.map((cell) => ({
+    cell,
+    points: cornersOf(cell).map((corner) => {
+      const [sum, count] = corners.get(keyOf(cell, corner));
+      return place(xAxis.edges[corner[0]], yAxis.edges[corner[1]], sum / count);
+    }),
+  }));
   const sheets = [];
   function addSheet(grid, yFrom, yTo) {
     const rows = grid.length;
@@ -57,14 +70,14 @@
 
   function camera(width, height) {
     const [cosY, sinY, cosP, sinP] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
-    const scale = view.zoom * Math.min(width / 3.1, height / 2.7);
+    const scale = view.zoom * Math.min(width / 3.3, height / 3.3);
     return ([x, y, z]) => {
       const across = x * cosY - y * sinY;
       const away = x * sinY + y * cosY;
       const depth = away * cosP - z * sinP;
       const up = away * sinP + z * cosP;
       const near = 5 / (5 + depth);
-      return [width / 2 + across * scale * near, height / 2 - up * scale * near, depth];
+      return [width / 2 + across * scale * near, 0.46 * height - up * scale * near, depth];
     };
   }
 
@@ -93,12 +106,12 @@
         context.fillStyle = ramp[Math.max(0, Math.min(ramp.length - 1, Math.round(share * (ramp.length - 1))))];
         context.globalAlpha = 1;
         context.fill();
-        context.globalAlpha = 0.5;
+        context.globalAlpha = 0.25;
       } else {
-        context.globalAlpha = 0.07;
+        context.globalAlpha = 0.06;
         context.fillStyle = ink;
         context.fill();
-        context.globalAlpha = 0.4;
+        context.globalAlpha = 0.5;
       }
       context.stroke();
     }
