@@ -8,6 +8,7 @@ import typer
 
 from sindyjoint.cli import libraries
 from sindyjoint.cli.discover import discover
+from sindyjoint.cli.export import export
 from sindyjoint.cli.schema import schema
 from sindyjoint.cli.simulate import simulate
 from sindyjoint.cli.verify import verify
@@ -42,5 +43,6 @@ def options(
 app.command("discover")(discover)
 app.command("simulate")(simulate)
 app.command("verify")(verify)
+app.command("export")(export)
 app.add_typer(libraries.app, name="libraries")
 app.command("schema")(schema)

@@ -1,0 +1,73 @@
+"""``sindyjoint export``: a joint model for the tools in which structures and controllers are modelled."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def export(
+    model: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MODEL", help="model.json, or the folder of results that holds it.", show_default=False
+        ),
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="TARGET",
+            help="ansys, abaqus, nastran, simscape, fmu, python, c, latex or json.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="File, or folder where a target has several. Without it: text to stdout."),
+    ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option("--rig", help="With ansys: rig written around the joint, by name or file. [pulse-rig]"),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the record of the export as JSON; wants --out.")
+    ] = False,
+) -> None:
+    """Write a joint model for another program, and say what that program cannot express.
+
+    The fidelity table (term, representation, error over the tested range) is inside the files and on stderr.
+
+    Example: sindyjoint export results/model.json --to abaqus --out joint.inp
+    """
+    from sindyjoint.errors import InputError
+    from sindyjoint.export import export_model, read_model, write_export
+
+    options: dict[str, Any] = {} if rig is None else {"rig": rig}
+    if options and to != "ansys":
+        raise InputError(f"--rig is given with --to {to}; only ansys writes a rig")
+    if as_json and out is None:
+        raise InputError("--json is given without --out; say with --out where the files go")
+    result = export_model(read_model(model), to, **options)
+    if out is not None:
+        places = write_export(result, out)
+        if as_json:
+            record = {**result.to_dict(), "files": [str(place) for place in places]}
+            typer.echo(json.dumps(record, indent=2, allow_nan=False))
+            return
+        for place in places:
+            typer.echo(f"wrote {place}", err=True)
+    else:
+        (content, *others) = result.files.values()
+        if others or isinstance(content, bytes):
+            what = f"{len(result.files)} files" if others else "a binary file"
+            raise InputError(f"{to} is {what} ({', '.join(result.files)}); say with --out where it goes")
+        typer.echo(content, nl=False)
+    from sindyjoint.export.text import fidelity_lines
+
+    missing = [f"not carried: {text}" for text in result.not_carried]
+    for line in [*fidelity_lines(result.fidelity), *missing]:
+        typer.echo(line, err=True)

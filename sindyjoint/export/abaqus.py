@@ -1,0 +1,134 @@
+"""Abaqus: a connector with nonlinear elasticity, damping and friction (CONN3D2, HINGE or TRANSLATOR)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sindyjoint.discovery.model import JointModel, ModelTerm
+from sindyjoint.export import lumped
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
+from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law
+from sindyjoint.export.text import comment, number, preamble
+
+POINTS = 41
+
+
+def export(model: JointModel) -> Export:
+    """Write ``joint.inp``, to be included into an input file."""
+    parts, cycles = Parts.of(model), Cycles.of(model)
+    sliding, rest = _sliding_terms(parts)
+    friction = _Friction(parts, sliding)
+    damping = tuple(term for term in parts.other_rate if term not in sliding)
+    curve = lumped.elastic_curve(parts, POINTS)
+    rates = lumped.rate_curve(parts, damping)
+    rows = fidelity_table(
+        model,
+        cycles,
+        {
+            **lumped.elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
+            **lumped.viscous_rows(parts, cycles, "connector damping, linear"),
+            **lumped.rate_rows(damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
+            **friction.rows(cycles),
+            **lumped.left_out(rest, "a connector has no moment that depends on angle and rate together in this form"),
+            **lumped.inertial_rows(parts),
+        },
+    )  # fmt: skip
+    notes = (
+        "replace the two node numbers and the orientation; the connector's local 1-axis is the joint's axis",
+        lumped.range_note(model, "elasticity and damping go on with the last slope"),
+        *friction.notes(),
+        *lumped.inertia_note(model),
+    )
+    missing = not_carried(rows)
+    text = comment(preamble(model, "Abaqus", rows, missing, notes), "**")
+    text += _deck(model, parts, curve, rates if damping else None, friction)
+    return Export("abaqus", {"joint.inp": text}, rows, missing, notes)
+
+
+def _sliding_terms(parts: Parts) -> tuple[tuple[ModelTerm, ...], tuple[ModelTerm, ...]]:
+    """Split what may slide: friction by position and Coulomb friction, and coupled terms that are left over."""
+    by_position = tuple(t for t in parts.coupled if (power_law(t.expression) or (0, 0, ""))[2] == "sign")
+    return (*parts.coulomb, *by_position), tuple(t for t in parts.coupled if t not in by_position)
+
+
+class _Friction:
+    """Friction whose limit is a function of the position: internal contact force times a coefficient of one."""
+
+    def __init__(self, parts: Parts, terms: tuple[ModelTerm, ...]):
+        self.parts, self.terms = parts, terms
+        self.nodes = parts.elastic_nodes(POINTS) if any(t in parts.coupled for t in terms) else np.zeros(1)
+        # At an infinitely small positive rate the sign is 1 and nothing else is left.
+        self.limit = sum((contribution(t, self.nodes, 1e-300) for t in terms), np.zeros(self.nodes.size))
+        self.possible = bool(terms) and bool(np.all(self.limit >= 0)) and bool(self.limit.max() > 0)
+        self.stiffness = float(self.limit.max()) / (GIVE * parts.model.fitted.angle)
+
+    def rows(self, cycles: Cycles) -> dict[str, Represented]:
+        if not self.possible:
+            return lumped.left_out(self.terms, "friction must not be negative anywhere in the tested range")
+        share = self._interpolated(cycles)
+        whole = sum(share.values(), np.zeros(cycles.angle.shape))
+        slider = cycles.slider(whole, self.stiffness)
+        # Each term takes its share of the one slider.
+        safe = np.where(whole > 0, whole, 1.0)
+        return {
+            term.id: Represented(
+                "connector friction; sticks as a spring that gives way by "
+                f"{GIVE:g} of the tested {lumped.names(self.parts.model).angle}",
+                slider * share[term.id] / safe,
+            )
+            for term in self.terms
+        }
+
+    def _interpolated(self, cycles: Cycles) -> dict[str, np.ndarray]:
+        if self.nodes.size == 1:
+            return {t.id: np.full(cycles.angle.shape, t.coefficient) for t in self.terms}
+        return {
+            t.id: np.interp(cycles.angle, self.nodes, contribution(t, self.nodes, 1e-300)) for t in self.terms
+        }
+
+    def notes(self) -> tuple[str, ...]:
+        if not self.possible:
+            return ()
+        unit = lumped.names(self.parts.model)
+        return (
+            f"while it sticks, friction is a spring of {self.stiffness:.6g} {unit.stiffness_unit} (STICK STIFFNESS); "
+            "raise it where the stuck joint must be stiffer, at the price of smaller increments",
+        )
+
+    def lines(self, component: int) -> list[str]:
+        if not self.possible:
+            return []
+        head = f"*CONNECTOR FRICTION, COMPONENT={component}, STICK STIFFNESS={number(self.stiffness)}"
+        if self.nodes.size == 1:
+            data = [head, f"{number(self.limit[0])},"]
+        else:
+            data = [f"{head}, INDEPENDENT COMPONENTS=POSITION", str(component)]
+            data += [f"{number(f)}, {number(x)}" for x, f in zip(self.nodes, self.limit, strict=True)]
+        return [*data, "*FRICTION", "1.0,"]
+
+
+def _deck(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, friction: _Friction) -> str:
+    rotation = model.joint.motion == "rotation"
+    kind, component = ("HINGE", 4) if rotation else ("TRANSLATOR", 1)
+    lines = [
+        "*ELEMENT, TYPE=CONN3D2, ELSET=SINDYJOINT",
+        "** element number, node on the base's side, node on the far side",
+        "900001, 1, 2",
+        "*ORIENTATION, NAME=SINDYJOINT_AXES, DEFINITION=COORDINATES",
+        "1., 0., 0., 0., 1., 0.",
+        "*CONNECTOR SECTION, ELSET=SINDYJOINT, BEHAVIOR=SINDYJOINT_LAW",
+        f"{kind},",
+        "SINDYJOINT_AXES,",
+        "*CONNECTOR BEHAVIOR, NAME=SINDYJOINT_LAW, EXTRAPOLATION=LINEAR",
+    ]
+    if parts.elastic:
+        lines += [f"*CONNECTOR ELASTICITY, COMPONENT={component}, NONLINEAR", *_pairs(curve)]
+    if parts.viscous:
+        lines += [f"*CONNECTOR DAMPING, COMPONENT={component}", f"{number(parts.damping)},"]
+    if rates is not None:
+        lines += [f"*CONNECTOR DAMPING, COMPONENT={component}, NONLINEAR", *_pairs(rates)]
+    return "\n".join([*lines, *friction.lines(component)]) + "\n"
+
+
+def _pairs(curve: Curve) -> list[str]:
+    return [f"{number(y)}, {number(x)}" for x, y in zip(curve.x, curve.y, strict=True)]

@@ -1,0 +1,292 @@
+"""The contract of all targets: files, and a fidelity table that says what they carry and how well.
+
+An exporter says of every term how it is represented and what moment the represented form gives over a set of test
+cycles; the table compares that with the model.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.files.atomic import output_folder, write_bytes
+from sindyjoint.states.periodic import RATE_SHARE
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.model import JointModel, ModelTerm
+
+Array = NDArray[np.float64]
+ALL_TERMS = "all terms"
+LEVELS, PHASES = 10, 720
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """A row of the fidelity table.
+
+    Parameters
+    ----------
+    term, symbol : str
+        Id of the term and symbol of its coefficient; the last row is :data:`ALL_TERMS`.
+    representation : str
+        How the target represents the term; for a term left out, "not carried" and why.
+    carried : bool
+    error, largest_error : float
+        RMS and largest deviation from the model's own term over the tested range, as shares of the RMS moment of the
+        test; over moving states, as everywhere: at a reversal friction is set-valued, and the representation says in
+        words how the target sticks. For a term left out this is what leaving it out costs.
+    """
+
+    term: str
+    symbol: str
+    representation: str
+    carried: bool
+    error: float
+    largest_error: float
+
+
+@dataclass(frozen=True)
+class Export:
+    """A model written for a target.
+
+    Parameters
+    ----------
+    target : str
+    files : mapping of str to (str or bytes)
+        Content by file name.
+    fidelity : tuple of Fidelity
+    not_carried : tuple of str
+        One sentence for each thing that the target cannot express.
+    notes : tuple of str
+        What a user of the files has to know.
+    """
+
+    target: str
+    files: Mapping[str, str | bytes]
+    fidelity: tuple[Fidelity, ...]
+    not_carried: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "files", MappingProxyType(dict(self.files)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints; the content of the files is left out."""
+        return {
+            "schema": 1,
+            "target": self.target,
+            "files": list(self.files),
+            "fidelity": [asdict(row) for row in self.fidelity],
+            "not_carried": list(self.not_carried),
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """Harmonic motions that fill the tested range, on which representations are judged.
+
+    Parameters
+    ----------
+    angle, rate : ndarray, shape (levels, phases)
+        One whole cycle per row, rad and rad/s, from a tenth of the tested range to all of it. No rate is zero.
+    """
+
+    angle: Array
+    rate: Array
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Where the rate is large enough to say on which side friction is: the states that errors are taken over."""
+        return np.abs(self.rate) >= RATE_SHARE * np.abs(self.rate).max(axis=1, keepdims=True)
+
+    @classmethod
+    def of(cls, model: JointModel) -> Cycles:
+        """Return the cycles up to the largest angle and rate of the model's own test."""
+        level = np.linspace(1 / LEVELS, 1, LEVELS)[:, None]
+        phase = (np.arange(PHASES) + 0.5) * 2 * np.pi / PHASES
+        return cls(level * model.fitted.angle * np.sin(phase), level * model.fitted.rate * np.cos(phase))
+
+    def term(self, term: ModelTerm) -> Array:
+        """Moment of one term over the cycles; zero for a term in the acceleration, which no cycle defines."""
+        from sindyjoint.discovery.formula import compile_terms, variable_symbols
+
+        if variable_symbols()[2] in term.expression.free_symbols:
+            return np.zeros(self.angle.shape)
+        column = compile_terms([term.expression])(self.angle.ravel(), self.rate.ravel(), 0.0)
+        return term.coefficient * column.reshape(self.angle.shape)
+
+    def slider(self, limit: Array, stiffness: float) -> Array:
+        """Moment of a spring-slider (Jenkins) friction element over the cycles once they repeat.
+
+        Parameters
+        ----------
+        limit : ndarray, shape (levels, phases)
+            Moment at which it slides; not negative.
+        stiffness : float
+            While it sticks, N·m/rad.
+        """
+        moment = np.zeros(self.angle.shape)
+        step = stiffness * np.diff(self.angle, axis=1, prepend=self.angle[:, -1:])
+        last = np.zeros(len(self.angle))
+        for _ in range(2):  # the first round forgets the start
+            for i in range(self.angle.shape[1]):
+                last = np.clip(last + step[:, i], -limit[:, i], limit[:, i])
+                moment[:, i] = last
+        return moment
+
+
+@dataclass(frozen=True, eq=False)
+class Represented:
+    """What a target does with one term.
+
+    Parameters
+    ----------
+    how : str
+        For the table.
+    moment : ndarray, shape (levels, phases), or None
+        Represented moment over the cycles; ``None`` for a term that is not carried.
+    """
+
+    how: str
+    moment: Array | None
+
+
+def check_exportable(model: JointModel) -> None:
+    """Refuse a model that no target can make use of.
+
+    Raises
+    ------
+    InputError
+        For a model without terms, numbers that are not finite, or no tested range.
+    """
+    if not model.terms:
+        raise InputError("the model has no terms: nothing was found, so there is nothing to export")
+    for term in model.terms:
+        numbers = {
+            "coefficient": term.coefficient,
+            "standard_error": term.standard_error,
+            **dict(term.parameters),
+        }
+        for name, value in numbers.items():
+            if not _is_finite(value):
+                raise InputError(
+                    f"term {term.id!r} of the model: {name} is {value!r}; a finite number, as discover writes it, "
+                    "is wanted"
+                )
+        for name in ("id", "symbol", "name", "unit"):
+            if not isinstance(getattr(term, name), str):
+                raise InputError(
+                    f"term {term.id!r} of the model: {name} is no text; as discover writes it is wanted"
+                )
+    if len(set(model.ids)) < len(model.ids):
+        raise InputError(
+            f"the model has a term twice: {', '.join(map(repr, model.ids))}; each one once is wanted"
+        )
+    for name in ("angle", "rate", "moment_rms"):
+        value = getattr(model.fitted, name)
+        if not (_is_finite(value) and value > 0):
+            raise InputError(
+                f"'fitted' of the model gives {name} = {value!r}; a positive number is wanted, as the tested range is "
+                "what an export is made for and judged on"
+            )
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and bool(np.isfinite(value))
+
+
+def fidelity_table(
+    model: JointModel, cycles: Cycles, represented: Mapping[str, Represented], total: Array | None = None
+) -> tuple[Fidelity, ...]:
+    """Compare what a target represents with the model.
+
+    Parameters
+    ----------
+    model : JointModel
+    cycles : Cycles
+    represented : mapping of str to Represented
+        By id of the term; every term must be there.
+    total : ndarray, shape (levels, phases), optional
+        Moment of the exported form as written, rounding included; otherwise the sum over the terms.
+    """
+    rows, moving = [], cycles.moving
+    exact, carried = np.zeros(cycles.angle.shape), np.zeros(cycles.angle.shape)
+    for term in model.terms:
+        item, own = represented[term.id], cycles.term(term)
+        given = np.zeros_like(own) if item.moment is None else item.moment
+        exact, carried = exact + own, carried + given
+        rows.append(
+            Fidelity(
+                term.id, term.symbol, item.how, item.moment is not None,
+                *_shares((given - own)[moving], model.fitted.moment_rms),
+            )
+        )  # fmt: skip
+    whole = carried if total is None else total
+    rows.append(
+        Fidelity(
+            ALL_TERMS, "M" if model.joint.motion == "rotation" else "F", "the exported form as a whole",
+            all(item.moment is not None for item in represented.values()),
+            *_shares((whole - exact)[moving], model.fitted.moment_rms),
+        )
+    )  # fmt: skip
+    return tuple(rows)
+
+
+def _shares(difference: Array, reference: float) -> tuple[float, float]:
+    return (
+        float(np.sqrt(np.mean(difference**2))) / reference,
+        float(np.max(np.abs(difference))) / reference,
+    )
+
+
+def not_carried(rows: Sequence[Fidelity]) -> tuple[str, ...]:
+    """Return a sentence for each term that a table says is left out."""
+    return tuple(
+        f"{row.term} ({row.symbol}): {row.representation}; leaving it out costs {100 * row.error:.3g} % "
+        "of the RMS moment"
+        for row in rows
+        if not row.carried and row.term != ALL_TERMS
+    )
+
+
+def write_export(export: Export, out: str | os.PathLike[str]) -> list[Path]:
+    """Write the files of an export, all or none.
+
+    Parameters
+    ----------
+    export : Export
+    out : path
+        A file for an export of one file; a folder for one of several, or for one file under its own name when the
+        folder exists.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    OutputError
+        When the place cannot be written.
+    """
+    place = Path(out)
+    data = {
+        name: content.encode("utf-8") if isinstance(content, str) else content
+        for name, content in export.files.items()
+    }
+    if len(data) == 1:
+        ((name, content),) = data.items()
+        return [write_bytes(place / name if place.is_dir() else place, content)]
+    with output_folder(place) as stage:
+        for name, content in data.items():
+            (stage / name).write_bytes(content)
+    return [place / name for name in data]

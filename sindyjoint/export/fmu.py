@@ -1,0 +1,79 @@
+"""FMI 2.0 co-simulation: the exported Python module as a slave, packed by pythonfmu.
+
+The joint with its moving inertia is driven by a moment; the unit returns angle, rate and whether it sticks.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.errors import MissingExtraError
+from sindyjoint.export.base import Export, not_carried
+from sindyjoint.export.python import exact_rows, source
+from sindyjoint.export.text import fidelity_lines, one_line
+
+
+def export(model: JointModel) -> Export:
+    """Write ``joint.fmu``.
+
+    Raises
+    ------
+    MissingExtraError
+        When pythonfmu is not installed.
+    """
+    try:
+        from pythonfmu.builder import FmuBuilder
+    except ImportError as error:
+        raise MissingExtraError(
+            "an FMU is made with the package pythonfmu, which is not installed; "
+            "install it with: pip install 'sindyjoint[fmu]'"
+        ) from error
+    from sindyjoint.export.code import bounds, template
+
+    rows = exact_rows(model, "Python expression inside the unit")
+    missing = not_carried(rows)
+    notes = [
+        "input: moment, held over each communication step; outputs: angle, rate, stuck, transfer_moment; parameters: "
+        "inertia, initial_angle, initial_rate",
+        f"{bounds(model)}: the unit then refuses the step",
+        "the unit runs Python inside (binaries for Linux and Windows, 64 bit): the machine that runs it needs Python 3",
+    ]
+    if model.inertia == 0:
+        notes.append("the moving inertia is not known: set the parameter inertia")
+    # Two units in one process share Python's table of modules: a name made of the content keeps them apart.
+    digest = hashlib.sha256(model.to_json().encode("utf-8", "backslashreplace")).hexdigest()
+    module = f"joint_{digest[:12]}"
+    text = template("joint_fmu.py.txt").substitute(
+        law=source(model, rows, "FMI 2.0"),
+        description=ascii(one_line(model.joint.name)),
+        guid=ascii(digest[:32]),
+        angle=ascii("angle, rad" if model.joint.motion == "rotation" else "displacement, m"),
+    )
+    documentation = "\n".join([*fidelity_lines(rows), "", *missing, *notes, ""])
+    with tempfile.TemporaryDirectory(prefix="sindyjoint-") as place:
+        folder = Path(place)
+        script = folder / f"{module}.py"
+        script.write_text(text, encoding="utf-8")
+        (folder / "documentation").mkdir()
+        (folder / "documentation" / "fidelity.txt").write_text(documentation, encoding="utf-8")
+        path, modules = list(sys.path), set(sys.modules)
+        written = sys.dont_write_bytecode
+        sys.dont_write_bytecode = True
+        try:
+            unit = FmuBuilder.build_FMU(
+                script, dest=folder / "joint.fmu", documentation_folder=folder / "documentation"
+            )
+            data = Path(os.fspath(unit)).read_bytes()
+        finally:
+            # The builder imports the script and leaves it, and its folder, behind.
+            sys.dont_write_bytecode = written
+            sys.path[:] = path
+            for name in set(sys.modules) - modules:
+                if name == module:
+                    del sys.modules[name]
+    return Export("fmu", {"joint.fmu": data}, rows, missing, tuple(notes))

@@ -1,0 +1,111 @@
+r"""LaTeX: the equation and a table of the terms (packages ``booktabs`` and ``amsmath``)."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+
+from sindyjoint.discovery.model import JointModel, ModelTerm, _latex_symbol
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
+from sindyjoint.export.text import comment, one_line, preamble
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
+    "|": r"\textbar{}", '"': r"\textquotedbl{}",
+}  # fmt: skip
+
+
+def export(model: JointModel) -> Export:
+    """Write ``joint.tex``, to be input into a document."""
+    cycles = Cycles.of(model)
+    represented = {term.id: Represented("formula and coefficient", cycles.term(term)) for term in model.terms}
+    rows = fidelity_table(model, cycles, represented)
+    missing = not_carried(rows)
+    notes = ("needs the packages booktabs and amsmath; coefficients are rounded to their standard errors",)
+    rotation = model.joint.motion == "rotation"
+    what = "transfer moment" if rotation else "transfer force"
+    inertia = (
+        rf" The moving inertia is $ {'I' if rotation else 'm'} = {_scientific(model.joint.inertia, 4)} $ "
+        rf"{_unit('kg*m^2' if rotation else 'kg')}."
+        if model.joint.inertia is not None
+        else ""
+    )
+    fitted = model.fitted
+    text = comment(preamble(model, "LaTeX", rows, missing, notes), "%", ascii_only=False)
+    text += "\n".join(
+        [
+            r"\begin{equation}",
+            f"  {model.latex()}",
+            r"\end{equation}",
+            r"\begin{table}",
+            r"  \centering",
+            rf"  \caption{{Terms of the {what} of {escape(model.joint.name)}, with standard errors, "
+            rf"identified up to $ {_scientific(fitted.angle, 3)} $ {_unit('rad' if rotation else 'm')} and "
+            rf"$ {_scientific(fitted.rate, 3)} $ {_unit('rad/s' if rotation else 'm/s')}.{inertia}}}",
+            r"  \begin{tabular}{llll}",
+            r"    \toprule",
+            r"    Term & Symbol & Coefficient & Unit \\",
+            r"    \midrule",
+            *(f"    {_row(term)}" for term in model.terms),
+            r"    \bottomrule",
+            r"  \end{tabular}",
+            r"\end{table}",
+            "",
+        ]
+    )
+    return Export("latex", {"joint.tex": text}, rows, missing, notes)
+
+
+def escape(text: str) -> str:
+    r"""Return text that LaTeX prints as it stands.
+
+    Examples
+    --------
+    >>> print(escape("50% of A_1 & {B}"))
+    50\% of A\_1 \& \{B\}
+    """
+    return "".join(_SPECIAL.get(c, c) for c in one_line(text))
+
+
+def _row(term: ModelTerm) -> str:
+    inner = "".join(rf", $ {_symbol(name)} = {_scientific(value, 4)} $" for name, value in term.parameters)
+    return (
+        rf"{escape(term.name)}{inner} & $ {_symbol(term.symbol)} $ & "
+        rf"$ {with_error(term.coefficient, term.standard_error)} $ & {_unit(term.unit)} \\"
+    )
+
+
+def _symbol(symbol: str) -> str:
+    plain = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)?", symbol)
+    return _latex_symbol(symbol) if plain else rf"\text{{{escape(symbol)}}}"
+
+
+def with_error(value: float, error: float) -> str:
+    r"""Return value and standard error with two digits of the error.
+
+    Examples
+    --------
+    >>> with_error(-2.684e9, 1.234e7)
+    '(-2.684 \\pm 0.012) \\cdot 10^{9}'
+    >>> with_error(48.13, 0.0)
+    '48.13'
+    """
+    if not error > 0:
+        return _scientific(value, 6)
+    exponent = Decimal(value).adjusted() if value else Decimal(error).adjusted()
+    if -3 < exponent < 4:
+        exponent = 0
+    digits = max(exponent - Decimal(error).adjusted() + 1, 0)
+    body = f"{value / 10.0**exponent:.{digits}f} \\pm {error / 10.0**exponent:.{digits}f}"
+    return rf"({body}) \cdot 10^{{{exponent}}}" if exponent else body
+
+
+def _scientific(value: float, digits: int) -> str:
+    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
+    return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+
+
+def _unit(unit: str) -> str:
+    text = escape(unit).replace(r"\textasciicircum{}", "^").replace("*", r"\,")
+    return re.sub(r"\^(-?\d+)", r"\\textsuperscript{\1}", text)

@@ -1,0 +1,113 @@
+"""What tables and lumped elements make of a model: rows that the decks of several programs share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.export.base import Cycles, Represented
+from sindyjoint.export.parts import RAMP, Curve, Parts, contribution, elastic_values, piecewise, rate_values
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Names:
+    """Words for a kind of motion."""
+
+    moment: str
+    angle: str
+    angle_unit: str
+    moment_unit: str
+    stiffness_unit: str
+    damping_unit: str
+
+
+def names(model: JointModel) -> Names:
+    """Return the words for the motion of a model."""
+    if model.joint.motion == "rotation":
+        return Names("moment", "rotation", "rad", "N*m", "N*m/rad", "N*m*s/rad")
+    return Names("force", "displacement", "m", "N", "N/m", "N*s/m")
+
+
+def elastic_curve(parts: Parts, count: int) -> Curve:
+    """Tabulate the elastic part over the tested range at an odd number of points."""
+    nodes = parts.elastic_nodes(count)
+    return Curve(nodes, elastic_values(parts.elastic, nodes))
+
+
+def elastic_rows(parts: Parts, cycles: Cycles, nodes: Array, how: str) -> dict[str, Represented]:
+    """Return what a table at the nodes makes of each elastic term."""
+    return {
+        term.id: Represented(how, piecewise(nodes, contribution(term, nodes, 0.0), cycles.angle))
+        for term in parts.elastic
+    }
+
+
+def rate_curve(parts: Parts, terms: tuple[ModelTerm, ...]) -> Curve:
+    """Tabulate terms of the rate; a jump at zero rate becomes a ramp."""
+    nodes = parts.rate_nodes()
+    return Curve(nodes, rate_values(terms, nodes))
+
+
+def rate_rows(terms: tuple[ModelTerm, ...], cycles: Cycles, nodes: Array, how: str) -> dict[str, Represented]:
+    """Return what a table at the nodes makes of each term of the rate."""
+    rows = {}
+    for term in terms:
+        text = how
+        if jump_of(term, float(nodes.max())):
+            text += f", its jump a ramp up to {RAMP:g} of the tested rate; creeps instead of sticking"
+        rows[term.id] = Represented(text, piecewise(nodes, contribution(term, 0.0, nodes), cycles.rate))
+    return rows
+
+
+def jump_of(term: ModelTerm, rate: float) -> float:
+    """Half the jump of a term of the rate at zero rate, N·m, with an accuracy of 1e-9 of the tested rate."""
+    ahead, behind = contribution(term, 0.0, np.array([1e-9, -1e-9]) * rate)
+    half = (ahead - behind) / 2
+    size = np.abs(contribution(term, 0.0, rate))
+    return float(half) if abs(half) > 1e-6 * max(float(size), abs(half)) else 0.0
+
+
+def viscous_rows(parts: Parts, cycles: Cycles, how: str) -> dict[str, Represented]:
+    """Return rows for terms in proportion to the rate, which a dashpot carries exactly."""
+    return {term.id: Represented(how, cycles.term(term)) for term in parts.viscous}
+
+
+def inertial_rows(parts: Parts) -> dict[str, Represented]:
+    """Return rows for inertia, which belongs to the masses of a structure, not to the joint's elements."""
+    return {
+        term.id: Represented(
+            "not carried: the inertia of the test article belongs to the masses of the structure"
+            if term.id == INERTIA
+            else "not carried: a formula of the acceleration",
+            None,
+        )
+        for term in parts.inertial
+    }
+
+
+def left_out(terms: tuple[ModelTerm, ...], why: str) -> dict[str, Represented]:
+    """Return rows for terms that are not carried."""
+    return {term.id: Represented(f"not carried: {why}", None) for term in terms}
+
+
+def inertia_note(model: JointModel) -> tuple[str, ...]:
+    """Return the note on the inertia of the test, where it is known."""
+    if model.inertia == 0:
+        return ()
+    unit = "kg*m^2" if model.joint.motion == "rotation" else "kg"
+    return (
+        f"the moving inertia of the test, {model.inertia:.6g} {unit}, is not in the joint's elements: it belongs to "
+        "the masses of the structure around it",
+    )
+
+
+def range_note(model: JointModel, beyond: str) -> str:
+    """Return the note on the tested range."""
+    fitted = model.fitted
+    unit = "rad" if model.joint.motion == "rotation" else "m"
+    return f"tables cover the tested range, {fitted.angle:.6g} {unit} and {fitted.rate:.6g} {unit}/s; beyond, {beyond}"

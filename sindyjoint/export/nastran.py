@@ -1,0 +1,159 @@
+"""Nastran: CBUSH with PBUSH and PBUSHT for a rotational joint, CBUSH1D with PBUSH1D for a translational one.
+
+A CBUSH has no tabulated force of the rate. What depends on the rate beyond viscous damping is, for a rotational joint,
+a CBUSH1D between two grid points of its own, whose distance is tied to the relative rotation (MPC).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.export import lumped
+from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table, not_carried
+from sindyjoint.export.parts import Curve, Parts, elastic_values
+from sindyjoint.export.text import comment, preamble
+
+POINTS = 41
+# Numbers that a model rarely uses; the notes say to change them where they are taken.
+ELEMENT, DAMPER, TABLE_ELASTIC, TABLE_RATE, STILL, RELATIVE, SET = range(900001, 900008)
+NODES = (1, 2)
+
+
+def export(model: JointModel) -> Export:
+    """Write ``joint.bdf``, bulk data to be included."""
+    parts, cycles = Parts.of(model), Cycles.of(model)
+    rotation = model.joint.motion == "rotation"
+    tabulated = (*parts.coulomb, *parts.other_rate)
+    if not rotation and tabulated:
+        tabulated = parts.rate  # a PBUSH1D has either a damping constant or a table
+    curve = _rounded(lumped.elastic_curve(parts, POINTS))
+    rates = _rounded(lumped.rate_curve(parts, tabulated))
+    spring = f"{'PBUSHT KN' if rotation else 'PBUSH1D SPRING'} table of {POINTS} points"
+    damper = f"PBUSH1D DAMPER table of {rates.x.size} points"
+    carried: dict[str, Represented] = {
+        **lumped.elastic_rows(parts, cycles, curve.x, spring),
+        **lumped.viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
+        **lumped.rate_rows(tabulated, cycles, rates.x, damper),
+        **lumped.left_out(
+            parts.coupled, "Nastran's bushings have no force of displacement and rate together"
+        ),
+        **lumped.inertial_rows(parts),
+    }
+    total = _total(parts, cycles, curve, rates if tabulated else None)
+    rows = fidelity_table(model, cycles, carried, total)
+    missing = not_carried(rows)
+    notes = (
+        f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
+        f"axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
+        "tables act in nonlinear solutions only (SOL 129, 400); linear ones see the stiffness at rest and the damping",
+        *(
+            (
+                f"case control: MPC = {SET}; it makes the x displacement of grid point {RELATIVE} the relative "
+                "rotation, 1 m for 1 rad",
+            )
+            if rotation and tabulated
+            else ()
+        ),
+        lumped.range_note(model, "they go on with the last slope"),
+        *lumped.inertia_note(model),
+    )
+    text = comment(preamble(model, "Nastran", rows, missing, notes), "$", width=72)
+    text += _deck(rotation, parts, curve, rates if tabulated else None)
+    return Export("nastran", {"joint.bdf": text}, rows, missing, notes)
+
+
+def _total(parts: Parts, cycles: Cycles, curve: Curve, rates: Curve | None) -> Array:
+    """Moment of the deck as written, its numbers rounded to 16 characters."""
+    total = curve(cycles.angle)
+    if rates is None or parts.model.joint.motion == "rotation":
+        total = total + float(field(parts.damping)) * cycles.rate
+    return total if rates is None else total + rates(cycles.rate)
+
+
+def field(value: float) -> str:
+    """Return a number in at most 16 characters, as Nastran reads it.
+
+    Examples
+    --------
+    >>> field(-2684000000.123456789), field(6066.0), field(1.23456789012345e-10)
+    ('-2684000000.1235', '6066.', '1.2345678901-10')
+    """
+    for digits in range(17, 0, -1):
+        text = f"{float(value):.{digits}g}"
+        mantissa, _, exponent = text.partition("e")
+        if "." not in mantissa:
+            mantissa += "."
+        if exponent:
+            text = f"{mantissa}{int(exponent):+d}"
+        else:
+            text = mantissa
+        if len(text) <= 16:
+            return text
+    raise AssertionError("unreachable: one digit fits")
+
+
+def _read(text: str) -> float:
+    mantissa, sign, exponent = text[0] + text[1:].replace("-", "|-").replace("+", "|+"), "|", ""
+    if sign in mantissa:
+        mantissa, exponent = mantissa.split(sign, 1)
+    return float(f"{mantissa}e{exponent}" if exponent else mantissa)
+
+
+def _rounded(curve: Curve) -> Curve:
+    return Curve(*(np.array([_read(field(v)) for v in values]) for values in (curve.x, curve.y)))
+
+
+def _card(name: str, *fields: object) -> str:
+    """Write a card in large format: sixteen characters per field, four fields per line."""
+    texts = ["" if f is None else field(f) if isinstance(f, float) else str(f) for f in fields]
+    while texts and not texts[-1]:
+        texts.pop()
+    rows = [texts[i : i + 4] for i in range(0, len(texts), 4)]
+    if len(rows) % 2:
+        rows.append([])  # large format comes in pairs of lines
+    starts = [f"{name}*", *["*"] * (len(rows) - 1)]
+    lines = [
+        start.ljust(8) + "".join(text.ljust(16) for text in row)
+        for start, row in zip(starts, rows, strict=True)
+    ]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _table(number: int, curve: Curve) -> str:
+    pairs = [value for point in zip(curve.x.tolist(), curve.y.tolist(), strict=True) for value in point]
+    return _card("TABLED1", number, *[None] * 7, *pairs, "ENDT")
+
+
+def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None) -> str:
+    step = 1e-6 * parts.model.fitted.angle
+    low, high = elastic_values(parts.elastic, np.array([-step, step]))
+    stiffness = float(high - low) / (2 * step)
+    cards = []
+    if rotation:
+        cards.append(_card("CBUSH", ELEMENT, ELEMENT, *NODES, None, None, None, 0))
+        cards.append(
+            _card("PBUSH", ELEMENT, "K", *[None] * 5, stiffness, None, "B", *[None] * 5, parts.damping)
+        )
+        cards.append(_card("PBUSHT", ELEMENT, "KN", *[None] * 5, TABLE_ELASTIC))
+        if rates is not None:
+            cards.append(_card("GRID", STILL, None, 0.0, 0.0, 0.0, None, 123456))
+            cards.append(_card("GRID", RELATIVE, None, 0.0, 0.0, 0.0, None, 23456))
+            # Far side minus base's side: a force on it is a pair of moments on the two sides.
+            cards.append(_card("MPC", SET, RELATIVE, 1, 1.0, NODES[1], 6, -1.0, None, None, NODES[0], 6, 1.0))
+            cards.append(_card("CBUSH1D", DAMPER, DAMPER, STILL, RELATIVE, 0))
+            cards.append(_card("PBUSH1D", DAMPER, 0.0, *[None] * 6, "DAMPER", "TABLE", TABLE_RATE))
+    else:
+        cards.append(_card("CBUSH1D", ELEMENT, ELEMENT, *NODES, 0))
+        linear = parts.damping if rates is None else None
+        tail = ["DAMPER", "TABLE", TABLE_RATE] if rates is not None else []
+        cards.append(
+            _card(
+                "PBUSH1D", ELEMENT, stiffness, linear, *[None] * 5, "SPRING", "TABLE", TABLE_ELASTIC,
+                *[None] * 5, *tail,
+            )
+        )  # fmt: skip
+    cards.append(_table(TABLE_ELASTIC, curve))
+    if rates is not None:
+        cards.append(_table(TABLE_RATE, rates))
+    return "\n".join(cards) + "\n"

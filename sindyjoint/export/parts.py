@@ -1,0 +1,254 @@
+"""A model taken apart by what its terms depend on, as tables and lumped elements need it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    import sympy
+
+    from sindyjoint.discovery.model import JointModel, ModelTerm
+
+Array = NDArray[np.float64]
+# Full friction is reached at this share of the tested rate where a target has no set-valued friction.
+RAMP = 1e-3
+# A spring that stands for sticking gives way by this share of the tested angle at full friction.
+GIVE = 1e-4
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A moment over angle or rate as a table: straight lines between the points, and beyond them.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        rad or rad/s, rising; N·m.
+    """
+
+    x: Array
+    y: Array
+
+    def __call__(self, x: ArrayLike) -> Array:
+        """Return the tabulated moment."""
+        return piecewise(self.x, self.y, np.asarray(x, dtype=np.float64))
+
+
+def piecewise(nodes: Array, values: Array, x: Array) -> Array:
+    """Interpolate linearly, and go on beyond the ends with the slope of the last piece."""
+    piece = np.clip(np.searchsorted(nodes, x) - 1, 0, nodes.size - 2)
+    slope = np.diff(values) / np.diff(nodes)
+    return values[piece] + slope[piece] * (x - nodes[piece])
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The terms of a model by what they depend on.
+
+    Parameters
+    ----------
+    model : JointModel
+    elastic : tuple of ModelTerm
+        Functions of the angle, constants among them.
+    rate : tuple of ModelTerm
+        Functions of the rate alone.
+    coupled : tuple of ModelTerm
+        Functions of both.
+    inertial : tuple of ModelTerm
+        With the acceleration.
+    """
+
+    model: JointModel
+    elastic: tuple[ModelTerm, ...]
+    rate: tuple[ModelTerm, ...]
+    coupled: tuple[ModelTerm, ...]
+    inertial: tuple[ModelTerm, ...]
+
+    @classmethod
+    def of(cls, model: JointModel) -> Parts:
+        """Sort the terms of a model."""
+        from sindyjoint.discovery.formula import variable_symbols
+
+        theta, omega, alpha = variable_symbols()
+        groups: dict[str, list[ModelTerm]] = {name: [] for name in ("elastic", "rate", "coupled", "inertial")}
+        for term in model.terms:
+            symbols = term.expression.free_symbols
+            if alpha in symbols:
+                groups["inertial"].append(term)
+            elif omega not in symbols:
+                groups["elastic"].append(term)
+            else:
+                groups["coupled" if theta in symbols else "rate"].append(term)
+        return cls(model, *(tuple(group) for group in groups.values()))
+
+    @cached_property
+    def viscous(self) -> tuple[ModelTerm, ...]:
+        """Terms in proportion to the rate."""
+        from sindyjoint.discovery.formula import variable_symbols
+
+        return tuple(term for term in self.rate if term.expression == variable_symbols()[1])
+
+    @cached_property
+    def coulomb(self) -> tuple[ModelTerm, ...]:
+        """Terms in proportion to the sign of the rate."""
+        import sympy
+
+        from sindyjoint.discovery.formula import variable_symbols
+
+        return tuple(term for term in self.rate if term.expression == sympy.sign(variable_symbols()[1]))
+
+    @property
+    def other_rate(self) -> tuple[ModelTerm, ...]:
+        """Terms of the rate that are neither viscous nor Coulomb friction."""
+        return tuple(term for term in self.rate if term not in self.viscous and term not in self.coulomb)
+
+    @property
+    def damping(self) -> float:
+        """Sum of the viscous coefficients, N·m·s/rad."""
+        return float(sum(term.coefficient for term in self.viscous))
+
+    @property
+    def friction(self) -> float:
+        """Sum of the Coulomb coefficients, N·m."""
+        return float(sum(term.coefficient for term in self.coulomb))
+
+    @property
+    def is_linear_spring(self) -> bool:
+        """Whether the elastic part is one stiffness."""
+        from sindyjoint.discovery.formula import variable_symbols
+
+        return all(term.expression == variable_symbols()[0] for term in self.elastic)
+
+    def elastic_nodes(self, count: int) -> Array:
+        """Angles of a table over the tested range: an odd ``count``, zero in the middle."""
+        half = np.linspace(0, 1, count // 2 + 1)[1:]
+        return self.model.fitted.angle * np.concatenate([-half[::-1], [0.0], half])
+
+    def rate_nodes(self) -> Array:
+        """Rates of a table over the tested range, denser towards zero, where friction ramps up."""
+        positive = np.unique(np.concatenate([np.geomspace(RAMP, 1, 16), np.linspace(0.05, 1, 20)]))
+        return self.model.fitted.rate * np.concatenate([-positive[::-1], [0.0], positive])
+
+
+def contribution(term: ModelTerm, angle: ArrayLike, rate: ArrayLike) -> Array:
+    """Coefficient times formula at states, shape (n,); sign(0) is 0."""
+    from sindyjoint.discovery.formula import compile_terms
+
+    theta, omega = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+    column = compile_terms([term.expression])(theta.ravel(), omega.ravel(), np.nan)[:, 0]
+    return term.coefficient * column.reshape(theta.shape)
+
+
+def elastic_values(terms: Sequence[ModelTerm], angle: Array) -> Array:
+    """Sum of elastic terms at angles."""
+    return sum((contribution(term, angle, 0.0) for term in terms), np.zeros(angle.shape))
+
+
+def rate_values(terms: Sequence[ModelTerm], rate: Array) -> Array:
+    """Sum of rate terms at rates."""
+    return sum((contribution(term, 0.0, rate) for term in terms), np.zeros(rate.shape))
+
+
+def softening_limits(model: JointModel) -> tuple[float, float]:
+    """Angles between which the moment at rest rises with the angle.
+
+    Infinite where it rises up to three times as far as tested. The moment at rest is the elastic part and what coupled
+    terms give without friction.
+    """
+    from scipy.optimize import brentq
+
+    angle = model.fitted.angle
+
+    def tangent(theta: float) -> float:
+        step = 1e-6 * angle
+        low, high = _still(model, np.array([theta - step, theta + step]))
+        return float(high - low)
+
+    def limit(side: float) -> float:
+        grid = side * np.linspace(0, 3 * angle, 301)
+        values = [tangent(theta) for theta in grid]
+        for a, b, u, v in zip(grid, grid[1:], values, values[1:], strict=False):
+            if u > 0 >= v:
+                return float(brentq(tangent, a, b)) if v < 0 else float(b)
+        return side * np.inf
+
+    return limit(-1.0), limit(1.0)
+
+
+def _still(model: JointModel, angle: Array) -> Array:
+    terms = Parts.of(model)
+    return sum((contribution(t, angle, 0.0) for t in (*terms.elastic, *terms.coupled)), np.zeros(angle.shape))
+
+
+def steepness(model: JointModel) -> tuple[float, float]:
+    """Return the largest |∂M/∂θ|, N·m/rad, and |∂M/∂θ̇| away from zero rate, N·m·s/rad, over the tested range.
+
+    They bound the step of an explicit integration of the joint.
+    """
+    parts = Parts.of(model)
+    terms = (*parts.elastic, *parts.rate, *parts.coupled)
+
+    def moment(theta: Array, omega: Array) -> Array:
+        return sum((contribution(t, theta, omega) for t in terms), np.zeros(theta.shape))
+
+    angle = model.fitted.angle * np.linspace(-1.2, 1.2, 49)
+    size = model.fitted.rate * np.geomspace(1e-4, 1.2, 25)
+    theta, omega = (grid.ravel() for grid in np.meshgrid(angle, np.concatenate([-size[::-1], size])))
+    dt, dw = 1e-4 * model.fitted.angle, 1e-3 * omega
+    stiffness = (moment(theta + dt, omega) - moment(theta - dt, omega)) / (2 * dt)
+    damping = (moment(theta, omega + dw) - moment(theta, omega - dw)) / (2 * dw)
+    return float(np.max(np.abs(stiffness))), float(np.max(np.abs(damping)))
+
+
+def power_law(expression: sympy.Expr) -> tuple[float, float, str] | None:
+    """Recognise |θ|^p · |θ̇|^q times θ̇ or sign θ̇.
+
+    Returns
+    -------
+    (p, q, kind) or None
+        ``kind`` is "rate" for a factor θ̇ and "sign" for sign θ̇; p, q ≥ 0.
+
+    Examples
+    --------
+    >>> from sindyjoint.discovery.formula import parse_formula
+    >>> power_law(parse_formula("theta**2*omega"))
+    (2.0, 0.0, 'rate')
+    >>> power_law(parse_formula("omega*abs(omega)"))
+    (0.0, 1.0, 'rate')
+    >>> power_law(parse_formula("theta*omega")) is None
+    True
+    """
+    import sympy
+
+    from sindyjoint.discovery.formula import variable_symbols
+
+    theta, omega, _ = variable_symbols()
+    powers = {"theta": 0.0, "size": 0.0, "rate": 0.0, "sign": 0.0}
+    for factor in sympy.Mul.make_args(expression):
+        base, exponent = factor.as_base_exp()
+        if not (exponent.is_number and exponent > 0):
+            return None
+        p, even = float(exponent), bool(exponent.is_Integer and int(exponent) % 2 == 0)
+        if base in (sympy.Abs(theta), theta) and (base != theta or even):
+            powers["theta"] += p
+        elif base == sympy.Abs(omega):
+            powers["size"] += p
+        elif base == omega and exponent.is_Integer:
+            powers["rate"] += p
+        elif base == sympy.sign(omega) and exponent == 1:
+            powers["sign"] += 1
+        else:
+            return None
+    p, q, rate, sign = (powers[name] for name in ("theta", "size", "rate", "sign"))
+    if rate % 2 == 1 and not sign:
+        return p, q + rate - 1, "rate"
+    if sign and rate % 2 == 0:
+        size = q + rate
+        return (p, size - 1, "rate") if size >= 1 else ((p, 0.0, "sign") if size == 0 else None)
+    return None

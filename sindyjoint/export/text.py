@@ -1,0 +1,136 @@
+"""Text for decks and code: names that people gave are data, and stay harmless in every syntax."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+import unicodedata
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from sindyjoint.export.base import Fidelity
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.model import JointModel
+
+
+def one_line(text: str) -> str:
+    r"""Return text on one line, without control characters and halves of characters.
+
+    Examples
+    --------
+    >>> one_line("left\r\n*STEP\x00 joint")
+    'left *STEP joint'
+    """
+    clean = "".join(
+        " " if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn", "Zl", "Zp") else c for c in str(text)
+    )
+    return " ".join(clean.split())
+
+
+def ascii_line(text: str) -> str:
+    """Return one line of ASCII: accents dropped, Greek letters by name, the rest as question marks.
+
+    Examples
+    --------
+    >>> ascii_line("Gelenk Süd, θ")
+    'Gelenk Sud, theta'
+    """
+    plain = unicodedata.normalize("NFKD", one_line(text))
+    return "".join(_ascii(c) for c in plain if not unicodedata.combining(c))
+
+
+def _ascii(character: str) -> str:
+    if character.isascii():
+        return character
+    name = unicodedata.name(character, "")
+    if name.startswith("GREEK SMALL LETTER "):
+        return name.removeprefix("GREEK SMALL LETTER ").lower()
+    return {"·": "*", "−": "-", "–": "-", "±": "+-", "≤": "<=", "≥": ">=", "⋅": "*"}.get(character, "?")
+
+
+def number(value: float) -> str:
+    """Return the shortest text that reads back as the same float, with a decimal point or exponent."""
+    return repr(float(value))
+
+
+def heading(model: JointModel, target: str) -> list[str]:
+    """Return what every file says first: joint, origin, equation, units."""
+    rotation = model.joint.motion == "rotation"
+    fitted = model.fitted
+    return [
+        f"Joint: {one_line(model.joint.name)}",
+        f"Written by sindyjoint for {target}. Units: "
+        + ("rad, N*m, s, kg*m^2 (SI)" if rotation else "m, N, s, kg (SI)"),
+        f"Equation: {equation(model)}",
+        f"Tested up to {fitted.angle:.6g} {'rad' if rotation else 'm'} and {fitted.rate:.6g} "
+        f"{'rad/s' if rotation else 'm/s'}; RMS {'moment' if rotation else 'force'} {fitted.moment_rms:.6g} "
+        f"{'N*m' if rotation else 'N'}" + ("; from simulated tests" if fitted.simulated else ""),
+    ]
+
+
+def equation(model: JointModel) -> str:
+    """Return the equation in ASCII, with the catalogues' own syntax for formulas."""
+    from sindyjoint.discovery.formula import formula_text
+
+    motion = model.joint.motion
+    parts = ["I*alpha" if motion == "rotation" else "m*a"] if model.joint.inertia is not None else []
+    for term in model.terms:
+        formula = formula_text(term.expression, motion)
+        bracketed = f"({formula})" if term.expression.is_Add or formula.startswith("-") else formula
+        symbol = ascii_line(term.symbol)
+        parts.append(symbol if formula == "1" else f"{symbol}*{bracketed}")
+    return ("M = " if motion == "rotation" else "F = ") + " + ".join(parts)
+
+
+def fidelity_lines(rows: Sequence[Fidelity]) -> list[str]:
+    """Return the fidelity table as aligned lines of text."""
+    head = ("term", "symbol", "RMS error", "largest", "represented as")
+    cells = [
+        head,
+        *((r.term, r.symbol, _percent(r.error), _percent(r.largest_error), r.representation) for r in rows),
+    ]
+    lines = [tuple(one_line(cell) for cell in line) for line in cells]
+    widths = [max(len(line[i]) for line in lines) for i in range(4)]
+    return [
+        "Fidelity over the moving states of the tested range, errors in % of the RMS moment:",
+        *(
+            "  ".join([*(cell.ljust(w) for cell, w in zip(line[:4], widths, strict=True)), line[4]]).rstrip()
+            for line in lines
+        ),
+    ]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share > 1e-12 else "0"
+
+
+def preamble(
+    model: JointModel, target: str, rows: Sequence[Fidelity], missing: Sequence[str], notes: Sequence[str]
+) -> list[str]:
+    """Return heading, fidelity table, what is not carried, and notes."""
+    lines = [*heading(model, target), "", *fidelity_lines(rows)]
+    lines += (
+        ["", "Not carried:", *(f"- {text}" for text in missing)]
+        if missing
+        else ["", "Everything is carried."]
+    )
+    if notes:
+        lines += ["", "Notes:", *(f"- {text}" for text in notes)]
+    return lines
+
+
+def comment(lines: Sequence[str], prefix: str, width: int = 110, ascii_only: bool = True) -> str:
+    """Return lines as comments, wrapped, each after ``prefix``; ends with a line feed."""
+    clean = [_keep_columns(line, ascii_line if ascii_only else one_line) for line in lines]
+    wrapped = [part for line in clean for part in _wrap(line, width - len(prefix) - 1)]
+    return "".join(f"{prefix} {part}".rstrip() + "\n" for part in wrapped)
+
+
+def _keep_columns(line: str, cleaned: Callable[[str], str]) -> str:
+    # Columns of a table are aligned with spaces, which one_line would join.
+    return "".join(part if part.isspace() else cleaned(part) for part in re.split("( {2,})", line))
+
+
+def _wrap(line: str, width: int) -> list[str]:
+    return textwrap.wrap(line, width, subsequent_indent="    ", break_long_words=True) or [""]
