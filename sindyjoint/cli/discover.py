@@ -29,6 +29,12 @@ class _Selection(StrEnum):
     one_standard_error = "one_standard_error"
 
 
+class _Nuisance(StrEnum):
+    delay = "delay"
+    gain = "gain"
+    offset = "offset"
+
+
 class _States(StrEnum):
     auto = "auto"
     periodic = "periodic"
@@ -78,6 +84,15 @@ def discover(
     align: Annotated[
         bool, typer.Option("--align", help="Remove the time skew found between the channels.")
     ] = False,
+    refine: Annotated[
+        bool, typer.Option("--refine", help="Refine the coefficients on the simulated response of the runs.")
+    ] = False,
+    nuisance: Annotated[
+        list[_Nuisance] | None,
+        typer.Option(
+            help="With --refine: estimate the moment's delay, or the gain or zero error of the angle, beside. Repeatable."
+        ),
+    ] = None,
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
 ) -> None:
@@ -91,6 +106,10 @@ def discover(
 
     if out is not None:
         check_output(out)
+    if nuisance and not refine:
+        raise typer.BadParameter(
+            "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
+        )
     with Progress(quiet) as progress:
         # Not before the output is known to be writable: the imports alone take two seconds.
         from sindyjoint.workflows.discover import discover as run
@@ -109,6 +128,11 @@ def discover(
             forced=tuple(force or ()),
             forbidden=tuple(forbid or ()),
         )
+        if refine:
+            from sindyjoint.workflows.refine import refined
+
+            progress.say("refining on the simulated response")
+            result = refined(result, tuple(dict.fromkeys(kind.value for kind in nuisance or ())))
         if out is not None:
             progress.say("writing the report")
             from sindyjoint.reporting import write_discovery

@@ -128,7 +128,7 @@ def refine(
         progress("fitting the simulated response")
     solution = least_squares(
         lambda x: problem.residual(x * scale), start / scale, lambda x: problem.jacobian(x * scale) * scale,
-        bounds=bounds / scale, method="trf", x_scale=1.0, ftol=1e-8, xtol=1e-8, gtol=1e-10,
+        bounds=bounds / scale, method="trf", x_scale=1.0, ftol=1e-7, xtol=1e-6, gtol=1e-8,
         max_nfev=MOST_EVALUATIONS,
     )  # fmt: skip
     found = solution.x * scale
