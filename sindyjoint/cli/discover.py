@@ -90,7 +90,7 @@ def discover(
     nuisance: Annotated[
         list[_Nuisance] | None,
         typer.Option(
-            help="With --refine: estimate the moment's delay, or the gain or zero error of the angle, beside. Repeatable."
+            help="With --refine: estimate the delay of the moment, or gain or zero error of the angle, beside. Repeatable."
         ),
     ] = None,
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
