@@ -90,7 +90,8 @@ def report(records: list[dict]) -> None:
         groups[record["noise"], "all"].append(record)
         groups[record["noise"], record["drive"]].append(record)
     print(
-        "noise  drive          n  exact  best five  wrong 'confirmed'  undecided  median s | RMS error % and coverage of 95 % intervals (k1 k2 k3 c1 M_F)"
+        "noise  drive          n  exact  best five  wrong 'confirmed'  undecided  median s | RMS error % | "
+        "coverage of 95 % intervals (k1 k2 k3 c1 M_F)"
     )
     for (noise, drive), rows in sorted(groups.items()):
         done = [r for r in rows if "error" not in r]
@@ -100,7 +101,8 @@ def report(records: list[dict]) -> None:
         errors = np.sqrt(np.mean([np.square(r["error_percent"]) for r in exact], axis=0)) if exact else []
         inside = np.mean([r["inside"] for r in exact], axis=0) if exact else []
         print(
-            f"{noise:<6g} {drive:<12} {len(rows):>4} {len(exact) / len(rows):>6.1%} {sum(r['best_five'] for r in done) / len(rows):>8.1%}"
+            f"{noise:<6g} {drive:<12} {len(rows):>4} {len(exact) / len(rows):>6.1%} "
+            f"{sum(r['best_five'] for r in done) / len(rows):>8.1%}"
             f" {wrong:>12} {undecided:>15} {np.median([r['seconds'] for r in done]):>12.2f} | "
             + " ".join(f"{e:.2f}" for e in errors)
             + " | "

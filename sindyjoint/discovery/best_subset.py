@@ -12,7 +12,9 @@ Wilson, Technometrics 16(4), 1974.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,6 +89,37 @@ def best_subsets(
             columns = tuple(sorted(order[i] for i in np.flatnonzero(sets[size])))
             found.append(Subset(columns, float(errors[size]) * target**2))
     return found
+
+
+def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:
+    """Return the best subsets of many replicates of one problem, on threads.
+
+    Parameters
+    ----------
+    triangles : ndarray, shape (replicates, p + 1, p + 1)
+        Factors of [columns | target], columns of comparable norm.
+    largest : int
+        Largest size wanted.
+
+    Returns
+    -------
+    ndarray of bool, shape (replicates, largest + 1, p)
+        Marks of the best set of each size; row 0 is empty.
+    """
+    replicates, p = triangles.shape[0], triangles.shape[1] - 1
+    order = _search_order(Factor(np.array(triangles[0]), 1.0), [])
+    wanted = np.zeros(p, dtype=np.int64)
+    marks = np.zeros((replicates, largest + 1, p), dtype=bool)
+
+    def work(chunk: NDArray[np.intp]) -> None:
+        for index in chunk:
+            start = np.linalg.qr(triangles[index][:, [*order, p]], mode="r")
+            marks[index][:, order] = _search(start, 0, wanted, largest)[1][: largest + 1]
+
+    workers = os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(work, np.array_split(np.arange(replicates), 4 * workers)))
+    return marks
 
 
 def _search_order(scaled: Factor, forced: list[int]) -> list[int]:

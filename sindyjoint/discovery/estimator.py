@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from sindyjoint.discovery.catalogue import Catalogue, Reference, as_catalogue, load_catalogue, term_columns
-from sindyjoint.discovery.evidence import Evidence, RunEvidence
+from sindyjoint.discovery.catalogue import Catalogue, Reference, as_catalogue, load_catalogue
+from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.methods import METHODS, column_path
 from sindyjoint.discovery.model import Fitted, JointModel, model_terms
+from sindyjoint.discovery.rows import RowLabels, gather, state_columns
 from sindyjoint.discovery.selection import (
     LEAST_SHARE,
     SIGNIFICANT,
@@ -25,15 +26,12 @@ from sindyjoint.discovery.selection import (
     choose_by_threshold,
     path_of,
 )
-from sindyjoint.discovery.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Joint, Motion
 
 Array = NDArray[np.float64]
 
 SELECTIONS = ("evidence", "one_standard_error")
-# Without replicate blocks of its own, a run is cut into this many stretches of consecutive rows.
-STRETCHES = 16
 
 
 class JointRegressor(RegressorMixin, BaseEstimator):
@@ -166,8 +164,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected"
             )
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, X, dtype=np.float64)
-        labels = _Labels.of(X.shape[0], groups, runs, blocks)
-        other = None if X_replicate is None else np.asarray(X_replicate, dtype=np.float64)
+        labels = RowLabels.of(X.shape[0], groups, runs, blocks)
         catalogue = self._catalogue(with_inertia=X.shape[1] == 3)
         self.reference_ = Reference.of(X[:, 0], X[:, 1], y)
         self.terms_ = catalogue.resolve(self.reference_)
@@ -176,7 +173,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 f"n_samples = {X.shape[0]} for {len(self.terms_)} candidate terms: too few samples; record more or "
                 "choose a smaller library"
             )
-        gathered = self._without_dependent(self._gather(X, y, other, y_replicate, weight, labels))
+        gathered = self._without_dependent(
+            gather(self.terms_, X, y, labels, weight, X_replicate, y_replicate)
+        )
         self._moment_rms = gathered.target_rms
         self.evidence_ = self._with_fixed(gathered)
         self.selection_result_ = self._select()
@@ -190,7 +189,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         if not self.selected_:
             return np.zeros(X.shape[0])
         terms = [term for term in self.terms_ if term.id in self.selected_]
-        return _columns(terms, X) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
+        return state_columns(terms, X) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
 
     def _check_parameters(self) -> None:
         if self.method not in METHODS:
@@ -218,36 +217,6 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             catalogue = catalogue.without(["inertia"])
         return catalogue.without(self.forbidden) if self.forbidden else catalogue
 
-    def _gather(
-        self,
-        X: Array,
-        y: Array,
-        other: Array | None,
-        y_other: ArrayLike | None,
-        weight: Array | None,
-        labels: _Labels,
-    ) -> Evidence:
-        """Return the factors of every run and block."""
-        replicate_target = y if y_other is None else np.asarray(y_other, dtype=np.float64)
-        runs = []
-        for run in labels.run_names:
-            rows = labels.rows_of(run)
-            columns, target = _columns(self.terms_, X[rows]), y[rows]
-            w = None if weight is None else weight[rows]
-            replicate = columns if other is None else _columns(self.terms_, other[rows])
-            block = labels.block[rows]
-            parts = tuple(
-                Factor.of(
-                    replicate[block == b],
-                    replicate_target[rows][block == b],
-                    None if w is None else w[block == b],
-                )
-                for b in np.unique(block)
-            )
-            group = str(labels.group[rows][0])
-            runs.append(RunEvidence(str(run), group, Factor.of(columns, target, w), parts))
-        return Evidence(tuple(term.id for term in self.terms_), tuple(runs))
-
     def _without_dependent(self, evidence: Evidence) -> Evidence:
         """Leave out candidates that these data cannot tell from those before them; refuse what no data could."""
         dependent = dependent_columns(evidence.pooled)
@@ -257,7 +226,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         generic = np.random.default_rng(0).normal(size=(8 * len(self.terms_), self.n_features_in_))
         scales = [self.reference_.angle or 1.0, self.reference_.rate or 1.0, 1.0][: self.n_features_in_]
         never = dependent_columns(
-            Factor.of(_columns(self.terms_, generic * scales), np.zeros(generic.shape[0]))
+            Factor.of(state_columns(self.terms_, generic * scales), np.zeros(generic.shape[0]))
         )
         if never:
             raise InputError(
@@ -302,7 +271,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             self._fixed_share[term_id] = abs(value) * rms / evidence.target_rms
         return evidence.fixing(self.fixed) if self.fixed else evidence
 
-    def _keep_model(self, labels: _Labels) -> None:
+    def _keep_model(self, labels: RowLabels) -> None:
         step = self.selection_result_.step
         self.coef_ = np.zeros(len(self.terms_))
         positions = {term.id: index for index, term in enumerate(self.terms_)}
@@ -341,45 +310,3 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 rate=float(self.reference_.rate or 0.0),
             ),
         )
-
-
-class _Labels:
-    """Group, run and block of every row."""
-
-    def __init__(self, group: NDArray[Any], run: NDArray[Any], block: NDArray[Any]):
-        self.group, self.run, self.block = group, run, block
-        self.run_names = list(dict.fromkeys(run.tolist()))
-
-    def rows_of(self, run: Any) -> NDArray[np.bool_]:
-        return self.run == run
-
-    @classmethod
-    def of(
-        cls, n: int, groups: ArrayLike | None, runs: ArrayLike | None, blocks: ArrayLike | None
-    ) -> _Labels:
-        given = {"groups": groups, "runs": runs, "blocks": blocks}
-        for name, values in given.items():
-            if values is not None and np.shape(values) != (n,):
-                raise InputError(f"{name} has shape {np.shape(values)}; ({n},), one entry per row, is wanted")
-        if groups is None and runs is None:
-            # One record: four stretches to hold out, each with its own blocks.
-            stretch = np.arange(n) * 4 // n
-            group = run = stretch
-        else:
-            run = np.asarray(groups if runs is None else runs)
-            group = np.asarray(runs if groups is None else groups)
-        block = np.asarray(blocks) if blocks is not None else _stretches(run)
-        return cls(group, run, block)
-
-
-def _stretches(run: NDArray[Any]) -> NDArray[np.intp]:
-    """Cut each run into stretches of consecutive rows."""
-    block = np.zeros(run.size, dtype=np.intp)
-    for name in dict.fromkeys(run.tolist()):
-        rows = np.flatnonzero(run == name)
-        block[rows] = np.arange(rows.size) * STRETCHES // rows.size
-    return block
-
-
-def _columns(terms: Sequence[ResolvedTerm], X: Array) -> Array:
-    return term_columns(list(terms), X[:, 0], X[:, 1], X[:, 2] if X.shape[1] == 3 else None)

@@ -40,7 +40,7 @@ def _backward(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, i
 
 
 def _best_subset(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
-    """The exact best subset of every size, by branch and bound."""
+    """Exact best subset of every size, by branch and bound."""
     from sindyjoint.discovery.best_subset import best_subsets
 
     return [subset.columns for subset in best_subsets(evidence.pooled, forced, signs)]
@@ -49,12 +49,12 @@ def _best_subset(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int
 def _coefficient_stlsq(
     evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any
 ) -> Path:
-    """pysindy's STLSQ on scaled columns, all coefficients below the threshold removed at once."""
+    """STLSQ of pysindy on scaled columns, all coefficients below the threshold removed at once."""
     return _threshold_path(evidence.pooled, _pysindy_stlsq, forced)
 
 
 def _sr3(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
-    """pysindy's SR3 with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
+    """SR3 of pysindy with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
     from pysindy.optimizers import SR3
 
     def build(threshold: float) -> Any:
@@ -71,7 +71,7 @@ def _sr3(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], 
 
 
 def _ssr(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
-    """pysindy's stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
+    """SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
     from pysindy.optimizers import SSR
 
     factor = evidence.pooled
@@ -79,7 +79,7 @@ def _ssr(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], 
 
 
 def _frols(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
-    """pysindy's forward regression by error reduction ratio (Billings 2013)."""
+    """FROLS of pysindy, forward regression by error reduction ratio (Billings 2013)."""
     from pysindy.optimizers import FROLS
 
     factor = evidence.pooled
@@ -87,7 +87,7 @@ def _frols(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int]
 
 
 def _ensemble(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
-    """pysindy's ensemble of STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
+    """EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
     from pysindy.optimizers import EnsembleOptimizer
 
     resampled = [_resampled_blocks(evidence, rng) for _ in range(ENSEMBLE_MODELS)]
@@ -175,7 +175,7 @@ def column_path(
 
 
 def obedient(factor: Factor, columns: Sequence[int], signs: Mapping[int, int]) -> tuple[int, ...]:
-    """Return the columns less those whose fitted coefficient has the wrong sign, the worst first, refitted each time."""
+    """Return the columns less those whose fitted coefficient has the wrong sign, the worst first, refitted."""
     kept = [*columns]
     while kept:
         part, _, _ = factor.take(kept).normalised()

@@ -4,11 +4,12 @@ Ranges: stiffness and damping ×/÷ 2 about the paper's inter-panel joint, softe
 15–45 % of the largest elastic moment, quadratic stiffness 1–10 % of the RMS moment on either side.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import sympy
 
-from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw
+from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw, PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 
 TRUE_IDS = (
@@ -42,8 +43,14 @@ class Plan:
             sample_rate=self.sample_rate,
             duration=self.duration,
             random_state=10_000 + self.seed,
+            angle_limit=self.angle_limit,
         )
         return virtual_campaign(self.law, noise=noise, **{**settings, **options})
+
+    @property
+    def angle_limit(self):
+        """The nearer softening limit: a quadratic term moves it on one side, and past it a joint snaps through."""
+        return min(abs(end) for end in self.law.softening_limit)
 
     @property
     def truth(self):
@@ -98,3 +105,23 @@ def _moment_rms(k1, k3, c1, friction, peaks, frequencies):
             theta, rate = peak * np.sin(phase), peak * 2 * np.pi * frequency * np.cos(phase)
             squares.append(np.mean((k1 * theta + k3 * theta**3 + c1 * rate + friction * np.sign(rate)) ** 2))
     return float(np.sqrt(np.mean(squares)))
+
+
+def rising_stiffness(plan, noise, rise):
+    """Return the campaign of a joint whose k1 grows by ``rise`` from the lowest to the highest frequency."""
+    low, high = min(plan.frequencies), max(plan.frequencies)
+    parts = []
+    for index, frequency in enumerate(plan.frequencies):
+        stiffer = replace(plan.law, k1=plan.law.k1 * (1 + rise * (frequency - low) / (high - low)))
+        options = dict(frequencies=(frequency,), random_state=(10_000 + plan.seed, index))
+        parts.append(replace(plan, law=stiffer).campaign(noise, angle_limit=plan.angle_limit, **options))
+    return parts[0].with_runs(tuple(run for part in parts for run in part.runs))
+
+
+def maxwell_campaign(plan, noise, stiffness, time):
+    """Return the campaign of a joint with a Maxwell branch beside it: k_m in series with a damper k_m·τ."""
+    branch = FormulaLaw(
+        sympy.Symbol("q"), {"km": stiffness, "tau": time},
+        {"q": sympy.Symbol("km") * sympy.Symbol("omega") - sympy.Symbol("q") / sympy.Symbol("tau")},
+    )  # fmt: skip
+    return plan.campaign(noise, hidden=branch)

@@ -1,0 +1,152 @@
+"""Held-out error of discovery itself: terms and coefficients are found anew without the runs that are predicted.
+
+Folds are made by scikit-learn's splitters over runs, usually one frequency or one level left out at a time; the fits
+come from merged factors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.factors import dependent_columns
+from sindyjoint.discovery.methods import column_path
+from sindyjoint.discovery.selection import Selection, choose_by_evidence, path_of
+from sindyjoint.errors import InputError
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One fold.
+
+    Parameters
+    ----------
+    left_out : tuple of str
+        Labels of the runs that were predicted.
+    runs : tuple of str
+        Their names.
+    kept : tuple of str
+        Ids of the terms found without them; empty where no model passed.
+    coefficients : tuple of float
+        SI.
+    moment_error : float
+        RMS of the held-out moment's error relative to its RMS; 1 where nothing was found.
+    """
+
+    left_out: tuple[str, ...]
+    runs: tuple[str, ...]
+    kept: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    moment_error: float
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """All folds.
+
+    Parameters
+    ----------
+    folds : tuple of Fold
+    """
+
+    folds: tuple[Fold, ...]
+
+    @property
+    def moment_error(self) -> float:
+        """Root-mean-square of the folds' errors."""
+        return float(np.sqrt(np.mean([fold.moment_error**2 for fold in self.folds])))
+
+    @property
+    def unanimous(self) -> bool:
+        """Whether every fold keeps the same terms."""
+        return len({fold.kept for fold in self.folds}) == 1
+
+    def kept_by(self, term_id: str) -> int:
+        """Return how many folds keep a term."""
+        return sum(term_id in fold.kept for fold in self.folds)
+
+
+def cross_validate(
+    evidence: Evidence,
+    labels: Sequence[Any] | None = None,
+    splitter: Any = None,
+    method: str = "stlsq",
+    random_state: Any = None,
+    **choice: Any,
+) -> CrossValidation:
+    """Find a model without the runs of each fold and predict their moment.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    labels : sequence, one per run, optional
+        What is left out together: frequency, level. Default: the evidence's groups.
+    splitter : scikit-learn splitter, optional
+        Over runs. Default: ``LeaveOneGroupOut()``.
+    method : str
+        One of :data:`~sindyjoint.discovery.methods.METHODS`.
+    random_state : int, Generator or None
+    **choice
+        Of :func:`~sindyjoint.discovery.selection.choose_by_evidence`.
+
+    Raises
+    ------
+    InputError
+        For labels that are not one per run, or all the same.
+    """
+    from sklearn.model_selection import LeaveOneGroupOut
+
+    names = [run.group for run in evidence.runs] if labels is None else [str(label) for label in labels]
+    if len(names) != len(evidence.runs):
+        raise InputError(f"{len(names)} label(s) for {len(evidence.runs)} runs; one each is wanted")
+    if splitter is None and len(set(names)) < 2:
+        raise InputError(
+            f"all runs carry the label {names[0]!r}; two different ones are wanted to leave one out"
+        )
+    splitter = LeaveOneGroupOut() if splitter is None else splitter
+    index = np.arange(len(names))
+    folds = [
+        _fold(evidence, names, train, test, method, random_state, choice)
+        for train, test in splitter.split(index, groups=np.array(names))
+    ]
+    return CrossValidation(tuple(folds))
+
+
+def _fold(
+    evidence: Evidence,
+    names: list[str],
+    train: Any,
+    test: Any,
+    method: str,
+    random_state: Any,
+    choice: dict[str, Any],
+) -> Fold:
+    known = Evidence(evidence.ids, tuple(evidence.runs[i] for i in train))
+    # What only the held-out runs would show (a stop that is not reached, say) is no candidate here.
+    dependent = dependent_columns(known.pooled)
+    possible = [column for column in range(len(evidence.ids)) if column not in dependent]
+    step = select(known.take(possible), method, random_state, **choice).step
+    kept = [] if step is None else [possible[column] for column in step.columns]
+    coefficients = np.zeros(len(evidence.ids))
+    if step is not None:
+        coefficients[kept] = step.fit.coefficients
+    held_out = [evidence.runs[i].pooled for i in test]
+    error = sum(factor.squared_error(coefficients) for factor in held_out)
+    total = sum(factor.squared_target for factor in held_out)
+    return Fold(
+        left_out=tuple(dict.fromkeys(names[i] for i in test)),
+        runs=tuple(evidence.runs[i].name for i in test),
+        kept=tuple(evidence.ids[c] for c in kept),
+        coefficients=tuple(float(coefficients[c]) for c in kept),
+        moment_error=float(np.sqrt(error / total)) if total > 0 else float("nan"),
+    )
+
+
+def select(evidence: Evidence, method: str = "stlsq", random_state: Any = None, **choice: Any) -> Selection:
+    """Return the choice by evidence on the path of a method."""
+    path = path_of(evidence, column_path(method, evidence, (), random_state))
+    return choose_by_evidence(path, **choice)

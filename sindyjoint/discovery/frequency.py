@@ -1,0 +1,284 @@
+"""Whether a coefficient is the same at every frequency: homogeneity, trend, and equivalence within a margin.
+
+"No significant difference" from few or rough estimates is no evidence of sameness, and a significant difference from
+very sharp ones may be too small to matter. So there are three answers: the estimates differ by more than their errors
+explain; or they do not and every change larger than the margin is ruled out; or these runs cannot tell.
+
+References: Cochran 1954 (Q); Welch 1951 (its distribution with estimated variances); DerSimonian and Laird 1986 (τ);
+Higgins and Thompson 2002 (I²); Schuirmann 1987 (two one-sided tests), as an intersection-union test over all pairs
+(Berger 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.discovery.evidence import Evidence, fit_columns
+from sindyjoint.errors import InputError
+
+Array = NDArray[np.float64]
+Answer = Literal["independent within margin", "depends on frequency", "cannot tell"]
+
+MARGIN = 0.10
+LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class FrequencyTest:
+    """What estimates at several frequencies say about a coefficient.
+
+    Parameters
+    ----------
+    name : str
+    frequencies, estimates : tuple of float
+        Hz and SI units.
+    standard_errors : tuple of float
+        NaN where none were given.
+    mean, mean_error : float
+        Random-effects mean and its standard error.
+    q, degrees, p_homogeneity : float
+        Cochran's Q, its degrees of freedom, and its p-value by Welch's approximation; NaN without standard errors.
+    i_squared : float
+        Share of the scatter that errors do not explain.
+    tau : float
+        Standard deviation between frequencies beyond the errors; without standard errors, the plain one (ddof 1).
+    slope, slope_error, p_trend : float
+        Per Hz.
+    change, change_bound : float
+        Trend over the tested band relative to the mean, signed; and the largest relative change that the data leave
+        possible at 5 % risk.
+    margin : float
+    answer : str
+    reason : str
+        One sentence.
+    """
+
+    name: str
+    frequencies: tuple[float, ...]
+    estimates: tuple[float, ...]
+    standard_errors: tuple[float, ...]
+    mean: float
+    mean_error: float
+    q: float
+    degrees: int
+    p_homogeneity: float
+    i_squared: float
+    tau: float
+    slope: float
+    slope_error: float
+    p_trend: float
+    change: float
+    change_bound: float
+    margin: float
+    answer: Answer
+    reason: str
+
+    @property
+    def p_value(self) -> float:
+        """Of "the same at every frequency": the smaller of both tests' p-values, doubled for having two."""
+        values = [p for p in (self.p_homogeneity, self.p_trend) if np.isfinite(p)]
+        return min(1.0, len(values) * min(values)) if values else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class GroupEstimates:
+    """Coefficients fitted to each group alone.
+
+    Parameters
+    ----------
+    ids : tuple of str
+    groups : tuple of str
+    coefficients : ndarray, shape (groups, k)
+    covariances : ndarray, shape (groups, k, k)
+    degrees : ndarray, shape (groups,)
+    """
+
+    ids: tuple[str, ...]
+    groups: tuple[str, ...]
+    coefficients: Array
+    covariances: Array
+    degrees: Array
+
+    @property
+    def standard_errors(self) -> Array:
+        """Shape (groups, k)."""
+        return np.sqrt(np.einsum("gii->gi", self.covariances))
+
+
+def group_estimates(evidence: Evidence, columns: Sequence[int]) -> GroupEstimates:
+    """Return the fits of some columns to the runs of each group alone."""
+    fits = [fit_columns(evidence.only([group]), columns) for group in evidence.groups]
+    return GroupEstimates(
+        ids=tuple(evidence.ids[c] for c in columns),
+        groups=evidence.groups,
+        coefficients=np.array([fit.coefficients for fit in fits]),
+        covariances=np.array([fit.covariance for fit in fits]),
+        degrees=np.array([max(fit.degrees - len(columns), 1) for fit in fits], dtype=float),
+    )
+
+
+def frequency_test(
+    name: str,
+    frequencies: ArrayLike,
+    estimates: ArrayLike,
+    standard_errors: ArrayLike | None = None,
+    degrees: ArrayLike | None = None,
+    margin: float = MARGIN,
+) -> FrequencyTest:
+    """Test whether estimates at several frequencies are the same.
+
+    Parameters
+    ----------
+    name : str
+        Of the coefficient.
+    frequencies, estimates : array_like, shape (g,)
+        Hz; at least three different ones.
+    standard_errors : array_like, shape (g,), optional
+        Including that of any correction. ``None``: only the scatter about a straight line tells the errors.
+    degrees : array_like, shape (g,), optional
+        Degrees of freedom of the standard errors. Default: they are known exactly.
+    margin : float
+        Relative change over the band that would not matter.
+
+    Raises
+    ------
+    InputError
+        For fewer than three frequencies, shapes that differ, or values that are not finite.
+    """
+    f, x = np.asarray(frequencies, dtype=float), np.asarray(estimates, dtype=float)
+    if f.shape != x.shape or f.ndim != 1 or np.unique(f).size < 3:
+        raise InputError(
+            f"{name}: estimates of shape {x.shape} at {np.unique(f).size} frequencies; one each at three or more is wanted"
+        )
+    if not (np.all(np.isfinite(f)) and np.all(np.isfinite(x)) and margin > 0):
+        raise InputError(f"{name}: frequencies, estimates and a positive margin, all finite, are wanted")
+    if standard_errors is None:
+        return _without_errors(name, f, x, margin)
+    s = np.asarray(standard_errors, dtype=float)
+    if s.shape != x.shape or not np.all(np.isfinite(s) & (s > 0)):
+        raise InputError(f"{name}: one positive standard error for each estimate is wanted")
+    nu = np.full(x.shape, 1e9) if degrees is None else np.asarray(degrees, dtype=float)
+    return _with_errors(name, f, x, s, nu, margin)
+
+
+def _with_errors(name: str, f: Array, x: Array, s: Array, nu: Array, margin: float) -> FrequencyTest:
+    q, p_homogeneity, i_squared, tau = heterogeneity(x, s, nu)
+    weight = 1 / (s**2 + tau**2)
+    mean, mean_error = float(weight @ x / weight.sum()), float(weight.sum() ** -0.5)
+    slope, slope_error = weighted_slope(f, x, s)
+    p_trend = _two_sided(slope / slope_error, float(nu.sum()))
+    band = float(np.ptp(f))
+    change = slope * band / mean if mean else float("nan")
+    bound = _largest_change(x, s, nu) / abs(mean) if mean else float("inf")
+    p = min(1.0, 2 * min(p_homogeneity, p_trend))
+    answer, reason = _answer(
+        p, change, tau / abs(mean) if mean else np.inf, bound, margin, (f.min(), f.max())
+    )
+    return FrequencyTest(
+        name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
+        slope_error, p_trend, change, bound, margin, answer, reason,
+    )  # fmt: skip
+
+
+def _without_errors(name: str, f: Array, x: Array, margin: float) -> FrequencyTest:
+    """Treat bare numbers: the scatter about the straight line is all that tells their errors."""
+    from scipy.special import stdtrit
+
+    mean, band = float(x.mean()), float(np.ptp(f))
+    centre = f - f.mean()
+    slope = float(centre @ x / (centre @ centre))
+    degrees = x.size - 2
+    residual = x - mean - slope * centre
+    error = float(np.sqrt(residual @ residual / degrees / (centre @ centre)))
+    p_trend = _two_sided(slope / error, degrees) if error > 0 else (1.0 if slope == 0 else 0.0)
+    change = slope * band / mean if mean else float("nan")
+    bound = (
+        (abs(slope) + float(stdtrit(degrees, 1 - LEVEL)) * error) * band / abs(mean) if mean else float("inf")
+    )
+    spread = float(x.std(ddof=1))
+    answer, reason = _answer(p_trend, change, float("nan"), bound, margin, (f.min(), f.max()))
+    nan = float("nan")
+    return FrequencyTest(
+        name, tuple(f), tuple(x), (nan,) * x.size, mean, spread / np.sqrt(x.size), nan, x.size - 1, nan, nan, spread,
+        slope, error, p_trend, change, bound, margin, answer, reason,
+    )  # fmt: skip
+
+
+def heterogeneity(x: Array, s: Array, nu: Array) -> tuple[float, float, float, float]:
+    """Return Cochran's Q, its p-value, I² and DerSimonian and Laird's τ.
+
+    Q = Σ w(x − x̄)², w = 1/s². With estimated variances Q is too large on average; Welch's F corrects it:
+    F = Q/(g−1) / (1 + 2(g−2)/(g²−1)·Λ) on (g−1, (g²−1)/(3Λ)) degrees, Λ = Σ (1 − w/Σw)²/ν.
+    """
+    from scipy.special import fdtrc
+
+    g = x.size
+    w = 1 / s**2
+    q = float(w @ (x - w @ x / w.sum()) ** 2)
+    spare = float(np.sum((1 - w / w.sum()) ** 2 / nu))
+    f = q / (g - 1) / (1 + 2 * (g - 2) / (g**2 - 1) * spare)
+    p = float(fdtrc(g - 1, (g**2 - 1) / (3 * spare), f))
+    tau_squared = max(0.0, (q - (g - 1)) / (w.sum() - (w**2).sum() / w.sum()))
+    return q, p, max(0.0, 1 - (g - 1) / q) if q > 0 else 0.0, float(np.sqrt(tau_squared))
+
+
+def weighted_slope(f: Array, x: Array, s: Array) -> tuple[float, float]:
+    """Return slope per Hz and its standard error by weighted least squares."""
+    w = 1 / s**2
+    centre = f - w @ f / w.sum()
+    spread = float(w @ centre**2)
+    return float(w @ (centre * x)) / spread, spread**-0.5
+
+
+def detectable_change(test: FrequencyTest, power: float = 0.8) -> float:
+    """Return the relative change over the band that a trend test would find with the given probability."""
+    from scipy.special import stdtrit
+
+    degrees = len(test.estimates) - 2 if np.isnan(test.p_homogeneity) else 1e6
+    need = float(stdtrit(degrees, 1 - LEVEL / 2) + stdtrit(degrees, power))
+    return need * test.slope_error * (max(test.frequencies) - min(test.frequencies)) / abs(test.mean)
+
+
+def _largest_change(x: Array, s: Array, nu: Array) -> float:
+    """Return the largest difference between two frequencies that is still possible, 5 % risk on each side."""
+    from scipy.special import stdtrit
+
+    bounds = []
+    for i, j in combinations(range(x.size), 2):
+        variance = s[i] ** 2 + s[j] ** 2
+        degrees = variance**2 / (s[i] ** 4 / nu[i] + s[j] ** 4 / nu[j])
+        bounds.append(abs(x[i] - x[j]) + float(stdtrit(degrees, 1 - LEVEL)) * np.sqrt(variance))
+    return float(max(bounds))
+
+
+def _two_sided(t: float, degrees: float) -> float:
+    from scipy.special import stdtr
+
+    return 2 * float(stdtr(degrees, -abs(t)))
+
+
+def _answer(
+    p: float, change: float, spread: float, bound: float, margin: float, band: tuple[float, float]
+) -> tuple[Answer, str]:
+    tested = f"over {band[0]:.3g} to {band[1]:.3g} Hz"
+    if p < LEVEL:
+        size = f"the trend {tested} is {change:+.1%}"
+        if np.isfinite(spread):
+            size += f" and the spread beyond the errors {spread:.1%}"
+        within = f"; no change beyond {bound:.1%} is possible, which is below the margin of {margin:.0%}"
+        return "depends on frequency", f"{size} (p = {p:.2g})" + (within if bound < margin else "")
+    if bound < margin:
+        return (
+            "independent within margin",
+            f"no change {tested} is seen (p = {p:.2g}), and one beyond {bound:.1%} is ruled out",
+        )
+    return (
+        "cannot tell",
+        f"no change {tested} is seen (p = {p:.2g}), but one of {bound:.0%} is not ruled out; margin {margin:.0%}",
+    )

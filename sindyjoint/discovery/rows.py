@@ -1,0 +1,117 @@
+"""Rows of force states, with their labels, as the evidence of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.discovery.evidence import Evidence, RunEvidence
+from sindyjoint.discovery.factors import Factor
+from sindyjoint.discovery.terms import ResolvedTerm, term_columns
+from sindyjoint.errors import InputError
+
+Array = NDArray[np.float64]
+
+# Without replicate blocks of its own, a run is cut into this many stretches of consecutive rows.
+STRETCHES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class RowLabels:
+    """Group, run and replicate block of every row, each of shape (n,)."""
+
+    group: NDArray[Any]
+    run: NDArray[Any]
+    block: NDArray[Any]
+
+    @property
+    def run_names(self) -> list[Any]:
+        """Runs in order of appearance."""
+        return list(dict.fromkeys(self.run.tolist()))
+
+    @classmethod
+    def of(
+        cls, n: int, groups: ArrayLike | None, runs: ArrayLike | None, blocks: ArrayLike | None
+    ) -> RowLabels:
+        """Return the labels of n rows, made up where they are not given.
+
+        Raises
+        ------
+        InputError
+            For labels that are not one per row.
+        """
+        given = {"groups": groups, "runs": runs, "blocks": blocks}
+        for name, values in given.items():
+            if values is not None and np.shape(values) != (n,):
+                raise InputError(f"{name} has shape {np.shape(values)}; ({n},), one entry per row, is wanted")
+        if groups is None and runs is None:
+            # One record: four stretches to hold out, each with its own blocks.
+            stretch = np.arange(n) * 4 // n
+            group = run = stretch
+        else:
+            run = np.asarray(groups if runs is None else runs)
+            group = np.asarray(runs if groups is None else groups)
+        block = np.asarray(blocks) if blocks is not None else _stretches(run)
+        return cls(group, run, block)
+
+
+def gather(
+    terms: Sequence[ResolvedTerm],
+    X: Array,
+    y: Array,
+    labels: RowLabels,
+    weight: Array | None = None,
+    X_replicate: ArrayLike | None = None,
+    y_replicate: ArrayLike | None = None,
+) -> Evidence:
+    """Return the factors of every run and block of some terms.
+
+    Parameters
+    ----------
+    terms : sequence of ResolvedTerm
+    X : ndarray, shape (n, 2) or (n, 3)
+        θ, θ̇ and perhaps θ̈; SI.
+    y : ndarray, shape (n,)
+        N·m.
+    labels : RowLabels
+    weight : ndarray, shape (n,), optional
+    X_replicate, y_replicate : array_like, optional
+        The same rows as each block alone gives them.
+    """
+    other = None if X_replicate is None else np.asarray(X_replicate, dtype=np.float64)
+    replicate_target = y if y_replicate is None else np.asarray(y_replicate, dtype=np.float64)
+    runs = []
+    for run in labels.run_names:
+        rows = labels.run == run
+        columns, target = state_columns(terms, X[rows]), y[rows]
+        w = None if weight is None else weight[rows]
+        replicate = columns if other is None else state_columns(terms, other[rows])
+        block = labels.block[rows]
+        parts = tuple(
+            Factor.of(
+                replicate[block == b],
+                replicate_target[rows][block == b],
+                None if w is None else w[block == b],
+            )
+            for b in np.unique(block)
+        )
+        runs.append(RunEvidence(str(run), str(labels.group[rows][0]), Factor.of(columns, target, w), parts))
+    return Evidence(tuple(term.id for term in terms), tuple(runs))
+
+
+def state_columns(terms: Sequence[ResolvedTerm], X: Array) -> Array:
+    """Return the terms' columns at force states, shape (n, p)."""
+    return term_columns(list(terms), X[:, 0], X[:, 1], X[:, 2] if X.shape[1] == 3 else None)
+
+
+def _stretches(run: NDArray[Any]) -> NDArray[np.intp]:
+    """Cut each run into stretches of consecutive rows."""
+    block = np.zeros(run.size, dtype=np.intp)
+    for name in dict.fromkeys(run.tolist()):
+        rows = np.flatnonzero(run == name)
+        block[rows] = np.arange(rows.size) * STRETCHES // rows.size
+    return block

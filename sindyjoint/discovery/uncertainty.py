@@ -1,0 +1,301 @@
+"""How sure coefficients and terms are: bootstrap over blocks and runs, inclusion probabilities, inseparable terms.
+
+Everything is made of the campaign's factors. A replicate draws the *scores* of the replicate blocks anew (their
+pull on the coefficients about the fit), not rows: rows of one period are not independent, and blocks, not rows, are
+what a repeated test would draw again. Score bootstrap: Kline and Santos, Journal of Econometric Methods 1(1), 2012;
+weights of runs: Rubin, The Bayesian bootstrap, Annals of Statistics 9(1), 1981.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.best_subset import replicate_subsets
+from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
+from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT
+
+Array = NDArray[np.float64]
+
+# A chosen term that falls below this many standard errors when a candidate joins it cannot be told from it.
+SEPARABLE = 3.0
+# The largest set that replicates may choose: beyond ten terms a law of a joint is no law.
+LARGEST = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Bootstrap:
+    """Resampled coefficients.
+
+    Parameters
+    ----------
+    ids : tuple of str
+    coefficients : ndarray, shape (k,)
+        Of the fit itself.
+    draws : ndarray, shape (replicates, k)
+    """
+
+    ids: tuple[str, ...]
+    coefficients: Array
+    draws: Array
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard deviation of the draws, shape (k,)."""
+        return self.draws.std(axis=0, ddof=1)
+
+    @property
+    def interval95(self) -> Array:
+        """Percentile interval, shape (2, k)."""
+        return np.percentile(self.draws, [2.5, 97.5], axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Inclusion:
+    """How often the rule of choice takes each candidate when the campaign is resampled.
+
+    Parameters
+    ----------
+    ids : tuple of str
+    probability : ndarray, shape (p,)
+    sets : tuple of (tuple of str, float)
+        The chosen sets and their shares of the replicates, most frequent first.
+    """
+
+    ids: tuple[str, ...]
+    probability: Array
+    sets: tuple[tuple[tuple[str, ...], float], ...]
+
+
+@dataclass(frozen=True)
+class Inseparable:
+    """A chosen term and a candidate that these runs do not tell apart.
+
+    Parameters
+    ----------
+    chosen, candidate : str
+    t_ratio : float
+        Of the chosen term when the candidate has joined.
+    correlation : float
+        Of the two columns once the other chosen terms are taken out of both.
+    """
+
+    chosen: str
+    candidate: str
+    t_ratio: float
+    correlation: float
+
+
+def bootstrap(
+    evidence: Evidence, columns: Sequence[int], replicates: int = 500, random_state: Any = None
+) -> Bootstrap:
+    """Return the block bootstrap of a fit.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    columns : sequence of int
+    replicates : int
+    random_state : int, Generator or None
+    """
+    rng = np.random.default_rng(random_state)
+    columns = [*columns]
+    fit = fit_columns(evidence, columns)
+    pulls = _score_draws(evidence, columns, fit, replicates, rng)
+    factor, norms, _ = evidence.pooled.take(columns).normalised()
+    inverse = factor.inverse()
+    draws = fit.coefficients + (pulls / norms) @ (inverse @ inverse.T) / norms
+    return Bootstrap(tuple(evidence.ids[c] for c in columns), fit.coefficients, draws)
+
+
+def inclusion(
+    evidence: Evidence,
+    replicates: int = 500,
+    significance: float = SIGNIFICANT,
+    least_share: float = LEAST_SHARE,
+    largest: int = LARGEST,
+    random_state: Any = None,
+) -> Inclusion:
+    """Return inclusion probabilities of all candidates.
+
+    Each replicate weighs runs and draws block scores anew. Of its best subsets of every size it takes the largest in
+    which each term is significant and material: the rule of choice without its checks between groups, which a
+    resampled campaign would not repeat.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    replicates : int
+    significance, least_share : float
+        As in :func:`~sindyjoint.discovery.selection.choose_by_evidence`.
+    largest : int
+        Largest size of set that is tried.
+    random_state : int, Generator or None
+    """
+    rng = np.random.default_rng(random_state)
+    p = len(evidence.ids)
+    fit = fit_columns(evidence, range(p))
+    pulls = _score_draws(evidence, [*range(p)], fit, replicates, rng)
+    _, norms, target = evidence.pooled.normalised()
+    scale = np.append(norms, target)
+    gram = _weighted_grams(evidence, replicates, rng) / np.outer(scale, scale)
+    gram[:, :p, p] += pulls / norms / target
+    meat = _meat(evidence, [*range(p)], fit) / np.outer(norms, norms) / target**2
+    triangles = np.linalg.cholesky(gram).transpose(0, 2, 1)
+    subsets = replicate_subsets(triangles, min(largest, p))
+    chosen = _largest_passing(subsets, gram, meat, fit.degrees, significance, least_share)
+    sets: dict[tuple[str, ...], int] = {}
+    for row in chosen:
+        key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
+        sets[key] = sets.get(key, 0) + 1
+    ranked = sorted(sets.items(), key=lambda item: -item[1])
+    return Inclusion(evidence.ids, chosen.mean(axis=0), tuple((s, n / replicates) for s, n in ranked))
+
+
+def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable, ...]:
+    """Return pairs of a chosen term and a candidate outside that could take its place, worst first.
+
+    With both in the fit the chosen term is no longer significant: the data determine a combination of the two, not
+    each.
+    """
+    columns = [*columns]
+    found = []
+    for candidate in range(len(evidence.ids)):
+        if candidate in columns:
+            continue
+        fit = fit_columns(evidence, [*columns, candidate])
+        for position in np.flatnonzero(fit.t_ratios[:-1] < SEPARABLE):
+            others = [c for i, c in enumerate(columns) if i != position]
+            correlation = _partial_correlation(evidence, columns[position], candidate, others)
+            found.append(
+                Inseparable(
+                    evidence.ids[columns[position]],
+                    evidence.ids[candidate],
+                    float(fit.t_ratios[position]),
+                    correlation,
+                )
+            )
+    return tuple(sorted(found, key=lambda pair: pair.t_ratio))
+
+
+def in_words(pair: Inseparable, largest_angle: float | None = None, softening: float | None = None) -> str:
+    """Return a sentence that names what two terms leave undetermined.
+
+    Parameters
+    ----------
+    pair : Inseparable
+    largest_angle, softening : float, optional
+        Largest angle tested and angle at which the elastic moment's tangent vanishes, rad (m). Told where both terms
+        are stiffnesses, for it is a larger angle that would separate them.
+    """
+    first, second = (name.replace("_", " ") for name in (pair.chosen, pair.candidate))
+    text = (
+        f"{first} and {second} are not separable on these runs: with both in the law, {first} stands only "
+        f"{pair.t_ratio:.1f} standard errors out (their marks correlate to {abs(pair.correlation):.2f})"
+    )
+    if largest_angle is not None and softening is not None and np.isfinite(softening):
+        text += f"; no run passes {largest_angle / softening:.0%} of the softening limit"
+    return text
+
+
+def _score_draws(
+    evidence: Evidence, columns: list[int], fit: Fit, replicates: int, rng: np.random.Generator
+) -> Array:
+    """Return what resampled blocks pull at the normal equations, shape (replicates, k)."""
+    total = np.zeros((replicates, len(columns)))
+    for scores in _centred_scores(evidence, columns, fit):
+        count = len(scores)
+        drawn = rng.multinomial(count, np.full(count, 1 / count), size=replicates) - 1.0
+        # Multinomial counts vary by (B−1)/B about one; B/(B−1) twice, as in the covariance, makes up for the mean.
+        total += drawn @ scores * (count / (count - 1)) ** 0.5
+    return total * _small_sample(fit) ** 0.5
+
+
+def _meat(evidence: Evidence, columns: list[int], fit: Fit) -> Array:
+    """Return the covariance of the normal equations' right-hand side, shape (k, k)."""
+    total = np.zeros((len(columns), len(columns)))
+    for scores in _centred_scores(evidence, columns, fit):
+        total += scores.T @ scores * len(scores) / (len(scores) - 1)
+    return total
+
+
+def _centred_scores(evidence: Evidence, columns: list[int], fit: Fit) -> list[Array]:
+    """Return the scores X_bᵀ(y_b − X_b c) of each run's blocks about their mean, each of shape (blocks, k)."""
+    everything = []
+    coefficients = np.zeros(len(evidence.ids))
+    coefficients[columns] = fit.coefficients
+    for run in evidence.runs:
+        if len(run.blocks) < 2:
+            continue
+        scores = np.array([block.score(coefficients)[columns] for block in run.blocks])
+        everything.append(scores - scores.mean(axis=0))
+    return everything
+
+
+def _small_sample(fit: Fit) -> float:
+    """Return the factor n/(n − k) of a covariance that rests on n blocks, as in the fit's own."""
+    return fit.degrees / max(fit.degrees - len(fit.columns), 1) if fit.degrees else 1.0
+
+
+def _weighted_grams(evidence: Evidence, replicates: int, rng: np.random.Generator) -> Array:
+    """Return [X | y]ᵀ[X | y] of replicates whose runs weigh differently, shape (replicates, p + 1, p + 1).
+
+    Exponential weights of mean one, within each group: no replicate loses a level or a frequency altogether.
+    """
+    grams = np.array([run.pooled.triangle.T @ run.pooled.triangle for run in evidence.runs])
+    weights = np.empty((replicates, len(evidence.runs)))
+    for group in evidence.groups:
+        members = [i for i, run in enumerate(evidence.runs) if run.group == group]
+        drawn = rng.exponential(size=(replicates, len(members)))
+        weights[:, members] = drawn / drawn.mean(axis=1, keepdims=True)
+    return np.einsum("br,rij->bij", weights, grams)
+
+
+def _largest_passing(
+    subsets: NDArray[np.bool_],
+    gram: Array,
+    meat: Array,
+    degrees: int,
+    significance: float,
+    least_share: float,
+) -> NDArray[np.bool_]:
+    """Return for each replicate the largest of its subsets in which every term passes, shape (replicates, p)."""
+    p = gram.shape[1] - 1
+    chosen = np.zeros((gram.shape[0], p), dtype=bool)
+    waiting = np.arange(gram.shape[0])
+    for size in range(subsets.shape[1] - 1, 0, -1):
+        marks = subsets[waiting, size]
+        active = np.nonzero(marks)[1].reshape(-1, size)
+        t, share = _t_and_share(gram[waiting], meat, active, degrees)
+        passes = (t.min(axis=1) >= significance) & (share.min(axis=1) >= least_share)
+        chosen[waiting[passes]] = marks[passes]
+        waiting = waiting[~passes]
+        if not waiting.size:
+            break
+    return chosen
+
+
+def _t_and_share(gram: Array, meat: Array, active: NDArray[np.intp], degrees: int) -> tuple[Array, Array]:
+    """Return t-ratios and unique shares of one set of columns per replicate, each of shape (replicates, size)."""
+    rows, p = np.arange(len(active))[:, None], gram.shape[1] - 1
+    inverse = np.linalg.inv(gram[rows[:, :, None], active[:, :, None], active[:, None, :]])
+    solved = np.einsum("bij,bj->bi", inverse, gram[rows, active, p])
+    share = np.abs(solved) / np.sqrt(np.einsum("bii->bi", inverse)) / np.sqrt(gram[:, p, p])[:, None]
+    middle = meat[active[:, :, None], active[:, None, :]]
+    spread = np.einsum("bij,bjk,bki->bi", inverse, middle, inverse, optimize=True)
+    shrink = degrees / max(degrees - active.shape[1], 1) if degrees else 1.0
+    with np.errstate(divide="ignore"):
+        return np.abs(solved) / np.sqrt(spread * shrink), share
+
+
+def _partial_correlation(evidence: Evidence, first: int, second: int, others: list[int]) -> float:
+    """Return the correlation of two columns with the others projected out of both."""
+    triangle = evidence.pooled.take([*others, first, second]).normalised()[0].triangle
+    k = len(others)
+    a, b, c = triangle[k, k], triangle[k, k + 1], triangle[k + 1, k + 1]
+    size = float(np.hypot(b, c))
+    return float(np.sign(a) * b / size) if size > 0 else 1.0

@@ -1,0 +1,60 @@
+"""Whether a joint's coefficients are the same at every excitation frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sindyjoint.discovery.frequency import MARGIN, FrequencyTest, frequency_test, group_estimates
+from sindyjoint.states import ForceStates
+from sindyjoint.states.rows import group_labels
+from sindyjoint.workflows.bias import Bias
+from sindyjoint.workflows.discover import Discovery
+
+# The bias is itself measured on a twin with the model's coefficients, not the joint's: a third of it stays in doubt.
+DOUBT = 1 / 3
+
+
+def frequency_tests(
+    discovery: Discovery, bias: Bias | None = None, margin: float = MARGIN
+) -> tuple[FrequencyTest, ...]:
+    """Test every term of a discovered model.
+
+    Parameters
+    ----------
+    discovery : Discovery
+        Of a campaign with three or more excitation frequencies; otherwise nothing is returned.
+    bias : Bias, optional
+        Taken from each frequency's estimates, and a third of it added to their errors: what the processing does
+        differently at different frequencies is not the joint's.
+    margin : float
+        Relative change over the band that would not matter.
+    """
+    frequency = frequency_of_groups(discovery.states)
+    if len(set(frequency.values())) < 3 or not discovery.model.terms:
+        return ()
+    evidence = discovery.regressor.evidence_
+    columns = [evidence.ids.index(term) for term in discovery.model.ids if term in evidence.ids]
+    found = group_estimates(evidence, columns)
+    values, variance = found.coefficients, found.standard_errors**2
+    if bias is not None:
+        order = [bias.ids.index(term) for term in found.ids]
+        shift = bias.by_group[:, order]
+        values = values - shift
+        variance = variance + bias.by_group_error[:, order] ** 2 + (DOUBT * shift) ** 2
+    hertz = [frequency[group] for group in found.groups]
+    return tuple(
+        frequency_test(term, hertz, values[:, i], np.sqrt(variance[:, i]), found.degrees, margin)
+        for i, term in enumerate(found.ids)
+    )
+
+
+def frequency_of_groups(states: Sequence[ForceStates]) -> dict[str, float]:
+    """Return the excitation frequency of each group, Hz; empty where runs have none."""
+    if any(state.frequency is None for state in states):
+        return {}
+    return {
+        label: float(state.frequency or 0.0)
+        for label, state in zip(group_labels(states), states, strict=True)
+    }
