@@ -9,6 +9,7 @@ import typer
 from sindyjoint.cli import libraries
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
+from sindyjoint.cli.plot import plot
 from sindyjoint.cli.schema import schema
 from sindyjoint.cli.simulate import simulate
 from sindyjoint.cli.verify import verify
@@ -44,5 +45,6 @@ app.command("discover")(discover)
 app.command("simulate")(simulate)
 app.command("verify")(verify)
 app.command("export")(export)
+app.command("plot")(plot)
 app.add_typer(libraries.app, name="libraries")
 app.command("schema")(schema)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.reporting.data import ReportData, gather
 from sindyjoint.reporting.provenance import provenance
@@ -15,6 +17,8 @@ from sindyjoint.reporting.tables import terms_csv
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
+
+T = TypeVar("T")
 
 DATA_FILE = "figures/data.json"
 
@@ -42,7 +46,7 @@ def write_discovery(
     OutputError
         If the folder cannot be written.
     """
-    from sindyjoint.reporting.page import discovery_page
+    from sindyjoint.reporting.discovery_page import discovery_page
 
     data = gather(result)
     origin = provenance(result.campaign, result.regressor.random_state, command_line)
@@ -68,3 +72,53 @@ def draw_all(data: ReportData) -> dict[str, bytes]:
 
 def _write(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def load_data(path: str | os.PathLike[str]) -> ReportData:
+    """Return what :func:`write_discovery` saved for figures.
+
+    Parameters
+    ----------
+    path : path
+        The folder of results, or the ``model.json`` in it.
+
+    Raises
+    ------
+    MissingInputError
+        If there is no such folder or file, or it holds no data for figures.
+    InputError
+        If the data cannot be read, or belong to another model than the one that lies beside them.
+    """
+    given = Path(path)
+    if not given.exists():
+        raise MissingInputError(
+            f"{str(given)!r} does not exist; the folder that --out of discover wrote is wanted"
+        )
+    folder = given if given.is_dir() else given.parent
+    saved = folder / DATA_FILE
+    if not saved.is_file():
+        raise MissingInputError(
+            f"{str(folder)!r} holds no {DATA_FILE}, from which figures are drawn; run discover again, with "
+            "--out and the name of a folder"
+        )
+    data = _read(saved, ReportData.from_dict)
+    model = _read(folder / "model.json", JointModel.from_dict)
+    if model != data.model:
+        raise InputError(
+            f"{str(saved)!r} belongs to another model than {str(folder / 'model.json')!r}; run discover with --out "
+            "again"
+        )
+    return data
+
+
+def _read(path: Path, reader: Callable[[Any], T]) -> T:
+    """Read a JSON file; errors name it."""
+    try:
+        return reader(json.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise MissingInputError(f"cannot read {str(path)!r}: {error.strerror or error}") from None
+    except RecursionError:
+        raise InputError(f"{str(path)!r}: nested too deeply to be a result") from None
+    except ValueError as error:
+        reason = str(error) if isinstance(error, InputError) else f"not JSON ({error})"
+        raise InputError(f"{str(path)!r}: {reason}") from None

@@ -1,4 +1,4 @@
-"""The report page: one HTML file that opens offline and asks nothing of the net."""
+"""The bones of every report page: one HTML file that opens offline and asks nothing of the net."""
 
 from __future__ import annotations
 
@@ -7,17 +7,11 @@ import hashlib
 import math
 import re
 from functools import cache
+from html import escape
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.reporting.data import ReportData
-from sindyjoint.reporting.equation import mathml, symbol_html
-from sindyjoint.reporting.figures import KINDS
-from sindyjoint.reporting.interactive import loops_payload, map_payload
-from sindyjoint.reporting.provenance import Provenance
-from sindyjoint.reporting.style import INK, MUTED, RULE, prefixed, pretty_unit
-from sindyjoint.reporting.tables import term_rows
-from sindyjoint.reporting.units import quantities
+from sindyjoint.reporting.style import INK, MUTED, RULE
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -27,43 +21,6 @@ if TYPE_CHECKING:
 SCRIPTS = ("page.js", "map3d.js", "loops.js")
 # What the page's style sheet may repaint, so that one drawing serves light and dark.
 _REPAINTED = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)"}
-
-HEADLINES = {
-    "confirmed": "The paper’s five terms describe this joint.",
-    "refuted": "The paper’s five terms, as they stand, do not describe this joint.",
-    "undecided": "These data do not decide whether the paper’s five terms describe this joint.",
-}
-NO_MODEL = "No set of terms passed: these data give no model of this joint."
-
-
-def discovery_page(data: ReportData, origin: Provenance, pictures: dict[str, bytes]) -> str:
-    """Return the report of a discovery as one HTML text.
-
-    Parameters
-    ----------
-    data : ReportData
-    origin : Provenance
-    pictures : dict of bytes
-        SVG by kind of figure.
-    """
-    return render(
-        "discovery.html.j2",
-        title=f"{data.model.joint.name}: terms of the joint",
-        data=data,
-        origin=origin,
-        headline=HEADLINES[data.verdict] if data.model.terms else NO_MODEL,
-        facts=key_facts(data),
-        equation=markup(mathml(data.model)),
-        equation_text=data.model.equation(),
-        equation_latex=data.model.latex(),
-        terms=term_rows(data.model),
-        symbols=[markup(symbol_html(term.symbol)) for term in data.model.terms],
-        runs=run_rows(data),
-        steps=step_rows(data),
-        kinds=KINDS,
-        pictures={kind: markup(inline_svg(svg, kind)) for kind, svg in pictures.items()},
-        payload={"map": map_payload(data), "loops": loops_payload(data)},
-    )
 
 
 def render(template: str, **content: Any) -> str:
@@ -84,97 +41,22 @@ def markup(text: str) -> Markup:
     return Markup(text)
 
 
-def inline_svg(svg: bytes, kind: str) -> str:
+def inline_svg(svg: bytes, kind: str, title: str) -> str:
     """Return an SVG to stand within a page: names of its parts its own, colours from the page's style sheet."""
     text = svg.decode()
     text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    # matplotlib repeats every text in a comment; what a person wrote has no business there.
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->\s*", "", text, flags=re.DOTALL)
     text = re.sub(r'\b(id|xlink:href|href)="(#?)([^":]+)"', rf'\1="\g<2>{kind}-\3"', text)
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{kind}-\1)", text)
     for colour, variable in _REPAINTED.items():
         text = text.replace(colour, variable)
     # The sheet on which matplotlib draws, once for the figure and once for each panel.
     text = text.replace("fill: #ffffff", "fill: none")
-    title = KINDS[kind].title if kind in KINDS else kind
     width = re.search(r'width="([\d.]+)pt"', text)
     inches = float(width[1]) / 72 if width else 7.0
-    opening = f'<svg role="img" aria-label="{title}" style="--wide: {inches:.3g}" '
+    opening = f'<svg role="img" aria-label="{escape(title)}" style="--wide: {inches:.3g}" '
     return text.replace("<svg ", opening, 1)
-
-
-def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
-    """Return what the first screen states in numbers: (label, value, explanation)."""
-    fitted, q = data.model.fitted, quantities(data.model.joint.motion)
-    factor, unit = prefixed(fitted.residual_rms, q.moment_unit)
-    explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2 if fitted.moment_rms > 0 else math.nan
-    floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
-    frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
-    inertia = data.model.inertia
-    known = "declared" if data.model.joint.inertia is not None else "identified" if inertia else "not known"
-    facts = [
-        (
-            f"{q.moment} explained",
-            f"{explained:.2%}" if data.model.terms else "none",
-            "of the mean square, where it moves",
-        ),
-        ("Left over", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
-        (
-            "Tested",
-            f"{fitted.runs} run{'s' if fitted.runs != 1 else ''}",
-            f"{frequencies} Hz" if frequencies else "aperiodic",
-        ),
-        (
-            "Moving samples",
-            f"{fitted.samples:,}".replace(",", "\u202f"),
-            f"{fitted.moving_fraction:.0%} of all; the rest sticks or reverses",
-        ),
-    ]
-    unit = "kg" if data.translation else "kg*m^2"
-    facts.append(("Mass" if data.translation else "Inertia", f"{inertia:.4g} {pretty_unit(unit)}", known))
-    return facts
-
-
-def run_rows(data: ReportData) -> list[dict[str, Any]]:
-    """Return one row for each run."""
-    q = quantities(data.model.joint.motion)
-    factor, unit = prefixed(data.model.fitted.residual_rms, q.moment_unit)
-    return [
-        {
-            "run": loop.run,
-            "frequency": loop.frequency,
-            "level": loop.level or "",
-            "method": loop.method,
-            "samples": loop.samples,
-            "moving": loop.moving_fraction,
-            "noise": loop.moment_noise * factor,
-            "residual": loop.residual_rms * factor,
-            "unit": unit,
-        }
-        for loop in data.loops
-    ]
-
-
-def step_rows(data: ReportData) -> list[dict[str, Any]]:
-    """Return the models of the path around the chosen one, with what the next larger one added."""
-    q = quantities(data.model.joint.motion)
-    factor, unit = prefixed(data.model.fitted.residual_rms, q.moment_unit)
-    rows = []
-    for index, step in enumerate(data.path):
-        smaller = set(data.path[index + 1].terms) if index + 1 < len(data.path) else set()
-        rows.append(
-            {
-                "size": len(step.terms),
-                "added": [t for t in step.terms if t not in smaller],
-                "dropped": sorted(smaller - set(step.terms)),
-                "residual": step.residual_rms * factor,
-                "held_out": step.held_out_rms * factor,
-                "threshold": step.threshold,
-                "least_t": step.least_t,
-                "chosen": index == data.chosen,
-                "unit": unit,
-            }
-        )
-    return rows
 
 
 @cache

@@ -3,112 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.reporting.data import ReportData, gather
-from sindyjoint.reporting.figures import evidence, loops, maps, residuals
+from sindyjoint.reporting.data import gather
+from sindyjoint.reporting.figures.kinds import KINDS
 from sindyjoint.reporting.style import DOUBLE_COLUMN, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Panel = Callable[[Any, Axes], Axes]
-MOST_PANELS = 6
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A figure: its name, what it shows, and the panels it is made of.
-
-    Parameters
-    ----------
-    name, title : str
-    caption : str
-        One sentence that says how to read it; also what a screen reader says.
-    panels : callable
-        ReportData → panels to draw, in order; none: the result has nothing of this kind.
-    """
-
-    name: str
-    title: str
-    caption: str
-    panels: Callable[[ReportData], list[Panel]]
-
-
-def _fixed(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
-    return lambda data: list(panels)
-
-
-def _loops(data: ReportData) -> list[Panel]:
-    groups = loops.spread(list(loops.loop_groups(data)), MOST_PANELS)
-    return [partial(loops.loops, group=group) for group in groups]
-
-
-def _residual(data: ReportData) -> list[Panel]:
-    periodic = any(loop.residual_over_phase.size for loop in data.loops)
-    phase: list[Panel] = [residuals.residual_phase] if periodic else []
-    return [maps.map_residual, *phase, residuals.residual_time]
-
-
-def _coefficients(data: ReportData) -> list[Panel]:
-    return [partial(evidence.coefficient, term=term) for term in evidence.drawn_coefficients(data)]
-
-
-def _with_terms(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
-    return lambda data: list(panels) if data.model.terms else []
-
-
-KINDS: dict[str, Kind] = {
-    kind.name: kind
-    for kind in (
-        Kind(
-            "map",
-            "Force–state map",
-            "Transfer moment averaged over cells of angle and rate, samples per cell, and cuts through the map: at "
-            "zero rate the friction shows as a step, at the middle angle as a jump of the line.",
-            _fixed(maps.map_moment, maps.map_counts, maps.cut_at_rest, maps.cut_at_centre),
-        ),
-        Kind(
-            "loops",
-            "Moment–angle loops",
-            "One period of each run, transfer moment over angle; black dots are the model where the joint moves.",
-            _loops,
-        ),
-        Kind(
-            "residual",
-            "What the model leaves",
-            "Residual over angle and rate, over the phase of the cycle, and over time. Structure that stands above the "
-            "noise floor is an effect that the model lacks.",
-            _residual,
-        ),
-        Kind(
-            "path",
-            "Choice of the terms",
-            "Fit residual and held-out error over the number of terms, and the number of terms over the threshold.",
-            _fixed(evidence.path, evidence.threshold),
-        ),
-        Kind(
-            "coefficients",
-            "Coefficients by frequency, or by part of the record",
-            "The chosen terms fitted to each frequency (or part) alone, with 95 % intervals. Line: all together. "
-            "Grey: ±10 %. Crosses: the paper's tables, where the joint is one of the paper's.",
-            _coefficients,
-        ),
-        Kind(
-            "covariance",
-            "Covariance",
-            "Correlation of the coefficients' errors; near ±1 the data cannot tell two terms apart.",
-            _with_terms(evidence.covariance),
-        ),
-    )
-}
+__all__ = ["KINDS", "draw", "drawable"]
 
 
 def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
@@ -133,7 +42,9 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
         For an unknown kind, or one that the result cannot show.
     """
     if kind not in KINDS:
-        raise UnknownNameError(f"figure {kind!r} is not known; one of {', '.join(KINDS)} is wanted")
+        near = get_close_matches(kind, KINDS, 1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise UnknownNameError(f"figure {kind!r} is not known; {hint}one of {', '.join(KINDS)} is wanted")
     data = gather(result)
     panels = KINDS[kind].panels(data)
     if not panels:
@@ -166,7 +77,7 @@ def _few_ticks(ax: Axes) -> None:
             axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
 
 
-def drawable(result: Any) -> list[str]:
-    """Return the kinds that a result can show."""
+def drawable(result: Any, parts: bool = False) -> list[str]:
+    """Return the kinds that a result can show; with ``parts``, single panels too."""
     data = gather(result)
-    return [kind for kind, entry in KINDS.items() if entry.panels(data)]
+    return [name for name, kind in KINDS.items() if (parts or not kind.part) and kind.panels(data)]

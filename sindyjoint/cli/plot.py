@@ -1,0 +1,56 @@
+"""``sindyjoint plot``: one figure alone, from the saved results of a discovery."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+FORMATS = ("svg", "pdf", "png")
+
+
+def plot(
+    results: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MODEL|DIR", help="Folder that discover --out wrote, or the model.json in it."
+        ),
+    ],
+    kind: Annotated[
+        str | None,
+        typer.Argument(metavar="KIND", help="Which figure. Without it: the list of those it can show."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write: .svg, .pdf or .png. [KIND.svg]")
+    ] = None,
+    width: Annotated[
+        float,
+        typer.Option(min=2.5, max=20, help="Width in inches: 3.5 for one column of a paper, 7 for two."),
+    ] = 7.0,
+    dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = 300,
+) -> None:
+    """Draw one figure of a saved result, for a paper.
+
+    Example: sindyjoint plot results loops --out loops.pdf --width 3.5
+    """
+    from sindyjoint.errors import InputError
+    from sindyjoint.files.atomic import write_bytes
+    from sindyjoint.reporting.output import load_data
+
+    target = out if out is not None else Path(f"{kind}.svg")
+    suffix = target.suffix.lower().removeprefix(".")
+    if suffix not in FORMATS:
+        raise InputError(f"--out is {str(target)!r}; a name that ends in .svg, .pdf or .png is wanted")
+    data = load_data(results)
+
+    from sindyjoint.reporting.figures import KINDS, draw, drawable
+    from sindyjoint.reporting.style import figure_bytes
+
+    if kind is None:
+        names = drawable(data, parts=True)
+        longest = max(map(len, names))
+        for name in names:
+            typer.echo(f"{name:<{longest}}  {KINDS[name].caption}")
+        return
+    typer.echo(f"wrote {write_bytes(target, figure_bytes(draw(kind, data, width), suffix, dpi))}", err=True)
