@@ -90,7 +90,7 @@ def discover(
     nuisance: Annotated[
         list[_Nuisance] | None,
         typer.Option(
-            help="With --refine: estimate the delay of the moment, or gain or zero error of the angle, beside. Repeatable."
+            help="With --refine: estimate delay of the moment, gain or zero error of the angle, too. Repeatable."
         ),
     ] = None,
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
