@@ -45,7 +45,7 @@ def cautions(
 def _skew(skew: Skew | None, model: JointModel, aligned: bool) -> Iterator[str]:
     if skew is None or not skew.significant:
         return
-    size = f"{1e3 * skew.time:.3f} ± {1e3 * skew.standard_error:.3f} ms"
+    size = f"{1e3 * abs(skew.time):.3f} ± {1e3 * skew.standard_error:.3f} ms"
     direction = "lags" if skew.time > 0 else "leads"
     moment, angle = channel_words(model)
     if aligned:
@@ -134,7 +134,12 @@ def _offsets(model: JointModel) -> Iterator[str]:
 
 def _variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]:
     frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
-    if len(states) == 1:
+    if len(states) == 1 and states[0].frequency is not None:
+        yield (
+            "one periodic run only: on it stiffness terms look alike, and so do damping and friction; at least three "
+            "levels at three frequencies tell them apart"
+        )
+    elif len(states) == 1:
         yield "one run only: terms were held out by stretches of time, not by frequency"
     elif len(frequencies) == 1:
         yield "one frequency only: whether the parameters depend on it cannot be told"

@@ -10,48 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.catalogue import Catalogue, as_catalogue, load_catalogue
-from sindyjoint.discovery.evidence import fit_columns
-from sindyjoint.discovery.model import INERTIA, TOLERATED_MISFIT, Fitted, JointModel
+from sindyjoint.discovery.model import INERTIA, Fitted, JointModel
 from sindyjoint.discovery.skew import Skew, estimate_skew, reference_of, shifted
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.workflows.cautions import cautions, channel_words
+from sindyjoint.workflows.cautions import cautions
+from sindyjoint.workflows.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.selection import Selection
-
-PAPER_TERMS = (
-    "linear_stiffness",
-    "quadratic_stiffness",
-    "cubic_stiffness",
-    "linear_damping",
-    "coulomb_friction",
-)
-# A paper term is ruled out when even the end of its 95 % interval carries less than this share of the moment.
-NEGLIGIBLE_SHARE = 0.01
-# The noise floor is known to a few per cent; a misfit below this share of the noise may be its error.
-NOISE_DOUBT = 0.3
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What a campaign says about the paper's term set.
-
-    Parameters
-    ----------
-    verdict : {"confirmed", "refuted", "undecided"}
-    missing, extra : tuple of str
-        Ids of the paper's terms that were not found, and of found terms that the paper lacks.
-    reason : str
-        One sentence.
-    """
-
-    verdict: str
-    missing: tuple[str, ...]
-    extra: tuple[str, ...]
-    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,64 +224,3 @@ def _campaign_model(
         simulated=campaign.simulated,
     )
     return replace(model, joint=campaign.joint, fitted=fitted)
-
-
-def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
-    """Say whether the campaign confirms the paper's five terms."""
-    found = [term for term in model.ids if term != INERTIA]
-    missing = tuple(term for term in PAPER_TERMS if term not in found)
-    extra = tuple(term for term in found if term not in PAPER_TERMS)
-    if not found:
-        return Verdict(
-            "undecided", missing, extra, f"no model was found: {regressor.selection_result_.reason}"
-        )
-    gap = model.fitted.misfit
-    word, _ = channel_words(model)
-    rest = f"; {gap:.1%} of the {word} is neither model nor noise" if gap > TOLERATED_MISFIT else ""
-    if extra:
-        reason = f"the data need {_names(extra)}, which the paper's law lacks"
-        if missing:
-            reason += f", and do not show {_names(missing)}"
-        elif extra == ("constant_moment",):
-            reason += ": all five of its terms are there, and the constant may be a sensor's zero, preload or friction "
-            reason += "that differs by direction"
-        return Verdict("refuted", missing, extra, reason + rest)
-    hidden = [term for term in missing if _largest_share(regressor, model, term) > NEGLIGIBLE_SHARE]
-    absent = [term for term in missing if term not in hidden]
-    if absent:
-        reason = f"{_names(absent)} would carry less than {NEGLIGIBLE_SHARE:.0%} of the {word}"
-        return Verdict("refuted", missing, extra, reason + rest)
-    if hidden:
-        reason = f"{_names(hidden)} was not found, and these runs could not have shown it"
-        return Verdict("undecided", missing, extra, reason + rest)
-    if gap > TOLERATED_MISFIT:
-        reason = "the five terms are the best of these candidates, yet "
-        reason += f"{gap:.1%} of the moment is neither they nor noise"
-        return Verdict("undecided", missing, extra, reason)
-    candidates = len(regressor.terms_)
-    least = min(term.unique_share for term in model.terms)
-    reason = (
-        f"exactly the paper's five terms out of {candidates} candidates; the weakest of them alone carries "
-        f"{least:.1%} of the moment, and {gap:.1%} is left beyond the noise"
-    )
-    return Verdict("confirmed", missing, extra, reason)
-
-
-def _names(terms: Sequence[str]) -> str:
-    words = [term.replace("_", " ") for term in terms]
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
-
-
-def _largest_share(regressor: JointRegressor, model: JointModel, term: str) -> float:
-    """Return the share of the moment that a term may carry at the end of its 95 % interval.
-
-    It joins the found terms; a term that is not among the candidates, or that these runs cannot tell from the
-    found ones, may carry anything.
-    """
-    ids = regressor.evidence_.ids
-    if term not in ids:
-        return float("inf")
-    columns = [ids.index(found) for found in model.ids if found in ids]
-    fit = fit_columns(regressor.evidence_, [*columns, ids.index(term)])
-    size, error, share = abs(fit.coefficients[-1]), fit.standard_errors[-1], fit.unique_share[-1]
-    return float(share * (size + 2 * error) / size) if size > 0 else float("inf")

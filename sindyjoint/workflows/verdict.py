@@ -1,0 +1,131 @@
+"""Whether a campaign confirms, refutes or leaves open that a joint has the paper's five terms and no others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.discovery.model import INERTIA, TOLERATED_MISFIT, JointModel
+from sindyjoint.workflows.cautions import channel_words
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.estimator import JointRegressor
+
+PAPER_TERMS = (
+    "linear_stiffness",
+    "quadratic_stiffness",
+    "cubic_stiffness",
+    "linear_damping",
+    "coulomb_friction",
+)
+# A paper term is ruled out when even the end of its 95 % interval carries less than this share of the moment.
+NEGLIGIBLE_SHARE = 0.01
+# The noise floor is known to a few per cent; a misfit below this share of the noise may be its error.
+NOISE_DOUBT = 0.3
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a campaign says about the paper's term set.
+
+    Parameters
+    ----------
+    verdict : {"confirmed", "refuted", "undecided"}
+    missing, extra : tuple of str
+        Ids of the paper's terms that were not found, and of found terms that the paper lacks.
+    reason : str
+        One sentence.
+    """
+
+    verdict: str
+    missing: tuple[str, ...]
+    extra: tuple[str, ...]
+    reason: str
+
+
+def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
+    """Say whether the campaign confirms the paper's five terms.
+
+    Parameters
+    ----------
+    regressor : JointRegressor
+        Fitted; holds the candidates and their evidence.
+    model : JointModel
+        What it found, with the noise floor of the campaign.
+    """
+    found = [term for term in model.ids if term != INERTIA]
+    missing = tuple(term for term in PAPER_TERMS if term not in found)
+    extra = tuple(term for term in found if term not in PAPER_TERMS)
+    verdict, reason = _answer(regressor, model, missing, extra)
+    gap, (word, _) = model.fitted.misfit, channel_words(model)
+    if found and gap > TOLERATED_MISFIT and "nor noise" not in reason:
+        reason += f"; {gap:.1%} of the {word} is neither model nor noise"
+    return Verdict(verdict, missing, extra, reason)
+
+
+def _answer(
+    regressor: JointRegressor, model: JointModel, missing: tuple[str, ...], extra: tuple[str, ...]
+) -> tuple[str, str]:
+    """Return the verdict and its reason."""
+    word, _ = channel_words(model)
+    if len(missing) == len(PAPER_TERMS) and not extra:
+        return "undecided", f"no model was found: {regressor.selection_result_.reason}"
+    offered = {*regressor.evidence_.ids, *regressor.indistinct_}
+    withheld = [term for term in PAPER_TERMS if term not in offered]
+    if withheld:
+        return "undecided", f"{_names(withheld)} was not among the candidates: others may stand in its place"
+    if model.fitted.runs == 1 and model.fitted.frequencies:
+        # On one closed curve every term is a function of the phase: sums of other terms come arbitrarily close.
+        reason = "one periodic run cannot tell terms from one another: add levels and frequencies"
+        return "undecided", f"{reason} (found: {_names(model.ids)})"
+    if extra == ("constant_moment",) and not set(missing) - {"quadratic_stiffness"}:
+        reason = "beside the paper's terms the data need a constant, which may be a zero error of a sensor, preload or "
+        reason += "friction that differs by direction"
+        return "undecided", reason + (", and which can hide quadratic stiffness" if missing else "")
+    if extra:
+        reason = f"the data need {_names(extra)}, which the paper's law lacks"
+        return "refuted", reason + (f", and do not show {_names(missing)}" if missing else "")
+    hidden = [term for term in missing if _largest_share(regressor, model, term) > NEGLIGIBLE_SHARE]
+    absent = [term for term in missing if term not in hidden]
+    if absent:
+        return "refuted", f"{_names(absent)} would carry less than {NEGLIGIBLE_SHARE:.0%} of the {word}"
+    if hidden:
+        return "undecided", f"{_names(hidden)} was not found, and these runs could not have shown it"
+    return _judge_fit(regressor, model, word)
+
+
+def _judge_fit(regressor: JointRegressor, model: JointModel, word: str) -> tuple[str, str]:
+    """Return the verdict where exactly the five terms were found: it hangs on what they leave unexplained."""
+    gap, least = model.fitted.misfit, min(term.unique_share for term in model.terms if term.id != INERTIA)
+    doubt = NOISE_DOUBT * model.fitted.noise_floor / model.fitted.moment_rms
+    if gap > min(max(least, doubt), TOLERATED_MISFIT):
+        # What is missing is larger than the weakest of the five: it may be a term, or change that one.
+        return "undecided", (
+            f"the five terms are the best of these candidates, yet {gap:.1%} of the {word} is neither they nor noise; "
+            f"the weakest of the five alone carries {least:.1%}"
+        )
+    return "confirmed", (
+        f"exactly the paper's five terms out of {len(regressor.terms_)} candidates; the weakest of them alone carries "
+        f"{least:.1%} of the {word}, and {gap:.1%} is left beyond the noise"
+    )
+
+
+def _names(terms: Sequence[str]) -> str:
+    words = [term.replace("_", " ") for term in terms]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def _largest_share(regressor: JointRegressor, model: JointModel, term: str) -> float:
+    """Return the share of the moment that a term may carry at the end of its 95 % interval.
+
+    It joins the found terms; a term that these runs cannot tell from the found ones may carry anything.
+    """
+    ids = regressor.evidence_.ids
+    if term not in ids:
+        return float("inf")
+    columns = [ids.index(found) for found in model.ids if found in ids]
+    fit = fit_columns(regressor.evidence_, [*columns, ids.index(term)])
+    size, error, share = abs(fit.coefficients[-1]), fit.standard_errors[-1], fit.unique_share[-1]
+    return float(share * (size + 2 * error) / size) if size > 0 else float("inf")
