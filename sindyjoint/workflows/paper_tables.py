@@ -1,0 +1,151 @@
+"""What the paper's own Tables 1 and 2 say, and where a printed figure does not follow from its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.discovery.frequency import FrequencyTest, detectable_change, frequency_test
+from sindyjoint.paper import FREQUENCIES, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
+
+# The tables print four digits.
+DIGITS = 4
+
+
+@dataclass(frozen=True)
+class TableCheck:
+    """One parameter of one printed table.
+
+    Parameters
+    ----------
+    table : int
+    joint, term, symbol, unit : str
+    rows : tuple of float
+    average, deviation : float
+        Recomputed; the deviation divided by the number of rows (ddof = 0).
+    sample_deviation : float
+        Divided by one less (ddof = 1): what four values say of the scatter behind them.
+    printed_average, printed_deviation : float
+    average_follows, deviation_follows : bool
+        Whether the printed figure can follow from the printed rows, rounding of both allowed for.
+    test : FrequencyTest
+        Trend and equivalence; four bare numbers have no errors but their scatter.
+    detectable : float
+        Relative change over the band that a trend test on these four values would find in four of five cases.
+    """
+
+    table: int
+    joint: str
+    term: str
+    symbol: str
+    unit: str
+    rows: tuple[float, ...]
+    average: float
+    deviation: float
+    sample_deviation: float
+    printed_average: float
+    printed_deviation: float
+    average_follows: bool
+    deviation_follows: bool
+    test: FrequencyTest
+    detectable: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        names = [name for name in self.__dataclass_fields__ if name != "test"]
+        record = {name: getattr(self, name) for name in names}
+        return record | {
+            "frequency": {
+                "slope": self.test.slope,
+                "p_trend": self.test.p_trend,
+                "change": self.test.change,
+                "change_bound": self.test.change_bound,
+                "answer": self.test.answer,
+                "reason": self.test.reason,
+            }
+        }
+
+
+def half_unit(value: float, digits: int = DIGITS) -> float:
+    """Return half a unit in the last printed digit of a number.
+
+    Examples
+    --------
+    >>> half_unit(6.153e3)
+    0.5
+    """
+    return 0.5 * 10.0 ** (Decimal(repr(value)).adjusted() - digits + 1)
+
+
+def check_tables(tables: Sequence[PaperTable] = TABLES) -> tuple[TableCheck, ...]:
+    """Recompute what the tables print from their rows, and test each parameter for dependence on frequency."""
+    checks = []
+    for table in tables:
+        for place, (term, symbol, unit) in enumerate(zip(TERMS, SYMBOLS, UNITS, strict=True)):
+            rows = table.column(term)
+            average, deviation = float(np.mean(rows)), float(np.std(rows))
+            printed_average, printed_deviation = table.average[place], table.deviation[place]
+            # Rounding the rows by half a unit each moves their mean, and their deviation, by as much at most.
+            rounding = max(half_unit(value) for value in rows)
+            test = frequency_test(term, FREQUENCIES, rows)
+            checks.append(
+                TableCheck(
+                    table=table.number,
+                    joint=table.joint,
+                    term=term,
+                    symbol=symbol,
+                    unit=unit,
+                    rows=rows,
+                    average=average,
+                    deviation=deviation,
+                    sample_deviation=float(np.std(rows, ddof=1)),
+                    printed_average=printed_average,
+                    printed_deviation=printed_deviation,
+                    average_follows=abs(average - printed_average) <= rounding + half_unit(printed_average),
+                    deviation_follows=abs(deviation - printed_deviation)
+                    <= rounding + half_unit(printed_deviation),
+                    test=test,
+                    detectable=detectable_change(test),
+                )
+            )
+    return tuple(checks)
+
+
+def table_findings(checks: Sequence[TableCheck]) -> tuple[str, ...]:
+    """Say in sentences what the tables show and what they cannot."""
+    said = []
+    for check in checks:
+        for what, printed, found, follows in (
+            ("average", check.printed_average, check.average, check.average_follows),
+            ("standard deviation", check.printed_deviation, check.deviation, check.deviation_follows),
+        ):
+            if not follows:
+                said.append(
+                    f"Table {check.table} prints {printed:.4g} as the {what} of {check.symbol}; its rows give {found:.4g}, "
+                    "and rounding does not explain the difference"
+                )
+    said.append(
+        "the printed standard deviations divide by four (ddof = 0); as estimates of the scatter behind four values they "
+        f"are {np.sqrt(3 / 4):.0%} of what dividing by three gives"
+    )
+    moved = [check for check in checks if check.test.answer == "depends on frequency"]
+    same = [check for check in checks if check.test.answer == "independent within margin"]
+    for check in moved:
+        said.append(f"{check.joint}, {check.symbol}: {check.test.reason}")
+    if moved:
+        said.append(
+            f"of {len(checks)} such tests at 5 %, {len(checks) * 0.05:.1f} find a trend by chance where there is none"
+        )
+    if same:
+        names = ", ".join(f"{check.symbol} ({check.joint})" for check in same)
+        said.append(f"a change over 3 to 6 Hz of more than {same[0].test.margin:.0%} is ruled out for {names} only")
+    least, most = min(c.detectable for c in checks), max(c.detectable for c in checks)
+    said.append(
+        "'no obvious trend' from four values is weak: a change over the band would have to be "
+        f"{least:.0%} (at best) to {most:.0%} to be found in four of five such tables"
+    )
+    return tuple(said)
