@@ -155,6 +155,11 @@ class Run:
             )
 
     @property
+    def label(self) -> str:
+        """How messages name the run: by its name, and by its file where it came from one."""
+        return f"run {self.name!r}" + (f" ({self.source.path})" if self.source else "")
+
+    @property
     def n_samples(self) -> int:
         """Number of samples."""
         return self.angle.size

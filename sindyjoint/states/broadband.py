@@ -159,7 +159,7 @@ def broadband_states(
         half = low.size // 2
         if run.n_samples < 3 * low.size:
             raise InputError(
-                f"run {run.name!r}: {run.n_samples} samples are too few to differentiate; at least "
+                f"{run.label}: {run.n_samples} samples are too few to differentiate; at least "
                 f"{3 * low.size} are wanted"
             )
     middle = slice(half, run.n_samples - half)

@@ -58,7 +58,7 @@ def force_states(
     # Noise alone passes four of its own standard errors now and then.
     if count < MINIMUM_SAMPLES:
         raise InputError(
-            f"run {run.name!r}: {count or 'no'} moving samples: the angular velocity hardly rises above its noise "
+            f"{run.label}: {count or 'no'} moving samples: the angular velocity hardly rises above its noise "
             f"({states.noise.rate:.2g} rad/s); a larger excitation or a less noisy angle channel is wanted"
         )
     return states

@@ -54,9 +54,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         If the run has no frequency or fewer than three steady periods.
     """
     if run.frequency is None:
-        raise InputError(
-            f"run {run.name!r}: no frequency; the periodic method needs one, use method='broadband'"
-        )
+        raise InputError(f"{run.label}: no frequency; the periodic method needs one, use method='broadband'")
     frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
     start, stop, periods = steady_span(run, frequency)
     per = run.sample_rate / frequency
@@ -113,7 +111,7 @@ def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
     periods = int(np.floor((run.n_samples - start) / per + 1e-3))
     if periods < MINIMUM_PERIODS:
         raise InputError(
-            f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; the periodic method needs "
+            f"{run.label}: {periods} steady period(s) of {frequency:g} Hz; the periodic method needs "
             f"{MINIMUM_PERIODS}, use method='broadband' or a longer record"
         )
     return start, min(start + int(round(periods * per)), run.n_samples), periods
