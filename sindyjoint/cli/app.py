@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli import libraries
+from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
 from sindyjoint.cli.plot import plot
@@ -44,6 +45,7 @@ def options(
 app.command("discover")(discover)
 app.command("simulate")(simulate)
 app.command("verify")(verify)
+app.command("diagnose")(diagnose)
 app.command("export")(export)
 app.command("plot")(plot)
 app.add_typer(libraries.app, name="libraries")

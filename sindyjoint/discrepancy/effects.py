@@ -116,7 +116,9 @@ class Variant:
 
     def bounds(self, reference: Reference) -> Array:
         """Return lower and upper bounds of the inner parameters in SI units, shape (n_parameters, 2)."""
-        scales = [1.0 if p.relative_to is None else getattr(reference, p.relative_to) for p in self.parameters]
+        scales = [
+            1.0 if p.relative_to is None else getattr(reference, p.relative_to) for p in self.parameters
+        ]
         ends = [(p.lower * s, p.upper * s) for p, s in zip(self.parameters, scales, strict=True)]  # type: ignore[operator]
         return np.array(ends, dtype=np.float64).reshape(-1, 2)
 

@@ -137,7 +137,8 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     if empty.size:
         full = np.flatnonzero(count)
         angle, rate, acceleration, moment = (
-            np.interp(np.arange(phases), full, s[full], period=phases) for s in (angle, rate, acceleration, moment)
+            np.interp(np.arange(phases), full, s[full], period=phases)
+            for s in (angle, rate, acceleration, moment)
         )
     moving = np.bincount(bins, ~states.moving, phases) == 0
     keep = np.flatnonzero(moving & (count > 0))
@@ -149,7 +150,9 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     return GapRun(states.run, group, states.level, motion, target, whitener, sigma)
 
 
-def _whitener(states: ForceStates, model: JointModel, motion: MeasuredMotion, sigma: Array, phase: Array) -> Array:
+def _whitener(
+    states: ForceStates, model: JointModel, motion: MeasuredMotion, sigma: Array, phase: Array
+) -> Array:
     """Return the inverse Cholesky factor of the rows' covariance."""
     assert states.frequency is not None
     kept = max(1, int(round(states.bandwidth / states.frequency)))
@@ -228,5 +231,3 @@ def base_columns(model: JointModel, run: GapRun) -> Array:
 
     function = compile_terms([term.expression for term in model.terms])
     return function(run.angle, run.rate, run.acceleration)
-
-

@@ -35,7 +35,11 @@ def program(function: TermFunction) -> tuple[Array, NDArray[np.int64], NDArray[n
     operations = np.array(
         [(CODES[name], first, second) for name, first, second in function.operations], dtype=np.int64
     ).reshape(-1, 3)
-    return np.array(function.constants, dtype=np.float64), operations, np.array(function.outputs, dtype=np.int64)
+    return (
+        np.array(function.constants, dtype=np.float64),
+        operations,
+        np.array(function.outputs, dtype=np.int64),
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -85,7 +89,9 @@ def _evaluate(registers, start, operations):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate_states(angle, rate, dt, parameters, limits, constants, operations, outputs, start, passes, substeps):  # type: ignore[no-untyped-def]
+def integrate_states(
+    angle, rate, dt, parameters, limits, constants, operations, outputs, start, passes, substeps
+):  # type: ignore[no-untyped-def]
     """Return the states at every sample, shape (n_states, n).
 
     Arguments of the program are theta, omega, the states, then the parameters. Between samples the motion is

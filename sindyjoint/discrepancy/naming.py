@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 GRID = {1: (17,), 2: (9, 6), 3: (6, 4, 4)}
 # What the linearised noise model leaves out makes likelihoods overconfident; calibrated on simulated campaigns.
 TEMPER = 2.0
+COLUMN_ERROR = 0.03
 RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
 
 
@@ -116,7 +117,10 @@ class FittedEffect:
     def parameters(self) -> dict[str, float]:
         """Inner parameters and coefficients by name."""
         inner = dict(zip(self.variant.names, map(float, self.values), strict=True))
-        return {**{c.symbol: float(v) for c, v in zip(self.variant.columns, self.coefficients, strict=True)}, **inner}
+        return {
+            **{c.symbol: float(v) for c, v in zip(self.variant.columns, self.coefficients, strict=True)},
+            **inner,
+        }
 
 
 @dataclass(frozen=True)
@@ -146,7 +150,9 @@ def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
     """Return the variant and inner parameters of an effect that lower χ² most."""
     best: FittedEffect | None = None
     for variant in effect.variants:
-        values = _search(lambda v, variant=variant: problem.gain(variant, v)[0], variant.bounds(problem.reference))  # type: ignore[misc]
+        values = _search(
+            lambda v, variant=variant: problem.gain(variant, v)[0], variant.bounds(problem.reference)
+        )  # type: ignore[misc]
         gain, coefficients = problem.gain(variant, values)
         if best is None or gain > best.gain:
             best = FittedEffect(effect, variant, values, coefficients, gain)
@@ -155,18 +161,21 @@ def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
 
 
 def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
-    """Return the candidates with their probabilities, "nothing is missing" among the alternatives."""
+    """Return the candidates with their probabilities, "nothing is missing" among the alternatives.
+
+    Three things keep likelihoods honest: what is left beyond noise counts as noise; columns are computed along an
+    estimated motion and err by :data:`COLUMN_ERROR`, which blurs differences in proportion to the gain; and half of
+    the prior belief is that nothing is missing.
+    """
     rows = problem.target.size
     left = max(1.0, min((problem.chi_square - f.gain) / max(problem.degrees, 1) for f in fitted))
-    evidence = np.array(
-        [(0.5 * f.gain / left - 0.5 * f.variant.degrees * np.log(rows)) / TEMPER for f in fitted] + [0.0]
-    )
-    weight = np.exp(evidence - evidence.max())
+    blur = TEMPER + COLUMN_ERROR**2 * max(f.gain for f in fitted) / left
+    evidence = [(0.5 * f.gain / left - 0.5 * f.variant.degrees * np.log(rows)) / blur for f in fitted]
+    values = np.array([*(e - np.log(len(fitted)) for e in evidence), 0.0])
+    weight = np.exp(values - values.max())
     weight /= weight.sum()
     order = np.argsort(-weight[:-1], kind="stable")
-    return Ranking(
-        tuple(fitted[i] for i in order), tuple(float(weight[i]) for i in order), float(weight[-1])
-    )
+    return Ranking(tuple(fitted[i] for i in order), tuple(float(weight[i]) for i in order), float(weight[-1]))
 
 
 def stack(runs: Sequence[GapRun], columns: Callable[[GapRun], Array]) -> Array:
@@ -195,12 +204,19 @@ def _search(gain: Callable[[Array], float], bounds: Array) -> Array:
     spacing = (high - low) / np.maximum(np.array(shape) - 1, 1)
     best_point, best_gain = grid[int(np.argmax(gains))], float(gains.max())
     for start in np.argsort(-gains, kind="stable")[: 1 if bounds.shape[0] == 1 else 2]:
-        simplex = np.vstack([grid[start], grid[start] + np.diag(np.where(grid[start] < high, 0.5, -0.5) * spacing)])
+        simplex = np.vstack(
+            [grid[start], grid[start] + np.diag(np.where(grid[start] < high, 0.5, -0.5) * spacing)]
+        )
         found = minimize(
             lambda p: -gain(np.exp(np.clip(p, low, high))),
             grid[start],
             method="Nelder-Mead",
-            options={"initial_simplex": simplex, "xatol": 2e-3, "fatol": 0.02, "maxfev": 30 * bounds.shape[0]},
+            options={
+                "initial_simplex": simplex,
+                "xatol": 2e-3,
+                "fatol": 0.02,
+                "maxfev": 30 * bounds.shape[0],
+            },
         )
         if -found.fun > best_gain:
             best_point, best_gain = np.clip(found.x, low, high), float(-found.fun)

@@ -1,0 +1,81 @@
+"""Channels that drift within a run: what a mean period would take for an offset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sindyjoint.record import Run
+from sindyjoint.states import ForceStates
+
+# Both channels drift alike when the joint really creeps: then nothing is wrong with a sensor.
+SIGNIFICANT = 6.0
+SHARE = 0.005
+
+
+@dataclass(frozen=True)
+class ChannelDrift:
+    """A channel whose mean moves along the runs while the other's does not.
+
+    Parameters
+    ----------
+    effect : {"moment_drift", "angle_drift"}
+    slopes : dict of str to float
+        Per run, N·m/s or rad/s.
+    significance : float
+        Median over runs of slope over standard error.
+    """
+
+    effect: str
+    slopes: dict[str, float]
+    significance: float
+
+
+def find_drift(runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift | None:
+    """Return the drifting channel of periodic runs, if one drifts in most of them.
+
+    The mean of each whole period is regressed on time; a drift is a slope of six standard errors that moves the
+    channel by half a per cent of its RMS over the run, in the median run.
+    """
+    periodic = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
+    if not periodic:
+        return None
+    found = {}
+    for name, signal in (("moment_drift", "moment"), ("angle_drift", "angle")):
+        fits = {run.name: _slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
+        ratio = float(np.median([abs(f[0]) / f[1] for f in fits.values()]))
+        moved = float(np.median([abs(f[0]) * f[2] for f in fits.values()]))
+        if ratio > SIGNIFICANT and moved > SHARE:
+            found[name] = ChannelDrift(name, {k: f[3] for k, f in fits.items()}, ratio)
+    # A moment and an angle that move together are the joint's own creep.
+    return next(iter(found.values())) if len(found) == 1 else None
+
+
+def _slope(signal: np.ndarray, sample_rate: float, states: ForceStates) -> tuple[float, float, float, float]:
+    """Return slope per RMS, its standard error, the duration and the slope itself, from means of whole periods."""
+    assert states.frequency is not None
+    start = int(round(states.dropped * sample_rate))
+    part = signal[start : start + states.n_samples]
+    edges = np.round(np.arange(0, part.size + 1, sample_rate / states.frequency)).astype(int)
+    edges = edges[edges <= part.size]
+    means = np.add.reduceat(part[: edges[-1]], edges[:-1]) / np.diff(edges)
+    if means.size < 4:
+        return 0.0, np.inf, 0.0, 0.0
+    time = (edges[:-1] + edges[1:]) / 2 / sample_rate
+    centred = time - time.mean()
+    spread = centred @ centred
+    slope = float(centred @ means / spread)
+    left = means - means.mean() - slope * centred
+    error = float(np.sqrt(left @ left / max(means.size - 2, 1) / spread)) + 1e-12 * float(np.std(part))
+    rms = float(np.std(part))
+    return slope / rms, error / rms, part.size / sample_rate, slope
+
+
+def without_drift(run: Run, drift: ChannelDrift) -> Run:
+    """Return the run with its drifting channel put right; the drift is zero at the first sample."""
+    ramp = drift.slopes.get(run.name, 0.0) * run.time
+    if drift.effect == "moment_drift":
+        return replace(run, moment=run.moment - ramp)
+    return replace(run, angle=run.angle - ramp)

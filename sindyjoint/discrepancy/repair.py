@@ -1,0 +1,247 @@
+"""A model with effects added: its fit, its gap on runs it never saw, and the law that simulates it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.discrepancy.gap import GapRun, base_columns
+from sindyjoint.discrepancy.naming import FittedEffect, Problem, stack
+
+if TYPE_CHECKING:
+    from sindyjoint.mechanics.laws import Law
+
+Array = NDArray[np.float64]
+
+# A term is needless when, beside the effects, it neither stands out of its error nor carries a share of the moment.
+NEEDLESS_RATIO = 3.0
+NEEDLESS_SHARE = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A model, the effects added to it, and all coefficients estimated together.
+
+    Parameters
+    ----------
+    model : JointModel
+        Its terms with their new coefficients; needless ones are gone.
+    effects : tuple of FittedEffect
+    dropped : tuple of str
+        Ids of terms that became needless.
+    """
+
+    model: JointModel
+    effects: tuple[FittedEffect, ...]
+    dropped: tuple[str, ...] = ()
+
+
+def refit(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Repaired:
+    """Estimate terms and effects together; drop terms that the effects made needless, the least first."""
+    dropped: list[str] = []
+    while True:
+        columns, target, coefficients, covariance = _solve(runs, model, effects)
+        size = model.coefficients.size
+        ratio = np.abs(coefficients[:size]) / np.sqrt(np.diag(covariance)[:size])
+        share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
+        weak = [i for i in range(size) if ratio[i] < NEEDLESS_RATIO and share[i] < 10 * NEEDLESS_SHARE]
+        if not effects or not weak or size <= 1:
+            break
+        least = min(weak, key=lambda i: ratio[i])
+        dropped.append(model.terms[least].id)
+        model = _without(model, least)
+    model = _with(model, coefficients[:size], covariance[:size, :size])
+    later, k = [], size
+    for each in effects:
+        width = len(each.variant.columns)
+        later.append(replace(each, coefficients=coefficients[k : k + width]))
+        k += width
+    return Repaired(model, tuple(later), tuple(dropped))
+
+
+def _solve(
+    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]
+) -> tuple[Array, Array, Array, Array]:
+    columns = stack(runs, lambda run: all_columns(run, model, effects))
+    target = np.concatenate([run.white(run.target) for run in runs])
+    coefficients, covariance = least_squares(columns, target)
+    return columns, target, coefficients, covariance
+
+
+def least_squares(columns: Array, target: Array) -> tuple[Array, Array]:
+    """Return coefficients of whitened rows and their covariance, widened by what is left beyond noise."""
+    norm = np.linalg.norm(columns, axis=0)
+    norm[norm == 0] = 1.0
+    left, singular, right = np.linalg.svd(columns / norm, full_matrices=False)
+    inverse = np.where(singular > 1e-9 * singular[0], 1 / np.maximum(singular, 1e-300), 0.0)
+    coefficients = (right.T * inverse) @ (left.T @ target)
+    rest = target - (columns / norm) @ coefficients
+    scale = max(1.0, float(rest @ rest) / max(target.size - norm.size, 1))
+    covariance = (right.T * inverse**2) @ right * scale
+    return coefficients / norm, covariance / np.outer(norm, norm)
+
+
+def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the columns of the model's terms and of the effects at the kept samples."""
+    return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
+
+
+def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
+    columns = np.vstack([base_columns(model, run) for run in runs])
+    return np.sqrt(np.mean(columns**2, axis=0))
+
+
+def _without(model: JointModel, index: int) -> JointModel:
+    terms = tuple(t for i, t in enumerate(model.terms) if i != index)
+    keep = [i for i in range(len(model.terms)) if i != index]
+    covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()
+    return replace(model, terms=terms, covariance=covariance)
+
+
+def _with(model: JointModel, coefficients: Array, covariance: Array) -> JointModel:
+    terms = []
+    for index, term in enumerate(model.terms):
+        value, error = float(coefficients[index]), float(np.sqrt(covariance[index, index]))
+        interval = (value - 1.96 * error, value + 1.96 * error)
+        terms.append(replace(term, coefficient=value, standard_error=error, interval95=interval))
+    return replace(
+        model, terms=tuple(terms), covariance=tuple(tuple(float(v) for v in row) for row in covariance)
+    )
+
+
+def held_out_gap(
+    runs: Sequence[GapRun],
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    noise: dict[str, float],
+    again: Callable[[Problem, FittedEffect], FittedEffect] | None = None,
+) -> tuple[float, dict[str, float]]:
+    """Return the relative RMS moment gap on runs that were left out, over all and per run.
+
+    Each group of runs is left out in turn; coefficients (and, with ``again``, inner parameters) come from the others.
+    The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
+    """
+    groups = list(dict.fromkeys(run.group for run in runs))
+    squares, own = {}, {}
+    for group in groups:
+        train = [r for r in runs if r.group != group] or list(runs)
+        used = tuple(effects)
+        if again is not None and len(groups) > 1:
+            for index, each in enumerate(used):
+                others = used[:index] + used[index + 1 :]
+                used = used[:index] + (again(Problem.build(train, model, others), each),) + used[index + 1 :]
+        _, _, coefficients, _ = _solve(train, model, used)
+        for run in runs:
+            if run.group == group:
+                gap = run.target - all_columns(run, model, used) @ coefficients
+                squares[run.name] = float(np.mean(gap**2)) + (
+                    noise[run.name] ** 2 if run.motion.repeats else 0.0
+                )
+                own[run.name] = float(np.mean(run.target**2))
+    weight = {run.name: run.target.size for run in runs}
+    total = sum(weight.values())
+    overall = sum(squares[n] * weight[n] for n in squares) / total
+    scale = sum(own[n] * weight[n] for n in own) / total
+    return float(np.sqrt(overall / scale)), {n: float(np.sqrt(squares[n] / own[n])) for n in squares}
+
+
+def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
+    """Return an effect with its inner parameters refitted near where they were."""
+    if not fitted.values.size:
+        return fitted
+    from scipy.optimize import minimize
+
+    bounds = np.log(fitted.variant.bounds(problem.reference)).T
+    start = np.clip(np.log(fitted.values), *bounds)
+    found = minimize(
+        lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
+        start,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack([start, start + 0.1 * np.eye(start.size)]),
+            "maxfev": 15 * start.size,
+        },
+    )
+    values = np.exp(np.clip(found.x, *bounds))
+    gain, coefficients = problem.gain(fitted.variant, values)
+    return replace(fitted, values=values, gain=gain, coefficients=coefficients)
+
+
+def effect_law(effects: Sequence[FittedEffect], frequency: float) -> Any:
+    """Return the moment that effects add as a law of :mod:`sindyjoint.mechanics`, or None where none adds one.
+
+    Effects of channels and of the inertia are no part of the law; a state that has a limit stops there.
+    """
+    from sympy import Abs, Float, Heaviside, Symbol
+
+    from sindyjoint.discovery.formula import variable_symbols
+    from sindyjoint.mechanics.laws import FormulaLaw
+
+    _, omega, _ = variable_symbols()
+    expression: Any = Float(0)
+    rates: dict[str, Any] = {}
+    values: dict[str, float] = {}
+    for index, each in enumerate(effects):
+        if each.effect.enters != "moment" or each.effect.id == "inertia_error":
+            continue
+        names: dict[Any, Any] = {}
+        numbers = dict(zip(each.variant.names, map(float, each.values), strict=True))
+        states = {s.name: Symbol(f"state{index}_{s.name}", real=True) for s in each.variant.states}
+        for symbol in _symbols(each):
+            if symbol.name in numbers:
+                values[f"p{index}_{symbol.name}"] = numbers[symbol.name]
+                names[symbol] = Symbol(f"p{index}_{symbol.name}", positive=True)
+            elif symbol.name in states:
+                names[symbol] = states[symbol.name]
+            elif symbol.name == "frequency":
+                names[symbol] = Float(frequency)
+        for place, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
+            values[f"c{index}_{place}"] = float(value)
+            expression += Symbol(f"c{index}_{place}", real=True) * column.expression.xreplace(names)
+        for state in each.variant.states:
+            rate = state.rate.xreplace(names)
+            if state.limit is not None:
+                z = states[state.name]
+                full = Heaviside(Abs(z) - state.limit.xreplace(names), 1) * Heaviside(z * omega, 0)
+                rate = rate * (1 - full)
+            rates[states[state.name].name] = rate
+    if expression == 0:
+        return None
+    return FormulaLaw(expression, values, rates)
+
+
+def _symbols(fitted: FittedEffect) -> set[Any]:
+    expressions = [c.expression for c in fitted.variant.columns]
+    for state in fitted.variant.states:
+        expressions += [state.rate] + ([] if state.limit is None else [state.limit])
+    return {symbol for e in expressions for symbol in e.free_symbols}
+
+
+def corrections(effects: Sequence[FittedEffect]) -> tuple[float, float, float]:
+    """Return time shift of the moment (s), zero of the angle (rad) and error of the inertia that effects hold."""
+    shift = sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "time shift")
+    zero = sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "angle zero")
+    inertia = sum(float(e.coefficients[0]) for e in effects if e.effect.id == "inertia_error")
+    return shift, zero, inertia
+
+
+def law_of(
+    model: JointModel, effects: Sequence[FittedEffect], base: Callable[[JointModel], Law], frequency: float
+) -> Law:
+    """Return the law of a model with effects, for runs of one frequency.
+
+    ``base`` turns a model into a law (``workflows.model_law``).
+    """
+    from sindyjoint.mechanics.laws import SumLaw
+
+    inertia = corrections(effects)[2]
+    if inertia and model.joint.inertia is not None:
+        model = replace(model, joint=replace(model.joint, inertia=max(model.joint.inertia + inertia, 0.0)))
+    added = effect_law(effects, frequency)
+    law = base(model)
+    return law if added is None else SumLaw(law, added)

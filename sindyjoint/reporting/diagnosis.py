@@ -1,0 +1,155 @@
+"""A diagnosis for people: its lines on a terminal, its pictures, its folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sindyjoint.files.atomic import output_folder
+from sindyjoint.reporting.style import DOUBLE_COLUMN, INK, MUTED, PALETTE, figure_bytes, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from sindyjoint.workflows.diagnosis import Diagnosis, Gap
+
+WIDTH = 100
+
+
+def show_diagnosis(result: Diagnosis) -> None:
+    """Print verdict, gap by step, where it lies, advice and cautions."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+    console.print(f"{escape(result.model.joint.name)}: [bold]{result.verdict.replace('_', ' ')}[/]")
+    console.print(escape(result.reason) + "\n")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for heading in ("", "moment gap", "response gap", "probability", "not told apart from"):
+        table.add_column(heading, justify="right" if heading.endswith(("gap", "ity")) else "left")
+    table.add_row("model alone", *_figures(result.initial), "", "")
+    for step in result.steps:
+        others = ", ".join(words(m) for m in step.members if m != step.effect)
+        table.add_row(
+            f"+ {words(step.effect)}", *_figures(step.gap_after), f"{step.probability:.2f}", others or "–"
+        )
+    table.add_row("noise floor", *_figures(result.noise_floor), "", "")
+    console.print(table)
+    for step in result.steps:
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in step.parameters.items())
+        dropped = f"; no longer needed: {', '.join(map(words, step.terms_dropped))}" if step.terms_dropped else ""
+        console.print(f"\n{words(step.effect)}: {escape(values)}{dropped}", soft_wrap=False)
+    budget = result.budget
+    if budget.total > 0:
+        parts = ", ".join(
+            f"{name} {getattr(budget, name) / budget.total:.0%}"
+            for name in ("state", "history", "run", "processing", "noise")
+        )
+        console.print(f"\nthe first gap in mean square: {parts}")
+    for place in result.where:
+        console.print(f"- {escape(place.words)}")
+    for advice in result.advice:
+        apart = " and ".join(words(a) for a in advice.separates)
+        console.print(
+            f"to tell {apart} apart: a {advice.waveform} at {advice.frequency:g} Hz with a peak of "
+            f"{advice.level:.3g} {'rad' if result.model.joint.motion == 'rotation' else 'm'} "
+            f"(expected confidence {advice.expected_confidence:.2f})"
+        )
+    if result.hidden is not None:
+        console.print(f"\nhidden in this virtual test was: [bold]{words(result.hidden)}[/]")
+    for warning in result.warnings:
+        console.print(f"- {escape(warning)}")
+
+
+def words(identifier: str) -> str:
+    """Return an id as words."""
+    return identifier.replace("_", " ")
+
+
+def _figures(gap: Gap) -> tuple[str, str]:
+    return _percent(gap.moment), _percent(gap.response)
+
+
+def _percent(value: float) -> str:
+    return "–" if value != value else f"{100 * value:.3g} %"
+
+
+def write_diagnosis(result: Diagnosis, folder: str | os.PathLike[str]) -> Path:
+    """Write diagnosis.json, model.json and figures, all of them or none."""
+    with output_folder(folder) as stage:
+        (stage / "figures").mkdir()
+        for name, figure in draw_diagnosis(result).items():
+            (stage / "figures" / f"{name}.svg").write_bytes(figure_bytes(figure, "svg"))
+        record = {**result.to_dict(), "reason": result.reason, "hidden": result.hidden}
+        text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
+        (stage / "diagnosis.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+        (stage / "model.json").write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
+    return Path(folder)
+
+
+def draw_diagnosis(result: Diagnosis) -> dict[str, Figure]:
+    """Return the pictures: the gap by step, the budget of the first gap, the likelihood of the rivals."""
+    figures = {}
+    for name, draw in (("gap_by_step", gap_by_step), ("budget", budget_parts), ("rivals", rivals)):
+        if name == "rivals" and not result.steps:
+            continue
+        with style():
+            figure, axes = new_figure(DOUBLE_COLUMN, 2.6)
+            draw(result, axes)
+        figures[name] = figure
+    return figures
+
+
+def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the moment and response gap after each step, down to the noise floor."""
+    labels = ["model alone", *(f"+ {words(s.effect)}" for s in result.steps)]
+    gaps = [result.initial, *(s.gap_after for s in result.steps)]
+    for index, (name, floor) in enumerate(
+        (("moment", result.noise_floor.moment), ("response", result.noise_floor.response))
+    ):
+        values = [100 * getattr(gap, name) for gap in gaps]
+        place = [i + (index - 0.5) * 0.36 for i in range(len(gaps))]
+        ax.bar(place, values, 0.34, color=PALETTE[index], label=f"{name} gap", hatch="" if index == 0 else "///")
+        ax.axhline(100 * floor, color=PALETTE[index], linestyle=(0, (4, 2)), label=f"noise floor of the {name}")
+    ax.set_xticks(range(len(labels)), labels)
+    ax.set_ylabel("relative RMS, %")
+    ax.set_title("Gap between model and measurement")
+    ax.legend(loc="upper right")
+    return ax
+
+
+def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw what the first gap is made of, in mean square."""
+    names = ("state", "history", "run", "processing", "noise")
+    total = result.budget.total or 1.0
+    shares = [100 * getattr(result.budget, name) / total for name in names]
+    ax.barh(range(len(names)), shares, color=[*PALETTE[:4], MUTED])
+    for index, share in enumerate(shares):
+        ax.text(share + 0.8, index, f"{share:.1f} %", va="center", color=INK)
+    ax.set_yticks(range(len(names)), names)
+    ax.invert_yaxis()
+    ax.set_xlim(0, 112)
+    ax.set_xlabel("share of the mean square gap, %")
+    ax.set_title("Budget of the first gap")
+    return ax
+
+
+def rivals(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the probability of the named effect of each step and of its rivals."""
+    rows = []
+    for index, step in enumerate(result.steps):
+        rows.append((f"{index + 1}. {words(step.effect)}", step.probability, PALETTE[0]))
+        rows += [(f"    {words(name)}", p, MUTED) for name, p in step.rivals[:4]]
+    for place, (_, probability, colour) in enumerate(rows):
+        ax.barh(place, probability, color=colour)
+    ax.set_yticks(range(len(rows)), [label for label, _, _ in rows])
+    ax.invert_yaxis()
+    ax.set_xlim(0, 1)
+    ax.set_xlabel("probability")
+    ax.set_title("Named effects and their rivals")
+    return ax

@@ -1,0 +1,435 @@
+"""Where model and measurement disagree, which effect that is, and how much smaller the gap is with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.discovery.catalogue import Catalogue, as_catalogue
+from sindyjoint.discovery.model import Fitted, JointModel
+from sindyjoint.discovery.skew import shifted
+from sindyjoint.discrepancy.budget import make_budget, where
+from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
+from sindyjoint.discrepancy.effects import Effect, load_effects
+from sindyjoint.discrepancy.gap import GapRun, gap_runs
+from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effect, rank
+from sindyjoint.discrepancy.repair import Repaired, held_out_gap, refine_effect, refit
+from sindyjoint.record import Campaign, Run
+from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.states.rows import group_labels
+from sindyjoint.workflows.advice import advise
+from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
+from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.gap_response import processing_error, response_gap
+
+MAX_EFFECTS = 3
+# Nothing is claimed below this belief that something is missing.
+BELIEF = 0.9
+# Named effects must account for all but this share of what repeats; else something unknown is there.
+UNEXPLAINED = 0.15
+# Beyond noise by less than this factor, the chain's own error is as good an explanation.
+SIGNIFICANT_EXCESS = 1.25
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
+
+    campaign: Campaign
+    runs: tuple[Run, ...]
+    states: tuple[ForceStates, ...]
+    groups: tuple[str, ...]
+    model: JointModel
+    rows: tuple[GapRun, ...]
+
+    @classmethod
+    def build(
+        cls,
+        campaign: Campaign,
+        runs: Sequence[Run],
+        states: Sequence[ForceStates],
+        groups: Sequence[str],
+        model: JointModel,
+    ) -> _Work:
+        rows = gap_runs(states, model, groups)
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Noise of a single sample of the transfer moment, per run, N·m."""
+        inertia = self.model.inertia
+        return {s.run: float(np.hypot(s.noise.moment, inertia * s.noise.acceleration)) for s in self.states}
+
+
+def diagnose(
+    campaign: Campaign | str | Path | None = None,
+    model: JointModel | None = None,
+    *,
+    base: str | Path | Catalogue | Sequence[str | Path | Catalogue] = "paper",
+    library: Sequence[str | Path] = (),
+    effects: Sequence[Effect] | None = None,
+    max_effects: int = MAX_EFFECTS,
+    hold_out: Sequence[str] = (),
+    random_state: Any = None,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Find where a model and a campaign disagree, name what is missing, add it, and show the gap shrink.
+
+    Parameters
+    ----------
+    campaign : Campaign, path of a campaign.toml, or None
+        ``None``: a virtual test in which ``random_state`` hides an effect, revealed in the result.
+    model : JointModel, optional
+        Whose terms are the starting point; their coefficients are estimated anew. Default: the terms of ``base``.
+    base : library or libraries
+        Terms to start from where no model is given.
+    library : sequence of str or Path
+        Further TOML files of effects; an id that is shipped is replaced.
+    effects : sequence of Effect, optional
+        Candidates; default: all shipped ones and those of ``library``.
+    max_effects : int
+        Most effects that are added.
+    hold_out : sequence of str
+        Names of runs that are kept out of the fit, as if marked ``use = "validate"``.
+    random_state : int, Generator or None
+    progress : callable, optional
+        Called with the name of each stage.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError, UnknownNameError
+    """
+    from sindyjoint.errors import InputError
+
+    say = progress or (lambda stage: None)
+    if max_effects < 1:
+        raise InputError(f"max_effects is {max_effects}; at least 1 is wanted")
+    hidden = None
+    if campaign is None:
+        from sindyjoint.workflows.hidden import hidden_campaign
+
+        say("simulating a virtual test with something hidden in it")
+        campaign, hidden = hidden_campaign(random_state)
+    campaign = _kept_out(the_campaign(campaign, random_state), hold_out)
+    candidates = tuple(load_effects(library)) if effects is None else tuple(effects)
+    say("force states")
+    states = campaign_states(campaign)
+    runs = campaign.identification_runs
+    drift = find_drift(runs, states)
+    start = _first_model(campaign, states, model, base)
+    work = _Work.build(campaign, runs, states, _groups(states), start)
+    initial_work = work
+    problem = Problem.build(work.rows, work.model)
+    steps: list[Step] = []
+    say("the gap")
+    initial = _gap(work, work.model, ())
+    before = initial
+    if drift is not None:
+        work = _undrifted(work, drift)
+        after = _gap(work, work.model, ())
+        steps.append(_drift_step(drift, before, after))
+        before = after
+    repaired, steps, work, left = _loop(work, candidates, max_effects, steps, before, say)
+    say("advice")
+    verdict, reason = _verdict(problem, steps, left, drift)
+    steps = _humble(steps, verdict)
+    advice = advise(work.rows, work.model, repaired.effects, steps, candidates)
+    final = steps[-1].gap_after if steps else initial
+    noise = _noise_floor(initial_work)
+    processing = processing_error(initial_work.campaign, initial_work.runs, initial_work.model)
+    return Diagnosis(
+        verdict=verdict,
+        reason=reason,
+        initial=initial,
+        final=final,
+        noise_floor=noise,
+        budget=make_budget(problem, initial.moment**2, noise.moment**2, processing),
+        where=where(problem) if verdict != "nothing_missing" else (),
+        steps=tuple(steps),
+        advice=advice,
+        warnings=tuple(_warnings(campaign, states, work)),
+        model=repaired.model,
+        effects=repaired.effects,
+        hidden=hidden,
+    )
+
+
+def _kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
+    from sindyjoint.errors import UnknownNameError
+
+    known = [run.name for run in campaign.runs]
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(f"hold_out names run {name!r}; the campaign has {', '.join(known)}")
+    if not names:
+        return campaign
+    return campaign.with_runs(
+        tuple(replace(r, use="validate") if r.name in names else r for r in campaign.runs)
+    )
+
+
+def _groups(states: Sequence[ForceStates]) -> list[str]:
+    return group_labels(states)
+
+
+def _first_model(
+    campaign: Campaign, states: Sequence[ForceStates], model: JointModel | None, base: Any
+) -> JointModel:
+    """Return the model to start from, fitted to the campaign."""
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    inertia = campaign.joint.inertia
+    rows = regression_rows(states, inertia)
+    if model is None:
+        catalogue = as_catalogue(base)
+        fitted = (
+            JointRegressor(catalogue, threshold=0.0, motion=campaign.joint.motion)
+            .fit(**rows.fit_arguments())
+            .model_
+        )
+    else:
+        fitted = model
+    count = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
+    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
+    data = Fitted(
+        moment_rms=float(np.sqrt(np.mean(rows.y**2))),
+        residual_rms=fitted.fitted.residual_rms,
+        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
+        moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
+        samples=int(count.sum()),
+        runs=len(states),
+        angle=float(np.abs(rows.X[:, 0]).max()),
+        rate=float(np.abs(rows.X[:, 1]).max()),
+        frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
+        simulated=campaign.simulated,
+    )
+    fitted = replace(fitted, joint=campaign.joint, fitted=data)
+    # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
+    for _ in range(2):
+        fitted = refit(gap_runs(states, fitted, _groups(states)), fitted, ()).model
+    return fitted
+
+
+def _loop(
+    work: _Work,
+    candidates: Sequence[Effect],
+    most: int,
+    steps: list[Step],
+    before: Gap,
+    say: Callable[[str], None],
+) -> tuple[Repaired, list[Step], _Work, float]:
+    """Add effects until the gap is noise, nothing explains it, or the count is reached."""
+    found: list[FittedEffect] = []
+    repaired = Repaired(work.model, ())
+    steps = list(steps)
+    left = float("inf")
+    while True:
+        problem = Problem.build(work.rows, work.model, found)
+        left = problem.chi_square
+        if len(steps) >= most:
+            break
+        ranking = _ranked(problem, candidates, found, say)
+        if ranking is None or 1 - ranking.nothing < BELIEF:
+            break
+        best = ranking.fitted[0]
+        say(f"adding {best.effect.name}")
+        found.append(best)
+        if best.effect.enters == "time shift":
+            work, found = _aligned(work, found)
+            repaired = refit(work.rows, work.model, [f for f in found if f.effect.enters != "time shift"])
+        else:
+            found = _retested(work, found, candidates)
+            repaired = refit(work.rows, work.model, [f for f in found if f.effect.enters != "time shift"])
+        shifts = [f for f in found if f.effect.enters == "time shift"]
+        work = _Work.build(work.campaign, work.runs, work.states, work.groups, repaired.model)
+        found = [*shifts, *repaired.effects]
+        after = _gap(work, repaired.model, repaired.effects)
+        steps.append(_step(ranking, found, repaired, before, after))
+        before = after
+    every = tuple(found)
+    return Repaired(repaired.model, every, repaired.dropped), steps, work, left
+
+
+def _ranked(
+    problem: Problem, candidates: Sequence[Effect], found: Sequence[FittedEffect], say: Callable[[str], None]
+) -> Ranking | None:
+    taken = {each.effect.id for each in found}
+    fitted = []
+    for effect in candidates:
+        if effect.id not in taken:
+            say(f"trying {effect.name}")
+            fitted.append(fit_effect(problem, effect))
+    return rank(problem, fitted) if fitted else None
+
+
+def _aligned(work: _Work, found: list[FittedEffect]) -> tuple[_Work, list[FittedEffect]]:
+    """Shift the states by the delay found, and correct what the linear estimate missed."""
+    delay = found[-1]
+    total = 0.0
+    states = work.states
+    for _ in range(4):
+        step = float(delay.coefficients[0])
+        total += step
+        states = tuple(shifted(s, total) for s in work.states)
+        rows = gap_runs(states, work.model, work.groups)
+        model = refit(rows, work.model, [f for f in found[:-1] if f.effect.enters != "time shift"]).model
+        problem = Problem.build(
+            gap_runs(states, model, work.groups),
+            model,
+            [f for f in found[:-1] if f.effect.enters != "time shift"],
+        )
+        gain, coefficients = problem.gain(delay.variant, delay.values)
+        delay = replace(delay, coefficients=coefficients)
+        if gain < 1.0:
+            break
+    found = [*found[:-1], replace(delay, coefficients=np.array([total]), gain=found[-1].gain)]
+    return _Work.build(work.campaign, work.runs, states, work.groups, work.model), found
+
+
+def _retested(work: _Work, found: list[FittedEffect], candidates: Sequence[Effect]) -> list[FittedEffect]:
+    """Refit the inner parameters of all effects beside one another; drop one whose part the others have taken over."""
+    fixed = [f for f in found if f.effect.enters == "time shift"]
+    moving = [f for f in found if f.effect.enters != "time shift"]
+    if len(moving) < 2:
+        return found
+    for index in range(len(moving)):
+        others = moving[:index] + moving[index + 1 :]
+        problem = Problem.build(work.rows, work.model, others)
+        moving[index] = refine_effect(problem, moving[index])
+    earlier = moving[:-1]
+    for each in earlier:
+        others = [f for f in moving if f is not each]
+        problem = Problem.build(work.rows, work.model, others)
+        again = rank(
+            problem, [fit_effect(problem, e) for e in candidates if e.id not in {o.effect.id for o in others}]
+        )
+        best = again.fitted[0]
+        if 1 - again.nothing < BELIEF:
+            moving = others
+        elif best.effect.id != each.effect.id and each.effect.id not in {
+            f.effect.id for f in again.members()
+        }:
+            moving = [best if f is each else f for f in moving]
+    return [*fixed, *moving]
+
+
+def _step(
+    ranking: Ranking, found: Sequence[FittedEffect], repaired: Repaired, before: Gap, after: Gap
+) -> Step:
+    best = ranking.fitted[0]
+    now = next((f for f in found if f.effect.id == best.effect.id), best)
+    others = [
+        (f.effect.id, p)
+        for f, p in zip(ranking.fitted[1:], ranking.probabilities[1:], strict=True)
+        if p > 1e-4
+    ]
+    return Step(
+        effect=best.effect.id,
+        family=best.effect.family,
+        members=tuple(f.effect.id for f in ranking.members()),
+        probability=ranking.probabilities[0],
+        rivals=tuple(others[:6]),
+        parameters=now.parameters,
+        terms_dropped=repaired.dropped,
+        gap_before=before,
+        gap_after=after,
+    )
+
+
+def _drift_step(drift: ChannelDrift, before: Gap, after: Gap) -> Step:
+    unit = float(np.median(list(drift.slopes.values())))
+    return Step(drift.effect, "run", (drift.effect,), 0.99, (), {"slope": unit}, (), before, after)
+
+
+def _undrifted(work: _Work, drift: ChannelDrift) -> _Work:
+    """Return the work with the drifting channel put right."""
+    runs = tuple(without_drift(run, drift) for run in work.runs)
+    campaign = work.campaign.with_runs((*runs, *work.campaign.validation_runs))
+    states = campaign_states(campaign)
+    model = refit(gap_runs(states, work.model, work.groups), work.model, ()).model
+    return _Work.build(campaign, runs, states, work.groups, model)
+
+
+def _gap(work: _Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
+    adding = [e for e in effects if e.effect.enters != "time shift"]
+    moment, _ = held_out_gap(work.rows, model, adding, work.noise, refine_effect)
+    return Gap(moment, response_gap(work.campaign, work.runs, work.states, model, effects))
+
+
+def _noise_floor(work: _Work) -> Gap:
+    """Return what does not repeat, relative to the signals, over all runs."""
+    weight = np.array([np.count_nonzero(s.moving) for s in work.states], dtype=float)
+    noise = np.array([work.noise[s.run] for s in work.states])
+    inertia = work.model.joint.inertia or 0.0
+    own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in work.states])
+    angle = np.array([s.noise.angle for s in work.states])
+    spread = np.array([np.var(s.angle) for s in work.states])
+    moment = float(np.sqrt((weight @ noise**2) / (weight @ own))) if np.any(own) else 0.0
+    return Gap(moment, float(np.sqrt(np.mean(angle**2) / np.mean(spread))))
+
+
+def _verdict(
+    problem: Problem, steps: Sequence[Step], left: float, drift: ChannelDrift | None
+) -> tuple[str, str]:
+    """Return the verdict and its reason."""
+    repeats = all(run.motion.repeats for run in problem.runs)
+    degrees = problem.degrees
+    excess = problem.chi_square / degrees
+    if repeats:
+        missing = max(problem.chi_square - degrees, 1e-9)
+        unexplained = (
+            float(np.clip((left - degrees) / missing, 0.0, 1.0))
+            if left / degrees > SIGNIFICANT_EXCESS
+            else 0.0
+        )
+    else:
+        from sindyjoint.discrepancy.budget import explained_by_state
+
+        could = explained_by_state(problem) * problem.chi_square
+        unexplained = float(np.clip(1 - (problem.chi_square - left) / could, 0.0, 1.0)) if could > 0 else 0.0
+    if not steps:
+        if repeats and excess > SIGNIFICANT_EXCESS:
+            return (
+                "unknown",
+                f"the gap is {excess:.1f} times noise in mean square and no known effect explains it",
+            )
+        return "nothing_missing", "what is left repeats no better than noise"
+    if drift is None and unexplained > UNEXPLAINED:
+        return "unknown", f"the effects found leave {unexplained:.0%} of the gap that repeats unexplained"
+    if any(len(s.members) > 1 for s in steps):
+        apart = "; ".join(
+            " or ".join(m.replace("_", " ") for m in s.members) for s in steps if len(s.members) > 1
+        )
+        return "ambiguous", f"these runs cannot tell apart: {apart}"
+    return "named", "found: " + ", then ".join(s.effect.replace("_", " ") for s in steps)
+
+
+def _humble(steps: Sequence[Step], verdict: str) -> list[Step]:
+    """Where something unknown remains, no name may be near certain: it may stand in for what is not known."""
+    if verdict != "unknown":
+        return list(steps)
+    return [replace(s, probability=min(0.5 * s.probability, 0.5)) for s in steps]
+
+
+def _warnings(campaign: Campaign, states: Sequence[ForceStates], work: _Work) -> list[str]:
+    lines = []
+    if campaign.simulated:
+        lines.append("the campaign is simulated (a virtual test), not measured")
+    frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
+    if len(states) == 1:
+        lines.append("one run only: nothing could be held out, the gaps are those of the fit")
+    elif len(frequencies) == 1:
+        lines.append("one frequency only: effects of frequency and of rate cannot be told apart")
+    if len({s.level for s in states}) == 1 and len(states) > 1:
+        lines.append("one level only: effects of amplitude cannot be told apart")
+    if not any(s.method == "periodic" for s in states):
+        lines.append("no run repeats: noise was judged from the spectrum, not from repetition")
+    return lines

@@ -1,0 +1,91 @@
+"""The response gap: a model with effects simulated from the measured drive, beside the measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.discovery.skew import shifted
+from sindyjoint.discrepancy.gap import gap_runs
+from sindyjoint.discrepancy.naming import FittedEffect, Problem
+from sindyjoint.discrepancy.repair import corrections, law_of
+from sindyjoint.errors import SindyJointError
+from sindyjoint.record import Campaign, Run
+from sindyjoint.states import ForceStates, force_states
+from sindyjoint.states.rows import group_labels
+from sindyjoint.workflows.model_law import model_law
+from sindyjoint.workflows.response import SimulatedRun, simulate_run
+
+
+def simulated(
+    run: Run, states: ForceStates, model: JointModel, effects: Sequence[FittedEffect]
+) -> SimulatedRun | None:
+    """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
+    shift, zero, _ = corrections(effects)
+    if shift or zero:
+        moment = np.interp(run.time + shift, run.time, run.moment)
+        run = replace(run, moment=moment, angle=run.angle - zero, source=None)
+        # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
+        states = shifted(states, -shift)
+        states = replace(states, angle=states.angle - zero)
+    law = law_of(model, effects, model_law, states.frequency or 0.0)
+    try:
+        return simulate_run(law, run, states)
+    except SindyJointError:
+        # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
+        return None
+
+
+def response_gap(
+    campaign: Campaign,
+    runs: Sequence[Run],
+    states: Sequence[ForceStates],
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+) -> float:
+    """Return the relative RMS of measured less simulated response, over validation runs or else all runs.
+
+    The angle where the moment drives, the moment where the motion does. NaN if any run could not be simulated.
+    """
+    kept = campaign.validation_runs
+    pairs = [(run, force_states(run)) for run in kept] if kept else list(zip(runs, states, strict=True))
+    gap = own = 0.0
+    for run, state in pairs:
+        result = simulated(run, state, model, effects)
+        if result is None:
+            return float("nan")
+        if result.simulated_angle is not None:
+            measured, other = result.angle, result.simulated_angle
+        elif result.drive == "motion":
+            measured, other = result.moment, result.simulated_moment
+        else:
+            return float("nan")
+        gap += float(np.mean((measured - other) ** 2))
+        own += float(np.mean((measured - np.mean(measured)) ** 2))
+    return float(np.sqrt(gap / own)) if own > 0 else float("nan")
+
+
+def processing_error(campaign: Campaign, runs: Sequence[Run], model: JointModel, most: int = 4) -> float:
+    """Return what the chain leaves of the model's own simulation: mean square over that of the moment.
+
+    The measured moment drives the model; its angle, with no noise of its own, goes through the same processing.
+    """
+    chosen = [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(most, len(runs))).astype(int))]
+    made = []
+    for run in chosen:
+        result = simulated(run, force_states(run), model, ())
+        if result is None or result.simulated_angle is None:
+            return 0.0
+        made.append(replace(run, moment=result.moment, angle=result.simulated_angle, rate=None, source=None))
+    try:
+        states = [force_states(run) for run in made]
+    except SindyJointError:
+        return 0.0
+    rows = gap_runs(states, model, group_labels(states))
+    problem = Problem.build(rows, model)
+    excess = max(problem.chi_square / problem.degrees - 1.0, 0.0)
+    noise = float(np.mean(np.concatenate([r.sigma**2 for r in rows])))
+    return excess * noise / model.fitted.moment_rms**2

@@ -1,0 +1,224 @@
+"""Virtual tests with an effect hidden in them, made with the simulator alone: the referee of diagnosis.
+
+No code of discovery or discrepancy is used. An effect is added to a random joint's law (or to its channels) at a given
+share of the moment's RMS.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sindyjoint.mechanics.laws import FunctionLaw
+from sindyjoint.mechanics.stickslip import transfer_moment
+from sindyjoint.record import Campaign
+from tests.recovery.random_joints import random_plan
+
+# Laws of scalars for the compiled simulator: parameters p[0] is the size, the rest the inner ones.
+
+
+def _quintic(theta, omega, direction, state, p, out):
+    out[0] = p[0] * theta**5
+
+
+def _bilinear(theta, omega, direction, state, p, out):
+    out[0] = p[0] * max(theta, 0.0)
+
+
+def _clearance(theta, omega, direction, state, p, out):
+    out[0] = -p[0] * min(max(theta, -p[1]), p[1])
+
+
+def _stop(theta, omega, direction, state, p, out):
+    out[0] = p[0] * (max(theta - p[1], 0.0) - max(-theta - p[1], 0.0))
+
+
+def _constant(theta, omega, direction, state, p, out):
+    out[0] = p[0]
+
+
+def _direction(theta, omega, direction, state, p, out):
+    out[0] = p[0] * abs(omega)
+
+
+def _quadratic(theta, omega, direction, state, p, out):
+    out[0] = p[0] * omega * abs(omega)
+
+
+def _cubic(theta, omega, direction, state, p, out):
+    out[0] = p[0] * omega**3
+
+
+def _amplitude(theta, omega, direction, state, p, out):
+    out[0] = p[0] * theta**2 * omega
+
+
+def _position(theta, omega, direction, state, p, out):
+    out[0] = p[0] * abs(theta) * direction
+
+
+def _stribeck(theta, omega, direction, state, p, out):
+    out[0] = p[0] * np.exp(-abs(omega) / p[1]) * direction
+
+
+def _dahl(theta, omega, direction, state, p, out):
+    out[0] = p[0] * state[0]
+    out[1] = omega / p[1] * (1.0 - direction * state[0])
+
+
+def _bouc_wen(theta, omega, direction, state, p, out):
+    z = state[0]
+    out[0] = p[0] * z
+    out[1] = (omega - abs(z) ** p[2] * (0.5 * direction * np.sign(z) + 0.5) * omega) / p[1]
+
+
+def _jenkins(theta, omega, direction, state, p, out):
+    out[0] = p[0] * state[0]
+    yielding = (state[0] >= 1.0 and omega > 0) or (state[0] <= -1.0 and omega < 0)
+    out[1] = 0.0 if yielding else omega / p[1]
+
+
+def _lugre(theta, omega, direction, state, p, out):
+    g = 1.0 + p[2] * np.exp(-((omega / p[3]) ** 2))
+    out[0] = p[0] * state[0]
+    out[1] = omega / p[1] * (1.0 - direction * state[0] / g)
+
+
+def _play(theta, omega, direction, state, p, out):
+    z = state[0]
+    out[0] = p[0] * np.sign(z) * min(max((abs(z) - p[1]) / p[2], 0.0), 1.0)
+    end = p[1] + p[2]
+    out[1] = 0.0 if (z >= end and omega > 0) or (z <= -end and omega < 0) else omega
+
+
+def _maxwell(theta, omega, direction, state, p, out):
+    out[0] = p[0] * state[0]
+    out[1] = omega - state[0] / p[1]
+
+
+def _ripple(theta, omega, direction, state, p, out):
+    out[0] = p[0] * np.sin(theta / p[1])
+
+
+def _resonance(theta, omega, direction, state, p, out):
+    """A second oscillator behind the joint: its spring's moment comes back at its own frequency."""
+    w = p[1]
+    out[0] = p[0] * (theta - state[0])
+    out[1] = state[1]
+    out[2] = w * w * (theta - state[0]) - 0.04 * w * state[1]
+
+
+# name: (law, states, inner parameters drawn from peak angle, peak rate and a generator)
+LAWS = {
+    "quintic_stiffness": (_quintic, 0, lambda a, v, g: ()),
+    "bilinear_stiffness": (_bilinear, 0, lambda a, v, g: ()),
+    "dead_zone": (_clearance, 0, lambda a, v, g: (a * g.uniform(0.04, 0.15),)),
+    "stop": (_stop, 0, lambda a, v, g: (a * g.uniform(0.5, 0.75),)),
+    "constant_moment": (_constant, 0, lambda a, v, g: ()),
+    "direction_dependent_damping": (_direction, 0, lambda a, v, g: ()),
+    "quadratic_damping": (_quadratic, 0, lambda a, v, g: ()),
+    "cubic_damping": (_cubic, 0, lambda a, v, g: ()),
+    "amplitude_dependent_damping": (_amplitude, 0, lambda a, v, g: ()),
+    "position_dependent_friction": (_position, 0, lambda a, v, g: ()),
+    "stribeck_friction": (_stribeck, 0, lambda a, v, g: (v * g.uniform(0.05, 0.25),)),
+    "dahl_friction": (_dahl, 1, lambda a, v, g: (a * g.uniform(0.03, 0.3),)),
+    "bouc_wen_hysteresis": (_bouc_wen, 1, lambda a, v, g: (a * g.uniform(0.05, 0.4), g.choice([1.0, 1.5, 2.0]))),
+    "jenkins_element": (_jenkins, 1, lambda a, v, g: (a * g.uniform(0.05, 0.4),)),
+    "lugre_friction": (_lugre, 1, lambda a, v, g: (a * g.uniform(0.03, 0.2), g.uniform(0.1, 0.4), v * g.uniform(0.05, 0.2))),
+    "backlash_play": (_play, 1, lambda a, v, g: (a * g.uniform(0.1, 0.4), a * g.uniform(0.02, 0.1))),
+    "maxwell_branch": (_maxwell, 1, lambda a, v, g: (g.uniform(0.015, 0.06),)),
+    "ripple": (_ripple, 0, lambda a, v, g: (a * g.uniform(0.02, 0.05),)),
+    "second_resonance": (_resonance, 2, lambda a, v, g: (2 * np.pi * g.uniform(12, 25),)),
+}
+CHANNELS = ("channel_delay", "angle_offset", "moment_drift", "angle_drift", "inertia_error", "frequency_dependent_stiffness")
+OUTSIDE = ("ripple", "second_resonance")
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A campaign and what is hidden in it."""
+
+    name: str
+    size: float
+    campaign: Campaign
+    plan: object
+    parameters: tuple
+
+
+def hide(name, seed, size=0.06, noise=0.01, **fixed):
+    """Return a random joint's virtual test in which an effect carries ``size`` of the moment's RMS."""
+    generator = np.random.default_rng(50_000 + seed)
+    fixed = {"drive": ("moment", "displacement")[seed % 2], "sample_rate": 1000.0, "duration": 8.0, **fixed}
+    plan = random_plan(seed, **fixed)
+    if name == "nothing":
+        return Hidden(name, 0.0, plan.campaign(noise), plan, ())
+    if name in CHANNELS:
+        return _in_channels(name, plan, size, noise, generator)
+    function, states, draw = LAWS[name]
+    peak, rate = _peaks(plan)
+    inner = tuple(map(float, draw(peak, rate, generator)))
+    unit, base = _rms(plan, FunctionLaw(function, (1.0, *inner), states))
+    law = FunctionLaw(function, (size * base / unit, *inner), states)
+    return Hidden(name, size, plan.campaign(noise, hidden=law), plan, law.parameters)
+
+
+def _peaks(plan):
+    peak = max(plan.levels) * plan.law.softening_angle
+    return peak, 2 * np.pi * max(plan.frequencies) * peak
+
+
+def _rms(plan, law):
+    """RMS of a law's moment and of the joint's, over sinusoids of the plan, both less their mean."""
+    ours, whole = [], []
+    for frequency in plan.frequencies:
+        for level in plan.levels:
+            time = np.arange(0, 4 / frequency, 1e-4)
+            amplitude, w = level * plan.law.softening_angle, 2 * np.pi * frequency
+            angle, rate = amplitude * np.sin(w * time), amplitude * w * np.cos(w * time)
+            late = time > 2 / frequency
+            ours.append(transfer_moment(law, angle, rate, 1e4)[0][late])
+            whole.append(transfer_moment(plan.law, angle, rate, 1e4)[0][late])
+    return float(np.sqrt(np.mean(np.concatenate(ours) ** 2))), float(np.sqrt(np.mean(np.concatenate(whole) ** 2)))
+
+
+def _in_channels(name, plan, size, noise, generator):
+    sign = generator.choice([-1.0, 1.0])
+    _, rms = _rms(plan, plan.law)
+    clean = plan.campaign(0.0)
+    amount = 0.0
+    if name == "channel_delay":
+        slope = np.sqrt(np.mean(np.concatenate([np.gradient(r.moment) * r.sample_rate for r in clean.runs]) ** 2))
+        amount = float(np.clip(size * rms / slope, 0.0, 4e-3))
+        clean = plan.campaign(0.0, skew=sign * amount)
+    elif name == "angle_offset":
+        amount = size * rms / plan.law.k1
+        clean = plan.campaign(0.0, angle_offset=sign * amount)
+    elif name == "inertia_error":
+        peak, _ = _peaks(plan)
+        amount = size * rms / (0.7 * peak * (2 * np.pi * np.mean(plan.frequencies)) ** 2)
+        joint = replace(clean.joint, inertia=plan.law.inertia + amount)
+        clean = replace(clean, joint=joint)
+    elif name == "frequency_dependent_stiffness":
+        peak, _ = _peaks(plan)
+        amount = sign * size * rms / (0.5 * peak * np.std(plan.frequencies))
+        runs = []
+        for frequency in plan.frequencies:
+            part = replace(plan, frequencies=(frequency,))
+            law = FunctionLaw(_stiffness, (amount * (frequency - np.mean(plan.frequencies)),))
+            runs += part.campaign(0.0, hidden=law).runs
+        clean = replace(clean, runs=tuple(runs))
+    runs = []
+    for run in clean.runs:
+        ramp = np.linspace(0, 2 * np.sqrt(3.0), run.n_samples) * size * rms * sign
+        moment, angle = run.moment, run.angle
+        if name == "moment_drift":
+            moment = moment + ramp
+        elif name == "angle_drift":
+            angle = angle + ramp / plan.law.k1
+        moment = moment + noise * np.std(run.moment) * generator.standard_normal(run.n_samples)
+        angle = angle + noise * np.std(run.angle) * generator.standard_normal(run.n_samples)
+        runs.append(replace(run, moment=moment, angle=angle))
+    return Hidden(name, size, replace(clean, runs=tuple(runs)), plan, (float(sign * amount),))
+
+
+def _stiffness(theta, omega, direction, state, p, out):
+    out[0] = p[0] * theta
