@@ -1,0 +1,108 @@
+"""What tests of several parts share: the command line in this process, and a small campaign on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+
+class Answer(NamedTuple):
+    """What a command left behind."""
+
+    status: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def sindyjoint(capsys) -> Callable[..., Answer]:
+    """Run the command line as a person would, in this process; a traceback would fail the test."""
+    from sindyjoint.cli import main
+
+    def run(*arguments: object) -> Answer:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as leave:
+            main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return Answer(int(leave.value.code or 0), captured.out, captured.err)
+
+    return run
+
+
+MANIFEST = """
+[joint]
+name = "bench joint"
+inertia = "0.02 kg*m^2"
+
+[channels]
+time = { column = "t", unit = "s" }
+moment = { column = "m", unit = "N*m" }
+angle = { column = "a", unit = "mrad" }
+
+[[run]]
+file = "run.csv"
+frequency = 4.0
+"""
+
+
+class Folder:
+    """A campaign of one run on disk, that a test bends in one place."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        t = np.arange(800) / 400.0
+        rate = np.cos(8 * np.pi * t)
+        noise = np.random.default_rng(0).normal(scale=0.01, size=(2, t.size))
+        angle = 0.7 * np.sin(8 * np.pi * t)
+        self.columns = {
+            "t": t,
+            "m": 5 * angle + 0.5 * rate + 1.5 * np.sign(rate) + noise[0],
+            "a": angle + 0.1 * noise[1],
+        }
+        self.manifest(MANIFEST)
+        self.table(self.columns)
+
+    def manifest(self, text: str) -> None:
+        (self.path / "campaign.toml").write_text(text, encoding="utf-8")
+
+    def replace(self, old: str, new: str) -> None:
+        text = (self.path / "campaign.toml").read_text(encoding="utf-8")
+        assert old in text
+        self.manifest(text.replace(old, new))
+
+    def table(self, columns: dict[str, np.ndarray]) -> None:
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        text = "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+        (self.path / "run.csv").write_text(text, encoding="utf-8")
+
+    def line(self, number: int, text: str) -> None:
+        """Replace one line of run.csv, counted from 1."""
+        lines = (self.path / "run.csv").read_text(encoding="utf-8").split("\n")
+        lines[number - 1] = text
+        (self.path / "run.csv").write_text("\n".join(lines), encoding="utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    made = tmp_path / "campaign"
+    made.mkdir()
+    return Folder(made)
+
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+@pytest.fixture
+def public_data() -> Callable[[str], Path]:
+    """Return the folder of a public data set, or skip where it is absent."""
+
+    def find(name: str) -> Path:
+        if not (SHARED / name / "campaign.toml").is_file():
+            pytest.skip(f"public data {name!r} is not beside the checkout")
+        return SHARED / name
+
+    return find
