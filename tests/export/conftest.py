@@ -1,0 +1,70 @@
+"""Models to export, made from catalogue terms with given coefficients: no fit is needed to write a deck."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sindyjoint.discovery.catalogue import list_catalogues, load_catalogue
+from sindyjoint.discovery.model import Fitted, JointModel, model_terms
+from sindyjoint.discovery.terms import Reference
+from sindyjoint.record import Joint
+
+# Table 1 of the paper, inter-panel joint, and the range in which it was tested here.
+PAPER = {
+    "linear_stiffness": 6.066e3,
+    "quadratic_stiffness": -1.927e5,
+    "cubic_stiffness": -2.684e9,
+    "linear_damping": 48.13,
+    "coulomb_friction": 1.867,
+}
+ANGLE, RATE, MOMENT_RMS = 7.7e-4, 4.4e-2, 3.55
+
+
+@cache
+def shipped_terms():
+    """Every term of every shipped library, by id."""
+    return {term.id: term for found in list_catalogues() for term in load_catalogue(found.name)}
+
+
+@pytest.fixture(scope="session")
+def make_model():
+    """Return a function from coefficients by term id to a model."""
+
+    def make(
+        coefficients=PAPER,
+        *,
+        motion="rotation",
+        inertia=0.02,
+        name="inter-panel joint",
+        moment_rms=MOMENT_RMS,
+    ):
+        catalogue = shipped_terms()
+        reference = Reference(angle=ANGLE, rate=RATE, moment=2 * moment_rms)
+        resolved = [catalogue[term_id].resolve(reference) for term_id in coefficients]
+        values = np.array(list(coefficients.values()))
+        covariance = np.diag((1e-3 * values) ** 2)
+        terms = model_terms(resolved, values, covariance, np.full(values.size, 0.2), 1000, motion)
+        fitted = Fitted(moment_rms, 0.03, 0.03, 0.6, 50000, 12, ANGLE, RATE, (3.0, 4.0))
+        return JointModel(
+            Joint(name=name, motion=motion, inertia=inertia),
+            terms,
+            tuple(map(tuple, covariance.tolist())),
+            fitted,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def paper_model(make_model):
+    """The paper's five-term law as a model."""
+    return make_model()
+
+
+@pytest.fixture(scope="session")
+def states():
+    """Random states inside the tested range, seed 1, rates kept off zero."""
+    rng = np.random.default_rng(1)
+    rate = rng.uniform(0.05, 1, 400) * rng.choice([-1, 1], 400) * RATE
+    return rng.uniform(-ANGLE, ANGLE, 400), rate
