@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli import libraries
+from sindyjoint.cli import libraries, reproduce
 from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
@@ -45,6 +45,7 @@ def options(
 app.command("discover")(discover)
 app.command("simulate")(simulate)
 app.command("verify")(verify)
+app.add_typer(reproduce.app, name="reproduce")
 app.command("diagnose")(diagnose)
 app.command("export")(export)
 app.command("plot")(plot)

@@ -180,7 +180,9 @@ def amplitude(run: RunVerification, ax: Axes) -> Axes:
             ms=2.5, label=label,
         )  # fmt: skip
         envelope, _ = hilbert_envelope(signal, rate)
-        ax.plot(run.time, envelope * factor, color=color, lw=0.7)
+        # At either end the transform extrapolates.
+        kept = slice(*(int(float(np.median(swings.period)) * rate) * side for side in (1, -1)))
+        ax.plot(run.time[kept], envelope[kept] * factor, color=color, lw=0.7)
     ax.set_yscale("log")
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"Amplitude ({unit})")

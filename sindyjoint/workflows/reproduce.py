@@ -1,0 +1,332 @@
+"""The paper again, from virtual tests of its two joints: whole chain from strains to tables, and the pulse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics.pulse_test import hinges
+from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
+from sindyjoint.record import Campaign
+from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states
+from sindyjoint.workflows.model_law import with_coefficients
+from sindyjoint.workflows.oscillation import Oscillation
+from sindyjoint.workflows.paper_tables import TableCheck, check_tables, table_findings
+from sindyjoint.workflows.verification import Verification
+from sindyjoint.workflows.verify import verify
+
+Array = NDArray[np.float64]
+
+NOISE = 0.01
+MAP_CELLS = 24
+# The map needs more levels than the tables: every level is one ring in the plane of angle and rate.
+MAP_LEVELS = tuple(np.linspace(0.92, 0.12, 9).round(3).tolist())
+MAP_DURATION = 4.0  # s
+PRESLIDING = 5e-5  # rad
+MAP_FREQUENCY = 3.0  # Hz
+
+
+@dataclass(frozen=True, eq=False)
+class JointReproduction:
+    """One joint: its virtual tests and what was identified from their strains and displacements.
+
+    Parameters
+    ----------
+    table : PaperTable
+        The paper's numbers, which are the truth of the virtual tests, frequency by frequency.
+    campaign : Campaign
+        Runs at all frequencies.
+    models : tuple of JointModel
+        The five terms fitted at each frequency alone.
+    loops : tuple of ForceStates
+        Runs at 3 Hz at many levels, for Figures 5 and 7.
+    surface : ForceStateMap
+        Of the moving samples at 3 Hz.
+    paper_fit : SurfaceFit
+        The paper's own procedure on the same runs: cells averaged with the sticking samples in them, then fitted.
+    """
+
+    table: PaperTable
+    campaign: Campaign
+    models: tuple[JointModel, ...]
+    loops: tuple[ForceStates, ...]
+    surface: ForceStateMap
+    paper_fit: SurfaceFit
+
+    @property
+    def rows(self) -> Array:
+        """Identified k1, k2, k3, c1, M_F at each frequency, shape (4, 5)."""
+        return np.array([[model[term].coefficient for term in TERMS] for model in self.models])
+
+    @property
+    def errors(self) -> Array:
+        """Their standard errors, shape (4, 5)."""
+        return np.array([[model[term].standard_error for term in TERMS] for model in self.models])
+
+    @property
+    def average(self) -> Array:
+        """Mean over the frequencies, shape (5,)."""
+        return self.rows.mean(axis=0)
+
+    @property
+    def deviation(self) -> Array:
+        """Population standard deviation over the frequencies, as the paper computes it, shape (5,)."""
+        return self.rows.std(axis=0)
+
+    @property
+    def largest_error(self) -> Array:
+        """Largest distance of a row from its truth, in the paper's standard deviations, shape (5,)."""
+        return np.abs(self.rows - np.array(self.table.rows)).max(axis=0) / np.array(self.table.deviation)
+
+    @property
+    def average_model(self) -> JointModel:
+        """The model that the paper puts into Eq. 7: the averages of the four fits."""
+        first = self.models[0]
+        order = [first.ids.index(term) for term in TERMS]
+        covariance = (
+            np.sum([np.array(model.covariance) for model in self.models], axis=0) / len(self.models) ** 2
+        )
+        values = np.empty(len(order))
+        values[order] = self.average
+        return with_coefficients(replace(first, joint=self.campaign.joint), values, covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class PulseReproduction:
+    """Section 5: the identified inter-panel joint in the pulse rig.
+
+    Parameters
+    ----------
+    rig : Rig
+    plain : Verification
+        Against a virtual measurement that holds nothing the model lacks.
+    richer : Verification
+        Against one whose friction gives way elastically before it slips.
+    locked_at : float
+        s after the pulse, when the joint slips for the last time.
+    stuck_share : float
+        Of the 20 s.
+    """
+
+    rig: Rig
+    plain: Verification
+    richer: Verification
+    locked_at: float
+    stuck_share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """The result of :func:`reproduce`."""
+
+    joints: tuple[JointReproduction, ...]
+    linear: ForceStateMap
+    linear_law: PaperLaw
+    pulse: PulseReproduction
+    checks: tuple[TableCheck, ...]
+    statements: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        return {
+            "schema": 1,
+            "tables": [_table_record(joint) for joint in self.joints],
+            "pulse": _pulse_record(self.pulse),
+            "printed_tables": [check.to_dict() for check in self.checks],
+            "statements": list(self.statements),
+        }
+
+
+def reproduce(random_state: int = 0, progress: Callable[[str], None] | None = None) -> Reproduction:
+    """Make what can be made of the paper's tables and figures.
+
+    Parameters
+    ----------
+    random_state : int
+        Seed of the sensors' noise.
+    progress : callable, optional
+    """
+    say = progress or (lambda stage: None)
+    generator = np.random.default_rng(random_state)
+    joints = []
+    for table in TABLES:
+        say(f"virtual tests of the {table.joint}")
+        joints.append(_joint(table, generator))
+    say("a linear joint")
+    linear_law = PaperLaw(k1=TABLES[0].average[0], c1=TABLES[0].average[3], name="linear spring and damper")
+    linear = _linear_map(linear_law, generator)
+    say("the pulse")
+    pulse = _pulse(joints[0].average_model, generator)
+    checks = check_tables()
+    return Reproduction(
+        tuple(joints), linear, linear_law, pulse, checks,
+        (*statements(tuple(joints), pulse), *table_findings(checks)),
+    )  # fmt: skip
+
+
+def _law(table: PaperTable, frequency: float) -> PaperLaw:
+    k1, k2, k3, c1, friction = table.row(frequency)
+    return PaperLaw(k1, k2, k3, c1, friction, name=table.joint)
+
+
+def _joint(table: PaperTable, generator: np.random.Generator) -> JointReproduction:
+    runs = []
+    for frequency in FREQUENCIES:
+        test = virtual_test(_law(table, frequency), noise=NOISE, raw_channels=True, frequencies=(frequency,))
+        runs += [made.run for made in run_tests(test, generator)]
+    joint = replace(campaign_joint(test), name=table.joint)
+    campaign = Campaign(joint, tuple(runs), simulated=True)
+    states = campaign_states(campaign)
+    models = tuple(
+        _five_terms([s for s, run in zip(states, runs, strict=True) if run.frequency == frequency], campaign)
+        for frequency in FREQUENCIES
+    )
+    rings = _rings(_law(table, MAP_FREQUENCY), generator)
+    return JointReproduction(
+        table=table,
+        campaign=campaign,
+        models=models,
+        loops=rings,
+        surface=map_of_states(rings, joint.inertia or 0.0, MAP_CELLS),
+        paper_fit=fit_surface(map_of_states(rings, joint.inertia or 0.0, MAP_CELLS, moving=False)),
+    )
+
+
+def _rings(law: PaperLaw, generator: np.random.Generator, **options: Any) -> tuple[ForceStates, ...]:
+    """Force states at 3 Hz at many levels."""
+    test = virtual_test(
+        law, noise=NOISE, raw_channels=True, frequencies=(MAP_FREQUENCY,), levels=MAP_LEVELS, duration=MAP_DURATION,
+        **options,
+    )  # fmt: skip
+    runs = tuple(made.run for made in run_tests(test, generator))
+    return campaign_states(Campaign(campaign_joint(test), runs, simulated=True))
+
+
+def _linear_map(law: PaperLaw, generator: np.random.Generator) -> ForceStateMap:
+    return map_of_states(_rings(law, generator, angle_limit=8e-4), law.inertia, MAP_CELLS)
+
+
+def _five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:
+    """Fit Eq. 6 to the runs of one frequency."""
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    rows = regression_rows(states, campaign.joint.inertia)
+    fitted = JointRegressor("paper", forced=TERMS, motion=campaign.joint.motion).fit(**rows.fit_arguments())
+    return replace(fitted.model_, joint=campaign.joint)
+
+
+def _pulse(model: JointModel, generator: np.random.Generator) -> PulseReproduction:
+    rig = load_rig("pulse-rig")
+    plain = verify(model, rig, draws=0, random_state=generator)
+    richer = verify(model, rig, draws=0, presliding=PRESLIDING, random_state=generator)
+    stuck = rig.respond().stuck[[hinge.name for hinge in hinges(rig)].index("joint")]
+    slipping = np.flatnonzero(~stuck)
+    return PulseReproduction(
+        rig,
+        plain,
+        richer,
+        float(slipping[-1] / rig.sample_rate) if slipping.size else 0.0,
+        float(stuck.mean()),
+    )
+
+
+def swings_of(verification: Verification) -> tuple[Oscillation, Oscillation]:
+    """Return measured and simulated turning points of a pulse test."""
+    measured, simulated = verification.runs[0].oscillations
+    assert measured is not None and simulated is not None
+    return measured, simulated
+
+
+def statements(joints: tuple[JointReproduction, ...], pulse: PulseReproduction) -> tuple[str, ...]:
+    """Say what was reproduced, what cannot be, and what the paper's law predicts that the paper did not see."""
+    said = [
+        "everything here is simulated: the paper gives no raw data, no rig dimensions, no moving inertia, no "
+        "excitation levels and no noise; its Tables 1 and 2 are the truth of the virtual tests, and coming back to "
+        "them shows that the chain from strains to tables holds, not that a real joint is like that",
+        "Figures 1 to 4 and 8 are drawings and photographs of hardware; the paper's measured loops, maps and responses "
+        "cannot be drawn again without its data",
+    ]
+    for joint in joints:
+        largest = float(joint.largest_error.max())
+        term = SYMBOLS[int(np.argmax(joint.largest_error))]
+        said.append(
+            f"{joint.table.joint}: every parameter at every frequency comes back within {largest:.2f} of the paper's "
+            f"standard deviations (furthest: {term}), from strains and displacements with {NOISE:.0%} noise"
+        )
+        fit = np.array(joint.paper_fit.coefficients)
+        off = np.abs(fit / np.array(joint.table.row(MAP_FREQUENCY)) - 1)
+        said.append(
+            f"{joint.table.joint}: the paper's own procedure (cells averaged with the sticking samples in them, then a "
+            f"surface) misses the truth by {off[0]:.0%} of k1, {off[3]:.0%} of c1 and {off[4]:.0%} of M_F on the same "
+            f"virtual runs, and leaves {joint.paper_fit.residual_rms:.3g} N·m RMS; the paper prints "
+            f"{joint.table.surface_rms:g} N·m for its fit"
+        )
+    return (*said, *_pulse_statements(pulse))
+
+
+def _pulse_statements(pulse: PulseReproduction) -> list[str]:
+    _, simulated = swings_of(pulse.plain)
+    first, last = float(simulated.period[0]), float(np.median(simulated.period[-20:]))
+    plain, richer = pulse.plain, pulse.richer
+    return [
+        f"pulse of {PULSE.force:g} N for {1e3 * PULSE.duration:g} ms: amplitude RMS error "
+        f"{plain.amplitude_rms_error:.2%} of the first peak and mean period difference "
+        f"{1e3 * (plain.mean_period_difference or 0):.2f} ms where the truth holds nothing the model lacks; "
+        f"{richer.amplitude_rms_error:.1%} and {1e3 * (richer.mean_period_difference or 0):.2f} ms where its friction "
+        f"gives way elastically over {1e6 * PRESLIDING:g} µrad; the paper prints {PULSE.amplitude_rms_error:g} (no "
+        f"unit) and {1e3 * PULSE.mean_period_difference:g} ms",
+        f"the paper's five-term law predicts what the paper did not see: the joint slips for the last time "
+        f"{pulse.locked_at:.2f} s after the pulse and is locked for {pulse.stuck_share:.0%} of the "
+        f"{PULSE.compared:g} s, while the beams ring on with their material damping alone",
+        f"and its period shrinks from {1e3 * first:.0f} to {1e3 * last:.0f} ms as the amplitude falls, since the joint "
+        "softens at large angles and is rigid when locked; the paper reports a period that grows slightly, which "
+        "this law does not give here",
+    ]
+
+
+def _table_record(joint: JointReproduction) -> dict[str, Any]:
+    return {
+        "table": joint.table.number,
+        "joint": joint.table.joint,
+        "frequencies": list(FREQUENCIES),
+        "terms": [
+            {
+                "id": term,
+                "symbol": SYMBOLS[i],
+                "unit": UNITS[i],
+                "identified": joint.rows[:, i].tolist(),
+                "standard_errors": joint.errors[:, i].tolist(),
+                "paper": [row[i] for row in joint.table.rows],
+                "average": float(joint.average[i]),
+                "paper_average": joint.table.average[i],
+                "deviation": float(joint.deviation[i]),
+                "paper_deviation": joint.table.deviation[i],
+                "largest_error_in_paper_deviations": float(joint.largest_error[i]),
+                "paper_procedure": joint.paper_fit.coefficients[i],
+            }
+            for i, term in enumerate(TERMS)
+        ],
+        "surface_rms": {"ours": joint.paper_fit.residual_rms, "paper": joint.table.surface_rms},
+    }
+
+
+def _pulse_record(pulse: PulseReproduction) -> dict[str, Any]:
+    return {
+        "plain": pulse.plain.to_dict(),
+        "richer": pulse.richer.to_dict(),
+        "paper": {
+            "amplitude_rms_error": PULSE.amplitude_rms_error,
+            "mean_period_difference": PULSE.mean_period_difference,
+        },
+        "locked_at": pulse.locked_at,
+        "stuck_share": pulse.stuck_share,
+    }
