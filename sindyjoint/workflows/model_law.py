@@ -110,8 +110,14 @@ def with_coefficients(
 
 def draw_models(model: JointModel, count: int, generator: np.random.Generator) -> list[JointModel]:
     """Draw models from the normal distribution of the coefficients; friction that would push is cut to none."""
-    covariance = np.asarray(model.covariance, dtype=np.float64).reshape(len(model.terms), len(model.terms))
-    draws = generator.multivariate_normal(model.coefficients, covariance, size=count, method="eigh")
+    p = len(model.terms)
+    # Scaled by the standard errors: coefficients of 1e0 and 1e9 in one matrix would leave nothing of its small part.
+    errors = model.standard_errors
+    scale = np.where(errors > 0, errors, 1.0)
+    correlation = np.asarray(model.covariance, dtype=np.float64).reshape(p, p) / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    draws = model.coefficients + generator.standard_normal((count, p)) @ root.T * scale
     for index, term in enumerate(model.terms):
         if term.id == "coulomb_friction" and term.coefficient >= 0:
             draws[:, index] = np.maximum(draws[:, index], 0.0)

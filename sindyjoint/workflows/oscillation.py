@@ -14,6 +14,8 @@ WINDOW = 0.35
 # A swing smaller than this many times the noise, or this share of the largest one, is no swing.
 LEAST_SWING = 6.0
 LEAST_SHARE = 0.002
+# Scatter of the periods, relative, beyond which there is no period.
+IRREGULAR = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,9 +182,11 @@ def compare_oscillations(
     Returns
     -------
     OscillationGap or None
-        ``None`` where one of them does not vibrate.
+        ``None`` where one of them does not vibrate, or has no period to speak of, as in a multisine.
     """
     if measured is None or simulated is None:
+        return None
+    if np.std(measured.period) > IRREGULAR * np.median(measured.period):
         return None
     a, b = _paired(measured, simulated)
     n = min(a.time.size, b.time.size)
@@ -204,6 +208,5 @@ def _paired(a: Oscillation, b: Oscillation) -> tuple[Oscillation, Oscillation]:
     while b.time.size > 4 and b.time[0] < a.time[0] - half / 2:
         b = Oscillation(b.time[1:], b.value[1:], -b.first)
     if a.first != b.first:
-        later = Oscillation(b.time[1:], b.value[1:], -b.first)
-        b = later
+        b = Oscillation(b.time[1:], b.value[1:], -b.first)
     return a, b
