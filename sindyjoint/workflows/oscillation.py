@@ -14,8 +14,6 @@ WINDOW = 0.35
 # A swing smaller than this many times the noise, or this share of the largest one, is no swing.
 LEAST_SWING = 6.0
 LEAST_SHARE = 0.002
-# Scatter of the periods, relative, beyond which there is no period.
-IRREGULAR = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +180,9 @@ def compare_oscillations(
     Returns
     -------
     OscillationGap or None
-        ``None`` where one of them does not vibrate, or has no period to speak of, as in a multisine.
+        ``None`` where one of them does not vibrate.
     """
     if measured is None or simulated is None:
-        return None
-    if np.std(measured.period) > IRREGULAR * np.median(measured.period):
         return None
     a, b = _paired(measured, simulated)
     n = min(a.time.size, b.time.size)
