@@ -14,6 +14,7 @@ WINDOW = 0.35
 # A swing smaller than this many times the noise, or this share of the largest one, is no swing.
 LEAST_SWING = 6.0
 LEAST_SHARE = 0.002
+SUNK_PERIODS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,9 +189,13 @@ def compare_oscillations(
     n = min(a.time.size, b.time.size)
     if n < 4:
         return None
-    # A vibration that ends below the noise sooner than the other has no amplitude from there on.
-    amplitudes = np.zeros((2, max(a.amplitude.size, b.amplitude.size)))
-    amplitudes[0, : a.amplitude.size], amplitudes[1, : b.amplitude.size] = a.amplitude, b.amplitude
+    # A vibration that sinks into the noise long before the other has no amplitude from there on; one that merely
+    # has fewer swings in the same time is compared swing by swing.
+    sunk = abs(float(a.time[-1] - b.time[-1])) > SUNK_PERIODS * float(np.median(a.period))
+    count = max(a.amplitude.size, b.amplitude.size) if sunk else n - 1
+    amplitudes = np.zeros((2, count))
+    for row, found in zip(amplitudes, (a.amplitude[:count], b.amplitude[:count]), strict=True):
+        row[: found.size] = found
     error = float(np.sqrt(np.mean((amplitudes[0] - amplitudes[1]) ** 2)))
     periods = np.abs(a.period[: n - 2] - b.period[: n - 2])
     return OscillationGap(error / float(a.amplitude[0]), float(np.mean(periods)), n - 1)
