@@ -11,12 +11,35 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.methods import column_path
 from sindyjoint.discovery.selection import Selection, choose_by_evidence, path_of
 from sindyjoint.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What was found on some runs.
+
+    Parameters
+    ----------
+    kept : tuple of str
+        Ids of the terms; empty where no set passed.
+    coefficients, standard_errors : ndarray, shape (k,)
+        SI.
+    candidates : tuple of str
+        Ids of the columns that the selection refers to.
+    selection : Selection
+    """
+
+    kept: tuple[str, ...]
+    coefficients: NDArray[np.float64]
+    standard_errors: NDArray[np.float64]
+    candidates: tuple[str, ...]
+    selection: Selection
 
 
 @dataclass(frozen=True)
@@ -125,28 +148,44 @@ def _fold(
     random_state: Any,
     choice: dict[str, Any],
 ) -> Fold:
-    known = Evidence(evidence.ids, tuple(evidence.runs[i] for i in train))
-    # What only the held-out runs would show (a stop that is not reached, say) is no candidate here.
-    dependent = dependent_columns(known.pooled)
-    possible = [column for column in range(len(evidence.ids)) if column not in dependent]
-    step = select(known.take(possible), method, random_state, **choice).step
-    kept = [] if step is None else [possible[column] for column in step.columns]
+    found = find(
+        Evidence(evidence.ids, tuple(evidence.runs[i] for i in train)), method, random_state, **choice
+    )
     coefficients = np.zeros(len(evidence.ids))
-    if step is not None:
-        coefficients[kept] = step.fit.coefficients
+    coefficients[[evidence.ids.index(name) for name in found.kept]] = found.coefficients
     held_out = [evidence.runs[i].pooled for i in test]
     error = sum(factor.squared_error(coefficients) for factor in held_out)
     total = sum(factor.squared_target for factor in held_out)
     return Fold(
         left_out=tuple(dict.fromkeys(names[i] for i in test)),
         runs=tuple(evidence.runs[i].name for i in test),
-        kept=tuple(evidence.ids[c] for c in kept),
-        coefficients=tuple(float(coefficients[c]) for c in kept),
+        kept=found.kept,
+        coefficients=tuple(float(value) for value in found.coefficients),
         moment_error=float(np.sqrt(error / total)) if total > 0 else float("nan"),
     )
 
 
-def select(evidence: Evidence, method: str = "stlsq", random_state: Any = None, **choice: Any) -> Selection:
-    """Return the choice by evidence on the path of a method."""
-    path = path_of(evidence, column_path(method, evidence, (), random_state))
-    return choose_by_evidence(path, **choice)
+def find(evidence: Evidence, method: str = "stlsq", random_state: Any = None, **choice: Any) -> Found:
+    """Return what a method and the choice by evidence find.
+
+    Candidates that these runs cannot tell from those before them (a stop that is never reached, say) are left out.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    method : str
+    random_state : int, Generator or None
+    **choice
+        Of :func:`~sindyjoint.discovery.selection.choose_by_evidence`.
+    """
+    dependent = dependent_columns(evidence.pooled)
+    possible = evidence.take([column for column in range(len(evidence.ids)) if column not in dependent])
+    path = path_of(possible, column_path(method, possible, (), random_state))
+    selection = choose_by_evidence(path, **choice)
+    kept: tuple[str, ...] = ()
+    coefficients = errors = np.zeros(0)
+    if selection.step is not None:
+        fit = selection.step.fit
+        kept = tuple(possible.ids[column] for column in fit.columns)
+        coefficients, errors = fit.coefficients, fit.standard_errors
+    return Found(kept, coefficients, errors, possible.ids, selection)

@@ -154,7 +154,7 @@ def frequency_test(
     f, x = np.asarray(frequencies, dtype=float), np.asarray(estimates, dtype=float)
     if f.shape != x.shape or f.ndim != 1 or np.unique(f).size < 3:
         raise InputError(
-            f"{name}: estimates of shape {x.shape} at {np.unique(f).size} frequencies; one each at three or more is wanted"
+            f"{name}: estimates of shape {x.shape} at {np.unique(f).size} frequencies; three or more are wanted"
         )
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(x)) and margin > 0):
         raise InputError(f"{name}: frequencies, estimates and a positive margin, all finite, are wanted")

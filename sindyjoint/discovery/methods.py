@@ -23,9 +23,9 @@ Path = list[tuple[int, ...]]
 Method = Callable[[Evidence, tuple[int, ...], Mapping[int, int], np.random.Generator], Path]
 
 # Thresholds on scaled coefficients, as shares of the target's RMS.
-THRESHOLDS = np.geomspace(1e-4, 1.0, 49)
+THRESHOLDS = np.geomspace(1e-3, 1.0, 31)
 # A resampled fit costs as many fits as there are replicates: coarser steps, twenty replicates as pysindy's default.
-ENSEMBLE_THRESHOLDS = np.geomspace(1e-3, 0.5, 17)
+ENSEMBLE_THRESHOLDS = np.geomspace(2e-3, 0.5, 12)
 ENSEMBLE_MODELS = 20
 
 
@@ -222,6 +222,8 @@ def _threshold_path(
         optimiser = build(float(threshold))
         _quiet(lambda optimiser=optimiser: optimiser.fit(columns, target))  # type: ignore[misc]
         path.append(_nonzero(optimiser.coef_, forced))
+        if len(path[-1]) <= max(1, len(forced)):
+            break
     return path
 
 

@@ -145,7 +145,7 @@ def inclusion(
     gram = _weighted_grams(evidence, replicates, rng) / np.outer(scale, scale)
     gram[:, :p, p] += pulls / norms / target
     meat = _meat(evidence, [*range(p)], fit) / np.outer(norms, norms) / target**2
-    triangles = np.linalg.cholesky(gram).transpose(0, 2, 1)
+    triangles: Array = np.asarray(np.linalg.cholesky(gram).transpose(0, 2, 1), dtype=np.float64)
     subsets = replicate_subsets(triangles, min(largest, p))
     chosen = _largest_passing(subsets, gram, meat, fit.degrees, significance, least_share)
     sets: dict[tuple[str, ...], int] = {}

@@ -199,11 +199,10 @@ def _smooth_moment(run: Run, state: ForceStates) -> tuple[Any, float]:
     n, rate = signal.size, run.sample_rate
     count = int(np.clip(BAND_SHARE * rate / state.frequency, 1, min(MOST_HARMONICS, (n - 8) // 4)))
     orders = np.arange(1, count + 1)
+    lines = np.asarray(orders * state.frequency, dtype=np.float64)
     full = HarmonicBasis.build(np.arange(n) / rate, state.frequency, orders)
     mean, a, b = full.fit(signal)
-    variance = local_noise(
-        signal - full.series(mean, a, b), rate, orders * state.frequency, 0.5 * state.frequency
-    )
+    variance = local_noise(signal - full.series(mean, a, b), rate, lines, 0.5 * state.frequency)
     keep = significant_harmonics(np.hypot(a, b), np.sqrt(2 * variance / n))
     kept = orders[keep]
 

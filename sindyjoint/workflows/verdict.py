@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.model import INERTIA, TOLERATED_MISFIT, JointModel
 from sindyjoint.workflows.cautions import channel_words
@@ -84,6 +86,9 @@ def _answer(
         reason = "beside the paper's terms the data need a constant, which may be a zero error of a sensor, preload or "
         reason += "friction that differs by direction"
         return "undecided", reason + (", and which can hide quadratic stiffness" if missing else "")
+    if extra and missing and not _needed(regressor, extra):
+        reason = f"{_names(extra)} may stand in place of {_names(missing)}: beside the paper's five terms they are not "
+        return "undecided", reason + "significant on these runs"
     if extra:
         reason = f"the data need {_names(extra)}, which the paper's law lacks"
         return "refuted", reason + (f", and do not show {_names(missing)}" if missing else "")
@@ -110,6 +115,15 @@ def _judge_fit(regressor: JointRegressor, model: JointModel, word: str) -> tuple
         f"exactly the paper's five terms out of {len(regressor.terms_)} candidates; the weakest of them alone carries "
         f"{least:.1%} of the {word}, and {gap:.1%} is left beyond the noise"
     )
+
+
+def _needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
+    """Return whether any of the extra terms is significant when all of the paper's terms are in the law with them."""
+    ids = regressor.evidence_.ids
+    columns = [ids.index(term) for term in (*extra, *PAPER_TERMS) if term in ids]
+    fit = fit_columns(regressor.evidence_, columns)
+    others = [i for i, column in enumerate(columns) if ids[column] in extra]
+    return bool(np.any(fit.t_ratios[others] >= regressor.significance))
 
 
 def _names(terms: Sequence[str]) -> str:

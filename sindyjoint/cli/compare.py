@@ -1,0 +1,80 @@
+"""``sindyjoint compare``: the term-selection comparison report."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sindyjoint.cli.discover import CampaignPath
+from sindyjoint.cli.progress import Progress
+
+
+def compare(
+    campaign: CampaignPath = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Folder for report.html, comparison.csv, .md, .tex, .json and the inclusion map."
+        ),
+    ] = None,
+    library: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--library", "-l", help="Candidates for methods and frequencies. Repeatable. [extended]"
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", help="Compare these methods only; the first one leads. Repeatable. [all]"),
+    ] = None,
+    replicates: Annotated[
+        int, typer.Option(help="Resampled campaigns behind the inclusion probabilities.")
+    ] = 500,
+    margin: Annotated[
+        float,
+        typer.Option(help="Relative change of a coefficient over the tested band that would not matter."),
+    ] = 0.10,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+) -> None:
+    """Put the question of the terms to every method, every frequency and every library.
+
+    Exit status 0: a model was found; 1: none was; 2: the input is at fault.
+
+    Example: sindyjoint compare tests/campaign.toml --out comparison
+    """
+    from sindyjoint.files.atomic import check_output
+
+    if out is not None:
+        check_output(out)
+    with Progress(quiet) as progress:
+        from sindyjoint.workflows.compare import compare as run
+
+        result = run(
+            campaign,
+            library or "extended",
+            methods=method or None,
+            replicates=replicates,
+            margin=margin,
+            random_state=random_state,
+            progress=progress.say,
+        )
+        if out is not None:
+            from sindyjoint.reporting.comparison import write_comparison
+
+            progress.say("writing the report")
+            write_comparison(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+    if as_json:
+        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
+    else:
+        from sindyjoint.reporting.comparison import show_comparison
+
+        show_comparison(result)
+        if out is not None:
+            typer.echo(f"\nreport: {out / 'report.html'}")
+    raise typer.Exit(0 if result.model.terms else 1)

@@ -1,0 +1,308 @@
+"""The same question put to every selector, every frequency and every library."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.discovery.catalogue import as_catalogue
+from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
+from sindyjoint.discovery.evidence import Evidence, fit_columns
+from sindyjoint.discovery.frequency import MARGIN
+from sindyjoint.discovery.methods import METHODS
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
+from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.record import Campaign
+from sindyjoint.workflows.bias import corrected_model
+from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
+from sindyjoint.workflows.discover import Discovery, discover
+from sindyjoint.workflows.independence import frequency_tests
+from sindyjoint.workflows.verdict import PAPER_TERMS
+
+# Each name may join several catalogues: without the paper's terms beside them, special ones stand in for those.
+LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")
+# Over the angles of such joints sin θ is θ: no test tells gravity from stiffness.
+NEVER_VISIBLE = ("gravity_moment",)
+REPLICATES = 500
+
+
+def compare(
+    campaign: Campaign | str | Path | None = None,
+    library: Any = "extended",
+    *,
+    methods: Sequence[str] | None = None,
+    libraries: Sequence[str] = LIBRARIES,
+    replicates: int = REPLICATES,
+    margin: float = MARGIN,
+    random_state: Any = 0,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Comparison:
+    """Compare what methods, frequencies and libraries say about a joint's terms.
+
+    Parameters
+    ----------
+    campaign : Campaign, path of a campaign.toml, or None
+        ``None``: the built-in virtual test of the inter-panel joint, which is simulated.
+    library : str, Path, Catalogue, or sequence of these
+        Candidates for the comparison of methods and of frequencies.
+    methods : sequence of str, optional
+        Of :data:`~sindyjoint.discovery.methods.METHODS`. Default: all.
+    libraries : sequence of str
+        Names of catalogues, several joined by "+"; compared with the first method.
+    replicates : int
+        Of the bootstrap behind the inclusion probabilities.
+    margin : float
+        Relative change of a coefficient over the tested band that would not matter.
+    random_state : int, Generator or None
+    progress : callable, optional
+        Called with the name of each stage.
+    **options
+        Of :func:`~sindyjoint.workflows.discover.discover`: states, bandwidth, align, forbidden, ...
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        For data or options that cannot be used.
+    """
+    names = tuple(methods or METHODS)
+    unknown = [name for name in names if name not in METHODS]
+    if unknown:
+        raise UnknownNameError(f"method is {unknown[0]!r}; one of {', '.join(METHODS)} is wanted")
+    if replicates < 10 or not margin > 0:
+        raise InputError(
+            f"{replicates} replicates and a margin of {margin!r} given; at least 10 and a positive one are wanted"
+        )
+    clock = _Clock(progress or (lambda stage: None))
+    with_time = clock.start("discovering")
+    found = discover(
+        campaign, library, random_state=random_state, method=names[0], progress=progress, **options
+    )
+    evidence = found.regressor.evidence_
+    clock.stop(with_time)
+    by_method = tuple(clock.run(f"method {name}", _method, name, evidence, random_state) for name in names)
+    by_frequency = clock.run("frequencies alone", _frequencies, found, evidence, names[0], random_state)
+    by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
+    left_out = clock.run(
+        "leaving frequencies and levels out", _left_out, found, evidence, names[0], random_state
+    )
+    by_method = clock.run("simulating left-out runs", _with_responses, found, evidence, by_method)
+    included = clock.run(
+        "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state
+    )
+    model, bias, fixed = clock.run("measuring the bias on a twin", _corrected, found, random_state)
+    tests = clock.run("frequency dependence", frequency_tests, found, fixed, margin)
+    columns = [evidence.ids.index(term) for term in found.model.ids if term in evidence.ids]
+    words = (
+        tuple(in_words(pair, *_reach(found.model)) for pair in inseparable(evidence, columns))
+        if columns
+        else ()
+    )
+    return Comparison(
+        joint=found.campaign.joint.name,
+        motion=found.campaign.joint.motion,
+        simulated=found.campaign.simulated,
+        ids=evidence.ids,
+        units=_units(found, by_library),
+        methods=by_method,
+        frequencies=by_frequency,
+        libraries=tuple(choice for choice, _ in by_library),
+        inclusion=tuple(float(p) for p in included.probability),
+        sets=included.sets,
+        left_out=left_out,
+        tests=tests,
+        bias=bias,
+        model=model,
+        undetermined=words,
+        warnings=found.warnings,
+        seconds=clock.seconds,
+        discovery=found,
+    )
+
+
+class _Clock:
+    """Names the stages as they begin and keeps the time that each takes."""
+
+    def __init__(self, say: Callable[[str], None]):
+        self.say = say
+        self.seconds: dict[str, float] = {}
+
+    def start(self, stage: str) -> tuple[str, float]:
+        self.say(stage)
+        return stage, time.perf_counter()
+
+    def stop(self, started: tuple[str, float]) -> None:
+        self.seconds[started[0]] = time.perf_counter() - started[1]
+
+    def run(self, stage: str, work: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        started = self.start(stage)
+        result = work(*arguments, **options)
+        self.stop(started)
+        return result
+
+
+def _method(name: str, evidence: Evidence, random_state: Any) -> Choice:
+    start = time.perf_counter()
+    found = find(evidence, name, random_state)
+    seconds = time.perf_counter() - start
+    held_out = float("nan")
+    if len(evidence.groups) > 1:
+        held_out = cross_validate(evidence, method=name, random_state=random_state).moment_error
+    target = evidence.target_rms
+    path = tuple(
+        SizeScore(
+            step.size,
+            tuple(found.candidates[c] for c in step.columns),
+            step.fit.residual_rms / target,
+            step.held_out_rms / target,
+        )
+        for step in found.selection.path
+    )
+    return Choice(
+        name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path
+    )
+
+
+def _terms(found: Found) -> tuple[ChosenTerm, ...]:
+    from scipy.special import stdtrit
+
+    step = found.selection.step
+    quantile = float(stdtrit(max(step.fit.degrees, 1), 0.975)) if step is not None else 0.0
+    return tuple(
+        ChosenTerm(name, float(c), float(e), (float(c - quantile * e), float(c + quantile * e)))
+        for name, c, e in zip(found.kept, found.coefficients, found.standard_errors, strict=True)
+    )
+
+
+def _frequencies(found: Discovery, evidence: Evidence, method: str, random_state: Any) -> tuple[Choice, ...]:
+    """Put the question to the runs of each group alone."""
+    if len(evidence.groups) < 2:
+        return ()
+    choices = []
+    for group in evidence.groups:
+        alone = find(evidence.only([group]), method, random_state)
+        choices.append(Choice(group, _terms(alone), alone.selection.reason, len(alone.candidates)))
+    return tuple(choices)
+
+
+def _libraries(
+    found: Discovery, libraries: Sequence[str], method: str, random_state: Any, options: dict[str, Any]
+) -> tuple[tuple[Choice, dict[str, str]], ...]:
+    """Fit each library to the force states that are there already; return choices and the units of their terms."""
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.states import regression_rows
+
+    rows = regression_rows(found.states, found.campaign.joint.inertia).fit_arguments()
+    result = []
+    for name in libraries:
+        catalogue = as_catalogue([part.strip() for part in name.split("+")])
+        forbidden = [term for term in (*options.get("forbidden", ()), *NEVER_VISIBLE) if term in catalogue]
+        regressor = JointRegressor(
+            catalogue,
+            method=method,
+            forbidden=forbidden,
+            motion=found.campaign.joint.motion,
+            random_state=random_state,
+        ).fit(**rows)
+        terms = tuple(
+            ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in regressor.model_.terms
+        )
+        offered = all(term in regressor.evidence_.ids for term in PAPER_TERMS)
+        reason = regressor.selection_result_.reason
+        choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered)
+        result.append((choice, {t.id: t.unit for t in regressor.model_.terms}))
+    return tuple(result)
+
+
+def _left_out(
+    found: Discovery, evidence: Evidence, method: str, random_state: Any
+) -> dict[str, CrossValidation]:
+    """Leave out frequencies, and levels where there are several of them."""
+    result = {}
+    if len(evidence.groups) > 1:
+        result["frequency"] = cross_validate(evidence, method=method, random_state=random_state)
+    levels = [state.level or state.run for state in found.states]
+    if len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
+        result["level"] = cross_validate(evidence, levels, method=method, random_state=random_state)
+    return result
+
+
+def _with_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
+    """Add the error of the simulated response of left-out frequencies, each distinct set of terms once.
+
+    Sets beyond the paper's five terms would each need a simulator compiled for them; they are left out.
+    """
+    from dataclasses import replace
+
+    known: dict[tuple[str, ...], float] = {}
+    for choice in choices:
+        if choice.terms and set(choice.ids) <= set(PAPER_TERMS) and choice.ids not in known:
+            known[choice.ids] = _response_error(found, evidence, choice.ids)
+    return tuple(replace(choice, response=known.get(choice.ids, float("nan"))) for choice in choices)
+
+
+def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> float:
+    from sindyjoint.workflows.model_law import model_law
+    from sindyjoint.workflows.response import simulate_run
+
+    if len(evidence.groups) < 2 or not set(ids) <= set(found.model.ids):
+        return float("nan")
+    columns = [evidence.ids.index(name) for name in ids]
+    runs = {run.name: run for run in found.campaign.identification_runs}
+    states = {state.run: state for state in found.states}
+    errors = []
+    for group in evidence.groups:
+        fit = fit_columns(evidence.only([other for other in evidence.groups if other != group]), columns)
+        law = model_law(_with_coefficients(found.model, ids, fit.coefficients))
+        for run in evidence.runs:
+            if run.group == group:
+                try:
+                    errors.append(simulate_run(law, runs[run.name], states[run.name]).response_nrmse)
+                except SimulationError:
+                    return float("nan")
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _with_coefficients(model: JointModel, ids: tuple[str, ...], values: Any) -> JointModel:
+    from dataclasses import replace
+
+    number = dict(zip(ids, values, strict=True))
+    terms = tuple(replace(t, coefficient=float(number[t.id])) for t in model.terms if t.id in number)
+    return replace(model, terms=terms)
+
+
+def _corrected(found: Discovery, random_state: Any) -> tuple[Choice, dict[str, float], Any]:
+    """Return the main model with its bias taken out where it can be simulated."""
+    model, bias, measured = found.model, {}, None
+    fitted = [t for t in found.regressor.terms_ if t.id in found.regressor.evidence_.ids and t.id in model]
+    if fitted:
+        try:
+            fixed = corrected_model(model, fitted, found.campaign, found.states, random_state=random_state)
+            model, measured = fixed.model, fixed.bias
+            bias = {name: float(value) for name, value in zip(fixed.bias.ids, fixed.bias.pooled, strict=True)}
+        except (SimulationError, InputError):
+            # A law that cannot be simulated over the campaign keeps its plain coefficients.
+            pass
+    terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in model.terms)
+    return Choice("model", terms, found.reason, len(found.regressor.terms_)), bias, measured
+
+
+def _reach(model: JointModel) -> tuple[float | None, float | None]:
+    """Return the largest angle tested and the softening limit of a model, where it has one."""
+    if not {"linear_stiffness", "cubic_stiffness"} <= set(model.ids):
+        return None, None
+    k1, k3 = model["linear_stiffness"].coefficient, model["cubic_stiffness"].coefficient
+    return (model.fitted.angle, float(np.sqrt(k1 / (-3 * k3)))) if k3 < 0 < k1 else (None, None)
+
+
+def _units(found: Discovery, by_library: Sequence[tuple[Choice, dict[str, str]]]) -> dict[str, str]:
+    motion = found.campaign.joint.motion
+    units = {term.id: term.term.unit_for(motion) for term in found.regressor.terms_}
+    for _, more in by_library:
+        units.update(more)
+    return units

@@ -1,0 +1,200 @@
+"""The records of a comparison: methods, frequencies and libraries against terms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from sindyjoint.discovery.crossvalidation import CrossValidation
+from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.workflows.discover import Discovery
+from sindyjoint.workflows.verdict import PAPER_TERMS
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class ChosenTerm:
+    """A term in one of the compared models.
+
+    Parameters
+    ----------
+    id : str
+    coefficient, standard_error : float
+        SI.
+    interval95 : tuple of float
+    """
+
+    id: str
+    coefficient: float
+    standard_error: float
+    interval95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SizeScore:
+    """The model of one size on a method's path.
+
+    Parameters
+    ----------
+    size : int
+    terms : tuple of str
+    residual, held_out : float
+        RMS residual, and RMS error of left-out frequencies, relative to the RMS moment; NaN where nothing is left out.
+    """
+
+    size: int
+    terms: tuple[str, ...]
+    residual: float
+    held_out: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What one method, frequency or library leads to.
+
+    Parameters
+    ----------
+    name : str
+    terms : tuple of ChosenTerm
+        Empty where no set passed.
+    reason : str
+    candidates : int
+    seconds : float
+        Time that making the path took; NaN where not measured.
+    held_out : float
+        RMS error of the moment of left-out frequencies, terms chosen anew each time, relative to its RMS.
+    response : float
+        RMS error of the simulated angle of left-out frequencies relative to its RMS; NaN where not simulated.
+    path : tuple of SizeScore
+    offers_paper_terms : bool
+        Whether all five of the paper's terms were among the candidates.
+    """
+
+    name: str
+    terms: tuple[ChosenTerm, ...]
+    reason: str
+    candidates: int
+    seconds: float = float("nan")
+    held_out: float = float("nan")
+    response: float = float("nan")
+    path: tuple[SizeScore, ...] = ()
+    offers_paper_terms: bool = True
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the terms."""
+        return tuple(term.id for term in self.terms)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The paper's terms that were not chosen."""
+        return tuple(term for term in PAPER_TERMS if term not in self.ids)
+
+    @property
+    def extra(self) -> tuple[str, ...]:
+        """Chosen terms that are not the paper's, the inertia aside."""
+        return tuple(term for term in self.ids if term not in PAPER_TERMS and term != "inertia")
+
+    @property
+    def agrees(self) -> bool:
+        """Whether these are exactly the paper's five terms."""
+        return not self.missing and not self.extra
+
+    def __getitem__(self, term_id: str) -> ChosenTerm | None:
+        return next((term for term in self.terms if term.id == term_id), None)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The result of :func:`~sindyjoint.workflows.compare.compare`.
+
+    Parameters
+    ----------
+    joint : str
+    motion : str
+    simulated : bool
+    ids : tuple of str
+        All candidates of the main library.
+    units : dict of str
+        Id to unit, of every term that any of the choices holds.
+    methods, frequencies, libraries : tuple of Choice
+    inclusion : tuple of float
+        Probability of each candidate when blocks and runs are resampled.
+    sets : tuple of (tuple of str, float)
+        The most frequent sets of the replicates and their shares.
+    left_out : dict of CrossValidation
+        By "frequency" and "level".
+    tests : tuple of FrequencyTest
+        Of the model's coefficients.
+    bias : dict of float
+        Id to the bias of the coefficient as measured on a twin of the campaign; already taken out of ``model``.
+    model : Choice
+        Terms of the main method with bias-corrected coefficients and intervals.
+    undetermined : tuple of str
+        Sentences on terms that these runs do not tell apart.
+    warnings : tuple of str
+    seconds : dict of float
+        Time of each stage.
+    """
+
+    joint: str
+    motion: str
+    simulated: bool
+    ids: tuple[str, ...]
+    units: dict[str, str]
+    methods: tuple[Choice, ...]
+    frequencies: tuple[Choice, ...]
+    libraries: tuple[Choice, ...]
+    inclusion: tuple[float, ...]
+    sets: tuple[tuple[tuple[str, ...], float], ...]
+    left_out: dict[str, CrossValidation]
+    tests: tuple[FrequencyTest, ...]
+    bias: dict[str, float]
+    model: Choice
+    undetermined: tuple[str, ...]
+    warnings: tuple[str, ...]
+    seconds: dict[str, float]
+    discovery: Discovery = field(repr=False, compare=False)
+
+    @property
+    def shown_ids(self) -> tuple[str, ...]:
+        """Terms worth a column: the paper's, and every one that a choice holds or that a replicate chose."""
+        held = {term for choice in (*self.methods, *self.frequencies, *self.libraries) for term in choice.ids}
+        held |= {term for term, share in zip(self.ids, self.inclusion, strict=True) if share > 0}
+        others = [term for term in (*self.ids, *sorted(held)) if term in held and term not in PAPER_TERMS]
+        return (*PAPER_TERMS, *dict.fromkeys(others))
+
+    @property
+    def agreement(self) -> str:
+        """One sentence on how many of the methods, frequencies and libraries lead to the paper's set."""
+        parts = []
+        for name, choices in (
+            ("methods", self.methods),
+            ("frequencies alone", self.frequencies),
+            ("libraries that offer them", tuple(c for c in self.libraries if c.offers_paper_terms)),
+        ):
+            if choices:
+                parts.append(f"{sum(c.agrees for c in choices)} of {len(choices)} {name}")
+        return "exactly the paper's five terms: " + ", ".join(parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain JSON data; numbers that do not exist are null."""
+        from dataclasses import fields
+
+        data = {f.name: _plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
+        return {"schema": SCHEMA, "kind": "Comparison", "agreement": self.agreement, **data}
+
+
+def _plain(value: Any) -> Any:
+    from dataclasses import fields, is_dataclass
+
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if value == value and abs(value) != float("inf") else None
+    return value
