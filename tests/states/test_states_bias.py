@@ -4,6 +4,8 @@ Filtering a nonlinear column and computing a nonlinear column of filtered data a
 of the inter-panel joint, whose law is known, judges six treatments by the same least-squares fit of the five terms.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
@@ -127,12 +129,17 @@ def test_skew_is_found_in_a_sticking_joint(joint, lag):
     for seed in range(3):
         campaign = virtual_campaign(joint, noise=0.01, skew=lag, random_state=seed)
         found.append(discover(campaign, "paper").skew)
-    # Seeds 0 to 9, 1 kHz: inter-panel 0.039 ± 0.016 ms too late (its truncated series), panel root 0.012 ± 0.018 ms. In
-    # the mean 0.05 ms, a twentieth of a sample, is reached; single campaigns may pass it by another scatter.
+    # Seeds 0 to 3 at 1 kHz: 0.004 ± 0.008 ms (inter-panel), −0.021 ± 0.014 ms (panel root); a twentieth of a sample.
     times = np.array([skew.time for skew in found])
-    assert np.mean(times) == pytest.approx(lag, abs=5e-5)
-    assert np.all(np.abs(times - lag) < 8e-5)
+    assert np.all(np.abs(times - lag) < 5e-5)
     assert all(skew.significant == (lag > 0) for skew in found)
+
+
+def test_a_heavy_joint_has_no_skew_of_its_own():
+    # Without the slope of the inertia's own moment among what a lag moves, 1.5 kg·m² shows 1.4 ms at 1 % noise. What is
+    # left, 0.11 ms, is the truncated acceleration at the end of a slip.
+    campaign = virtual_campaign(replace(LAW, inertia=1.5), noise=0.01, random_state=0)
+    assert abs(discover(campaign, "paper").skew.time) < 2e-4
 
 
 def test_skew_is_aligned_on_request():
