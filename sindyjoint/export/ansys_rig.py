@@ -70,7 +70,10 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
     items = tuple(replace(item, law=law) if isinstance(item, Hinge) else item for item in given.items)
     if not any(isinstance(item, Hinge) for item in items):
         raise InputError(f"rig {given.name!r} has no joint; there is nothing to export the model into")
-    chain = _Chain(float(assemble(items, given.clamp_stiffness).frequencies(1)[0]))
+    structure = assemble(items, given.clamp_stiffness)
+    # A joint without stiffness, a drive say, makes a mechanism: its beams then have the damping of the locked rig.
+    locked = not bool(np.all(structure.tangent_stiffness() > 0))
+    chain = _Chain(float(structure.frequencies(1, locked=locked)[0]))
     _base(chain, given)
     for item in items:
         _part(chain, item)
@@ -83,7 +86,7 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
         [
             *heading(model, "ANSYS Mechanical APDL"), "", f"Rig: {name}. {ascii_line(given.description)}",
             f"{sum(isinstance(i, Hinge) for i in items)} joint(s), each with the law of joint.inp beside this file; "
-            f"first frequency with the joints' stiffness at rest {chain.frequency:.4f} Hz.",
+            f"first frequency with {'locked joints' if locked else 'the stiffness at rest'} {chain.frequency:.4f} Hz.",
             "Plane motion in x and y. Beams have their bending stiffness and mass per length as a section of "
             f"E = {YOUNGS_MODULUS:g} Pa, shear is made stiff as in Euler-Bernoulli beams; material loss is damping in "
             "proportion to stiffness, equal to the loss factor at the first frequency.",

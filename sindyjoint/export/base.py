@@ -201,7 +201,8 @@ def check_exportable(model: JointModel) -> None:
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and bool(np.isfinite(value))
+    # Comparing is safe for every number that JSON can hold, integers of a thousand digits included.
+    return isinstance(value, int | float) and -1e300 < value < 1e300
 
 
 def fidelity_table(
@@ -251,8 +252,8 @@ def _shares(difference: Array, reference: float) -> tuple[float, float]:
 def not_carried(rows: Sequence[Fidelity]) -> tuple[str, ...]:
     """Return a sentence for each term that a table says is left out."""
     return tuple(
-        f"{row.term} ({row.symbol}): {row.representation}; leaving it out costs {100 * row.error:.3g} % "
-        "of the RMS moment"
+        f"{row.term} ({row.symbol}): {row.representation.removeprefix('not carried: ')}; "
+        f"leaving it out costs {100 * row.error:.3g} % of the RMS moment"
         for row in rows
         if not row.carried and row.term != ALL_TERMS
     )

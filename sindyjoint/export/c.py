@@ -42,7 +42,7 @@ def block_comment(text: str) -> str:
     >>> block_comment("a */ b")
     '/* a * / b */'
     """
-    safe = text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").rstrip()
+    safe = text.replace("\\", "/").replace("*/", "* /").replace("/*", "/ *").rstrip()
     return f"/* {safe.lstrip()} */" if "\n" not in safe else f"/*\n{safe}\n*/"
 
 
@@ -52,7 +52,7 @@ def string_literal(text: str) -> str:
     Examples
     --------
     >>> print(string_literal('a "b" ü'))
-    "a \"b\" \303\274"
+    "a \042b\042 \303\274"
     """
 
     def byte(value: int) -> str:

@@ -9,6 +9,7 @@ from sindyjoint.discovery.model import JointModel, ModelTerm, _latex_symbol
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
 from sindyjoint.export.text import comment, one_line, preamble
 
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)?", re.ASCII)
 _SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
@@ -36,7 +37,7 @@ def export(model: JointModel) -> Export:
     text += "\n".join(
         [
             r"\begin{equation}",
-            f"  {model.latex()}",
+            f"  {equation(model)}",
             r"\end{equation}",
             r"\begin{table}",
             r"  \centering",
@@ -55,6 +56,21 @@ def export(model: JointModel) -> Export:
         ]
     )
     return Export("latex", {"joint.tex": text}, rows, missing, notes)
+
+
+def equation(model: JointModel) -> str:
+    """Return what ``model.latex()`` does, with symbols that are no plain names set as text."""
+    from sindyjoint.discovery.formula import formula_latex
+
+    if all(_PLAIN.fullmatch(term.symbol) for term in model.terms):
+        return model.latex()
+    rotation = model.joint.motion == "rotation"
+    parts = [r"I\,\ddot{\theta}" if rotation else r"m\,\ddot{x}"] if model.joint.inertia is not None else []
+    parts += [
+        rf"{_symbol(term.symbol)}\,\left({formula_latex(term.expression, model.joint.motion)}\right)"
+        for term in model.terms
+    ]
+    return ("M = " if rotation else "F = ") + " + ".join(parts)
 
 
 def escape(text: str) -> str:
@@ -77,8 +93,7 @@ def _row(term: ModelTerm) -> str:
 
 
 def _symbol(symbol: str) -> str:
-    plain = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)?", symbol)
-    return _latex_symbol(symbol) if plain else rf"\text{{{escape(symbol)}}}"
+    return _latex_symbol(symbol) if _PLAIN.fullmatch(symbol) else rf"\text{{{escape(symbol)}}}"
 
 
 def with_error(value: float, error: float) -> str:
