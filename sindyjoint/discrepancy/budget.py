@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discrepancy.gap import GapRun
+from sindyjoint.discrepancy.gap import GapRun, row_groups
 from sindyjoint.discrepancy.naming import Problem, stack
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ def run_columns(run: GapRun, index: int, count: int) -> Array:
 
 def explained_by_state(problem: Problem) -> float:
     """Return the share of χ² beyond noise that a surface over (θ, θ̇) predicts on groups left out, from 0 to 1."""
-    groups = np.concatenate([np.full(run.target.size, run.group, dtype=object) for run in problem.runs])
+    groups = row_groups(problem.runs)
     reference = problem.reference
     columns = stack(
         problem.runs, lambda run: surface_columns(run, reference.angle or 1.0, reference.rate or 1.0)
@@ -92,8 +92,6 @@ def explained_by_state(problem: Problem) -> float:
     left = 0.0
     for group in dict.fromkeys(groups.tolist()):
         out = groups == group
-        if out.all():
-            return 0.0
         left += _ridge_error(columns[~out], problem.target[~out], columns[out], problem.target[out])
     before = _base_held_out(problem, groups)
     return float(np.clip((before - left) / before, 0.0, 1.0)) if before > 0 else 0.0

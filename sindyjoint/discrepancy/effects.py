@@ -149,7 +149,7 @@ class Variant:
             *self._state_program,
             np.zeros(len(self.states)),
             PASSES if motion.repeats else 1,
-            SUBSTEPS,
+            SUBSTEPS if motion.repeats else 1,
         )
 
     def along(self, motion: MeasuredMotion, values: Array) -> Array:
@@ -161,8 +161,9 @@ class Variant:
         return self._function(*signals, *others, *states, *map(float, values))
 
 
-# A periodic run is run through this often until its states repeat; a step between samples is cut into this many.
-PASSES = 12
+# A periodic run is run through at most this often until its states repeat; the steps of its mean period, coarser than
+# samples, are cut into this many.
+PASSES = 20
 SUBSTEPS = 3
 
 

@@ -23,7 +23,8 @@ from sindyjoint.states import ForceStates
 Array = NDArray[np.float64]
 
 PHASES = 240
-MOST_ROWS = 6000
+MOST_ROWS = 4000
+STRETCHES = 5
 # The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
 CHAIN_ERROR = 5e-4
 
@@ -61,6 +62,12 @@ class GapRun:
             return self.whitener @ rows
         return self.whitener * rows if rows.ndim == 1 else self.whitener[:, None] * rows
 
+    def row_groups(self, alone: bool) -> NDArray[np.object_]:
+        """Return what is held out together, per row: the run's group, or stretches of it where the run is alone."""
+        if not alone:
+            return np.full(self.target.size, self.group, dtype=object)
+        return (np.arange(self.target.size) * STRETCHES // self.target.size).astype(object)
+
     @property
     def angle(self) -> Array:
         """Angle at the kept samples, rad."""
@@ -97,6 +104,14 @@ def gap_runs(
         _folded(s, model, g, phases, scale) if s.method == "periodic" else _strided(s, model, g, scale)
         for s, g in zip(states, groups, strict=True)
     )
+
+
+def row_groups(runs: Sequence[GapRun]) -> NDArray[np.object_]:
+    """Return what is held out together, for the stacked rows of all runs."""
+    alone = len({run.group for run in runs}) == 1
+    if alone and len(runs) > 1:
+        return np.concatenate([np.full(run.target.size, run.name, dtype=object) for run in runs])
+    return np.concatenate([run.row_groups(alone) for run in runs])
 
 
 def reference_scales(runs: Sequence[GapRun]) -> Reference:
@@ -180,11 +195,12 @@ def _whitener(
 
 def _strided(states: ForceStates, model: JointModel, group: str, scale: float) -> GapRun:
     """Take evenly spaced moving samples of a run that does not repeat."""
-    moving = np.flatnonzero(states.moving)
+    # The motion holds nothing above its bandwidth: twelve samples per period of it are enough to follow.
+    every = max(1, int(states.sample_rate / (12 * states.bandwidth)))
+    moving = np.flatnonzero(states.moving[::every])
     keep = moving[:: max(1, moving.size // MOST_ROWS)]
-    motion = _motion(
-        states, model, states.angle, states.rate, states.acceleration, 1 / states.sample_rate, keep, False
-    )
+    angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
+    motion = _motion(states, model, angle, rate, acceleration, every / states.sample_rate, keep, False)
     stiffness, damping = (s[keep] for s in slopes(model, motion.angle, motion.rate))
     noise = states.noise
     variance = (
@@ -195,7 +211,7 @@ def _strided(states: ForceStates, model: JointModel, group: str, scale: float) -
         + (CHAIN_ERROR * scale) ** 2
     )
     inertia = model.joint.inertia
-    target = states.moment[keep] - (inertia or 0.0) * states.acceleration[keep]
+    target = states.moment[::every][keep] - (inertia or 0.0) * acceleration[keep]
     sigma = np.sqrt(variance)
     return GapRun(states.run, group, states.level, motion, target, 1 / sigma, sigma)
 

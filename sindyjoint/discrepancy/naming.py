@@ -21,10 +21,11 @@ from sindyjoint.discrepancy.gap import GapRun, base_columns, reference_scales
 
 Array = NDArray[np.float64]
 
-GRID = {1: (17,), 2: (9, 6), 3: (6, 4, 4)}
+GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
 # What the linearised noise model leaves out makes likelihoods overconfident; calibrated on simulated campaigns.
 TEMPER = 2.0
 COLUMN_ERROR = 0.03
+FOUND_ERROR = 0.06
 RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
 
 
@@ -39,14 +40,17 @@ class Problem:
         Whitened columns of the model's terms and of effects already found.
     target : ndarray, shape (N,)
     reference : Reference
+    explained : float
+        Fall of χ² that the effects already found have brought.
     """
 
     runs: tuple[GapRun, ...]
     base: Array
     target: Array
     reference: Reference
-    _basis: Array = field(repr=False)
-    residual: Array = field(repr=False)
+    explained: float = 0.0
+    _basis: Array = field(repr=False, default_factory=lambda: np.empty((0, 0)))
+    residual: Array = field(repr=False, default_factory=lambda: np.empty(0))
 
     @classmethod
     def build(cls, runs: Sequence[GapRun], model: JointModel, found: Sequence[FittedEffect] = ()) -> Problem:
@@ -58,7 +62,13 @@ class Problem:
         target = np.concatenate([run.white(run.target) for run in runs])
         basis = _orthonormal(base)
         return cls(
-            tuple(runs), base, target, reference_scales(runs), basis, target - basis @ (basis.T @ target)
+            tuple(runs),
+            base,
+            target,
+            reference_scales(runs),
+            sum(each.gain for each in found),
+            basis,
+            target - basis @ (basis.T @ target),
         )
 
     @property
@@ -140,7 +150,7 @@ class Ranking:
     nothing: float
 
     def members(self) -> tuple[FittedEffect, ...]:
-        """The best candidate and those that the data cannot tell from it."""
+        """Return the best candidate and those that the data cannot tell from it."""
         best = self.probabilities[0]
         limit = best * np.exp(-RIVAL_NATS)
         return tuple(f for f, p in zip(self.fitted, self.probabilities, strict=True) if p >= limit)
@@ -160,6 +170,13 @@ def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
     return best
 
 
+def fit_effects(problem: Problem, effects: Sequence[Effect]) -> list[FittedEffect]:
+    """Fit several effects, side by side on threads, in their order."""
+    from joblib import Parallel, delayed
+
+    return Parallel(n_jobs=-1, prefer="threads")(delayed(fit_effect)(problem, effect) for effect in effects)
+
+
 def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
     """Return the candidates with their probabilities, "nothing is missing" among the alternatives.
 
@@ -170,7 +187,12 @@ def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
     rows = problem.target.size
     left = max(1.0, min((problem.chi_square - f.gain) / max(problem.degrees, 1) for f in fitted))
     blur = TEMPER + COLUMN_ERROR**2 * max(f.gain for f in fitted) / left
-    evidence = [(0.5 * f.gain / left - 0.5 * f.variant.degrees * np.log(rows)) / blur for f in fitted]
+    # What the columns of effects found before got wrong is left over too, and is no effect of its own.
+    own = [max(f.gain - FOUND_ERROR**2 * problem.explained, 0.0) for f in fitted]
+    evidence = [
+        (0.5 * gain / left - 0.5 * f.variant.degrees * np.log(rows)) / blur
+        for gain, f in zip(own, fitted, strict=True)
+    ]
     values = np.array([*(e - np.log(len(fitted)) for e in evidence), 0.0])
     weight = np.exp(values - values.max())
     weight /= weight.sum()
@@ -215,7 +237,7 @@ def _search(gain: Callable[[Array], float], bounds: Array) -> Array:
                 "initial_simplex": simplex,
                 "xatol": 2e-3,
                 "fatol": 0.02,
-                "maxfev": 30 * bounds.shape[0],
+                "maxfev": 20 * bounds.shape[0],
             },
         )
         if -found.fun > best_gain:

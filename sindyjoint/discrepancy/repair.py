@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discrepancy.gap import GapRun, base_columns
+from sindyjoint.discrepancy.gap import GapRun, base_columns, row_groups
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, stack
 
 if TYPE_CHECKING:
@@ -126,28 +126,47 @@ def held_out_gap(
     Each group of runs is left out in turn; coefficients (and, with ``again``, inner parameters) come from the others.
     The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
     """
-    groups = list(dict.fromkeys(run.group for run in runs))
-    squares, own = {}, {}
-    for group in groups:
-        train = [r for r in runs if r.group != group] or list(runs)
-        used = tuple(effects)
-        if again is not None and len(groups) > 1:
-            for index, each in enumerate(used):
-                others = used[:index] + used[index + 1 :]
-                used = used[:index] + (again(Problem.build(train, model, others), each),) + used[index + 1 :]
-        _, _, coefficients, _ = _solve(train, model, used)
-        for run in runs:
-            if run.group == group:
-                gap = run.target - all_columns(run, model, used) @ coefficients
-                squares[run.name] = float(np.mean(gap**2)) + (
-                    noise[run.name] ** 2 if run.motion.repeats else 0.0
-                )
-                own[run.name] = float(np.mean(run.target**2))
-    weight = {run.name: run.target.size for run in runs}
-    total = sum(weight.values())
-    overall = sum(squares[n] * weight[n] for n in squares) / total
-    scale = sum(own[n] * weight[n] for n in own) / total
-    return float(np.sqrt(overall / scale)), {n: float(np.sqrt(squares[n] / own[n])) for n in squares}
+    labels = row_groups(runs)
+    ends = np.cumsum([run.target.size for run in runs])
+    white = stack(runs, lambda run: all_columns(run, model, effects))
+    plain = np.vstack([all_columns(run, model, effects) for run in runs])
+    whole = np.concatenate([run.white(run.target) for run in runs])
+    target = np.concatenate([run.target for run in runs])
+    left = np.empty(target.size)
+    for group in dict.fromkeys(labels.tolist()):
+        out = labels == group
+        used, rows, others = plain, white, ~out
+        train = [run for run in runs if run.group != group]
+        if again is not None and train and len(train) < len(runs) and any(e.values.size for e in effects):
+            later = _again(train, model, effects, again)
+            used = np.vstack([all_columns(run, model, later) for run in runs])
+            rows = stack(runs, lambda run, later=later: all_columns(run, model, later))  # type: ignore[misc]
+        coefficients, _ = least_squares(rows[others], whole[others])
+        left[out] = target[out] - used[out] @ coefficients
+    square, own = left**2, target**2
+    starts = [0, *ends[:-1]]
+    for run, low, high in zip(runs, starts, ends, strict=True):
+        if run.motion.repeats:
+            square[low:high] += noise[run.name] ** 2
+    per_run = {
+        run.name: float(np.sqrt(np.mean(square[low:high]) / np.mean(own[low:high])))
+        for run, low, high in zip(runs, starts, ends, strict=True)
+    }
+    return float(np.sqrt(np.mean(square) / np.mean(own))), per_run
+
+
+def _again(
+    train: Sequence[GapRun],
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    again: Callable[[Problem, FittedEffect], FittedEffect],
+) -> tuple[FittedEffect, ...]:
+    """Refit the inner parameters of each effect on the runs that were not left out."""
+    used = tuple(effects)
+    for index, each in enumerate(used):
+        others = used[:index] + used[index + 1 :]
+        used = (*used[:index], again(Problem.build(train, model, others), each), *used[index + 1 :])
+    return used
 
 
 def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:

@@ -42,7 +42,9 @@ def show_diagnosis(result: Diagnosis) -> None:
     console.print(table)
     for step in result.steps:
         values = ", ".join(f"{name} = {value:.4g}" for name, value in step.parameters.items())
-        dropped = f"; no longer needed: {', '.join(map(words, step.terms_dropped))}" if step.terms_dropped else ""
+        dropped = (
+            f"; no longer needed: {', '.join(map(words, step.terms_dropped))}" if step.terms_dropped else ""
+        )
         console.print(f"\n{words(step.effect)}: {escape(values)}{dropped}", soft_wrap=False)
     budget = result.budget
     if budget.total > 0:
@@ -99,8 +101,8 @@ def draw_diagnosis(result: Diagnosis) -> dict[str, Figure]:
         if name == "rivals" and not result.steps:
             continue
         with style():
-            figure, axes = new_figure(DOUBLE_COLUMN, 2.6)
-            draw(result, axes)
+            figure = new_figure(DOUBLE_COLUMN, 2.6)
+            draw(result, figure.add_subplot())
         figures[name] = figure
     return figures
 
@@ -114,8 +116,12 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     ):
         values = [100 * getattr(gap, name) for gap in gaps]
         place = [i + (index - 0.5) * 0.36 for i in range(len(gaps))]
-        ax.bar(place, values, 0.34, color=PALETTE[index], label=f"{name} gap", hatch="" if index == 0 else "///")
-        ax.axhline(100 * floor, color=PALETTE[index], linestyle=(0, (4, 2)), label=f"noise floor of the {name}")
+        ax.bar(
+            place, values, 0.34, color=PALETTE[index], label=f"{name} gap", hatch="" if index == 0 else "///"
+        )
+        ax.axhline(
+            100 * floor, color=PALETTE[index], linestyle=(0, (4, 2)), label=f"noise floor of the {name}"
+        )
     ax.set_xticks(range(len(labels)), labels)
     ax.set_ylabel("relative RMS, %")
     ax.set_title("Gap between model and measurement")

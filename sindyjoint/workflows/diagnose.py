@@ -16,7 +16,7 @@ from sindyjoint.discrepancy.budget import make_budget, where
 from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.discrepancy.effects import Effect, load_effects
 from sindyjoint.discrepancy.gap import GapRun, gap_runs
-from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effect, rank
+from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank
 from sindyjoint.discrepancy.repair import Repaired, held_out_gap, refine_effect, refit
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
@@ -119,7 +119,7 @@ def diagnose(
         say("simulating a virtual test with something hidden in it")
         campaign, hidden = hidden_campaign(random_state)
     campaign = _kept_out(the_campaign(campaign, random_state), hold_out)
-    candidates = tuple(load_effects(library)) if effects is None else tuple(effects)
+    candidates = _applicable(campaign, load_effects(library) if effects is None else effects)
     say("force states")
     states = campaign_states(campaign)
     runs = campaign.identification_runs
@@ -174,6 +174,17 @@ def _kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
     return campaign.with_runs(
         tuple(replace(r, use="validate") if r.name in names else r for r in campaign.runs)
     )
+
+
+def _applicable(campaign: Campaign, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects that the campaign can show.
+
+    In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a skew of the
+    channels has no meaning.
+    """
+    if any(np.ptp(run.moment) > 0 for run in campaign.identification_runs):
+        return tuple(effects)
+    return tuple(e for e in effects if e.id != "inertia_error" and e.enters != "time shift")
 
 
 def _groups(states: Sequence[ForceStates]) -> list[str]:
@@ -262,11 +273,9 @@ def _ranked(
     problem: Problem, candidates: Sequence[Effect], found: Sequence[FittedEffect], say: Callable[[str], None]
 ) -> Ranking | None:
     taken = {each.effect.id for each in found}
-    fitted = []
-    for effect in candidates:
-        if effect.id not in taken:
-            say(f"trying {effect.name}")
-            fitted.append(fit_effect(problem, effect))
+    open_ones = [effect for effect in candidates if effect.id not in taken]
+    say(f"trying {len(open_ones)} effects")
+    fitted = fit_effects(problem, open_ones)
     return rank(problem, fitted) if fitted else None
 
 
@@ -308,9 +317,14 @@ def _retested(work: _Work, found: list[FittedEffect], candidates: Sequence[Effec
     for each in earlier:
         others = [f for f in moving if f is not each]
         problem = Problem.build(work.rows, work.model, others)
-        again = rank(
-            problem, [fit_effect(problem, e) for e in candidates if e.id not in {o.effect.id for o in others}]
-        )
+        taken = {o.effect.id for o in others}
+        # Memory effects are many times dearer to fit: they are tried again only in the place of one of their own.
+        trial = [
+            e
+            for e in candidates
+            if e.id not in taken and (e.family == each.effect.family or not e.variants[0].states)
+        ]
+        again = rank(problem, fit_effects(problem, trial))
         best = again.fitted[0]
         if 1 - again.nothing < BELIEF:
             moving = others

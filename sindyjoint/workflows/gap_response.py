@@ -48,7 +48,8 @@ def response_gap(
 ) -> float:
     """Return the relative RMS of measured less simulated response, over validation runs or else all runs.
 
-    The angle where the moment drives, the moment where the motion does. NaN if any run could not be simulated.
+    The angle where the moment drives, the moment where the motion does. Runs that the model cannot follow (it snaps
+    through, say) are left out; NaN if it can follow none.
     """
     kept = campaign.validation_runs
     pairs = [(run, force_states(run)) for run in kept] if kept else list(zip(runs, states, strict=True))
@@ -56,13 +57,13 @@ def response_gap(
     for run, state in pairs:
         result = simulated(run, state, model, effects)
         if result is None:
-            return float("nan")
+            continue
         if result.simulated_angle is not None:
             measured, other = result.angle, result.simulated_angle
         elif result.drive == "motion":
             measured, other = result.moment, result.simulated_moment
         else:
-            return float("nan")
+            continue
         gap += float(np.mean((measured - other) ** 2))
         own += float(np.mean((measured - np.mean(measured)) ** 2))
     return float(np.sqrt(gap / own)) if own > 0 else float("nan")
