@@ -187,16 +187,16 @@ def simulate_run(
     kept = slice(first + skip, span.stop)
     compared = _cut(states, skip)
     angle = rate = None
-    failure = ""
+    failure, moment = "", np.full(states.n_samples, np.nan)
     try:
-        if drive != "motion":
-            motion = _moved(law, run, states, span, drive, window, {"rtol": RTOL, **options})
-            angle, rate = motion.angle[skip:], motion.rate[skip:]
         moment, _ = transfer_moment(
             law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
         )
+        if drive != "motion":
+            motion = _moved(law, run, states, span, drive, window, {"rtol": RTOL, **options})
+            angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:
-        failure, moment = str(error), np.full(states.n_samples, np.nan)
+        failure = str(error)
     return SimulatedRun(
         run=run.name,
         drive=drive,
