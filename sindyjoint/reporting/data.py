@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.model import INERTIA, JointModel
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.errors import InputError
 from sindyjoint.reporting.packing import pack, unpack
 from sindyjoint.surface import ForceStateMap, force_state_map, map_of_states
 
@@ -170,7 +171,12 @@ class ReportData:
         InputError
             If it is something else; the message names the field.
         """
-        return unpack(cls, data, model=JointModel.from_dict)
+        read = unpack(cls, data, model=JointModel.from_dict)
+        cells = (read.surface.n, read.surface.n)
+        shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
+        if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
+            raise InputError("not a saved ReportData: loops and a square map are wanted")
+        return read
 
 
 def gather(result: Discovery | ReportData) -> ReportData:
@@ -342,8 +348,3 @@ def run_labels(loops: Sequence[Loop]) -> list[str]:
         label if label and labels.count(label) == 1 else loop.run
         for label, loop in zip(labels, loops, strict=True)
     ]
-
-
-def identified_terms(model: JointModel) -> list[str]:
-    """Return the ids of the terms other than the inertia."""
-    return [term for term in model.ids if term != INERTIA]

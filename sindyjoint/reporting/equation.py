@@ -10,6 +10,13 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from sindyjoint.discovery.model import INERTIA, JointModel, ModelTerm
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
+THIN_SPACE = '<mspace width="0.17em"/>'
+# sympy names entities that are not XML, and sets a hyphen where a minus belongs.
+_BETTER = {
+    "<mo>&InvisibleTimes;</mo>": THIN_SPACE,
+    "<mi>&ExponentialE;</mi>": "<mi>e</mi>",
+    "<mo>-</mo>": "<mo>−</mo>",
+}
 GREEK = dict(zip(_NAMES.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
 _DOTS = {"theta": ("", "θ", "x"), "omega": ("˙", "θ", "x"), "alpha": ("¨", "θ", "x")}
 
@@ -106,6 +113,8 @@ def _term(printer: _StatePrinter, term: ModelTerm) -> str:
     if term.expression.is_number and term.expression == 1:
         return symbol
     formula = printer.doprint(term.expression)
-    if term.expression.is_Add:
+    for written, wanted in _BETTER.items():
+        formula = formula.replace(written, wanted)
+    if term.expression.is_Add or term.expression.could_extract_minus_sign():
         formula = f"<mrow><mo>(</mo>{formula}<mo>)</mo></mrow>"
-    return f'{symbol}<mspace width="0.17em"/>{formula}'
+    return f"{symbol}{THIN_SPACE}{formula}"

@@ -48,7 +48,8 @@ def write_discovery(
     """
     from sindyjoint.reporting.discovery_page import discovery_page
 
-    data = gather(result)
+    # Drawn from what is saved, so that a figure drawn again later is the same to the last byte.
+    data = ReportData.from_dict(gather(result).to_dict())
     origin = provenance(result.campaign, result.regressor.random_state, command_line)
     with output_folder(folder) as stage:
         (stage / "figures").mkdir()
@@ -103,7 +104,8 @@ def load_data(path: str | os.PathLike[str]) -> ReportData:
         )
     data = _read(saved, ReportData.from_dict)
     model = _read(folder / "model.json", JointModel.from_dict)
-    if model != data.model:
+    # As text: a noise floor that is not known is NaN, which equals nothing.
+    if model.to_json() != data.model.to_json():
         raise InputError(
             f"{str(saved)!r} belongs to another model than {str(folder / 'model.json')!r}; run discover with --out "
             "again"

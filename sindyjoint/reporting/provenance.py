@@ -9,10 +9,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from sindyjoint import __version__
 from sindyjoint.record import Campaign
 
-PACKAGES = ("pysindy", "scikit-learn", "numpy", "scipy", "matplotlib", "sympy", "numba")
+PACKAGES = ("sindyjoint", "pysindy", "scikit-learn", "numpy", "scipy", "matplotlib", "sympy", "numba")
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def provenance(
     return Provenance(
         command_line=_line(command_line),
         seed=_seed(seed),
-        made=f"{np.datetime64('now', 's')} UTC".replace("T", " "),
+        made=f"{str(np.datetime64('now', 's')).replace('T', ' ')} UTC",
         versions=versions(),
         inputs=tuple(
             (run.name, run.source.path if run.source else "", run.source.sha256 if run.source else "")
@@ -59,7 +58,7 @@ def provenance(
 
 def versions() -> tuple[tuple[str, str], ...]:
     """Return the versions of this package, of Python and of what it computes with."""
-    found = [("sindyjoint", __version__), ("Python", platform.python_version())]
+    found = [("Python", platform.python_version())]
     for name in PACKAGES:
         try:
             found.append((name, version(name)))

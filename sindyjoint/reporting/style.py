@@ -30,6 +30,9 @@ INK, MUTED, RULE, ACCENT = "#1b1f24", "#5b6570", "#d5dae0", "#D55E00"
 # One shade per step, dark to light, ordered in grey too.
 SEQUENTIAL, DIVERGING = "cividis", "RdBu_r"
 
+# Ink and paper upon colours that stay as they are when a page turns dark; INK and white would turn with it.
+FIXED_INK, FIXED_PAPER = "#1b1f25", "#fefefe"
+
 SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.0  # inch
 
 _RC: dict[str, Any] = {

@@ -9,13 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from sindyjoint.discovery.model import JointModel
+from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.data import ReportData, gather
 from sindyjoint.reporting.equation import split_symbol
 from sindyjoint.reporting.figures.residuals import nothing
-from sindyjoint.reporting.paper_values import paper_values
 from sindyjoint.reporting.style import (
     ACCENT,
     DIVERGING,
+    FIXED_INK,
+    FIXED_PAPER,
     INK,
     MUTED,
     PALETTE,
@@ -105,7 +107,7 @@ def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
     values = np.array([group.coefficients[index] for group in groups]) * factor
     errors = np.array([group.standard_errors[index] for group in groups]) * abs(factor)
     ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
-    published = paper_values(data.model.joint.name).get(item.id, {})
+    published = paper_values(data.model.joint.name, item.id)
     where = [i for i, group in enumerate(groups) if group.group in published]
     shown: list[float] = []
     if where:
@@ -135,7 +137,7 @@ def covariance(result: Any, ax: Axes) -> Axes:
     ax.grid(False)
     if len(names) <= 9:
         for (row, column), value in np.ndenumerate(matrix):
-            colour = "white" if abs(value) > 0.6 else INK
+            colour = FIXED_PAPER if abs(value) > 0.6 else FIXED_INK
             ax.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
     ax.figure.colorbar(mesh, ax=ax, label="correlation", pad=0.02)
     ax.set_title("Correlation of the coefficients' errors")
@@ -155,6 +157,22 @@ def correlation(model: JointModel) -> Any:
 def drawn_coefficients(data: ReportData) -> list[str]:
     """Return the ids whose coefficient by frequency can be drawn."""
     return list(data.model.ids) if data.groups else []
+
+
+def paper_values(joint: str, term: str) -> dict[str, float]:
+    """Return what the paper's table says of a term, by frequency; nothing for a joint or a term that is not its own.
+
+    Examples
+    --------
+    >>> paper_values("inter-panel joint", "linear_damping")["4 Hz"]
+    49.0
+    >>> paper_values("hinge of my own", "linear_damping")
+    {}
+    """
+    for table in TABLES:
+        if table.joint == joint.strip().lower() and term in TERMS:
+            return {f"{f:.4g} Hz": value for f, value in zip(FREQUENCIES, table.column(term), strict=True)}
+    return {}
 
 
 def _chosen_note(data: ReportData, size: Any, mark: str) -> str:

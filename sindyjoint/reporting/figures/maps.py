@@ -9,7 +9,16 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.data import ReportData, gather
-from sindyjoint.reporting.style import DIVERGING, INK, MUTED, PALETTE, SEQUENTIAL, legend_above, prefixed
+from sindyjoint.reporting.style import (
+    DIVERGING,
+    FIXED_INK,
+    INK,
+    MUTED,
+    PALETTE,
+    SEQUENTIAL,
+    legend_above,
+    prefixed,
+)
 from sindyjoint.reporting.units import quantities
 
 Array = NDArray[np.float64]
@@ -24,7 +33,7 @@ def map_moment(result: Any, ax: Axes) -> Axes:
     _cells(data, ax, data.surface.moment * factor, DIVERGING, (-limit * factor, limit * factor), unit)
     if data.model.terms:
         _contours(data, ax, factor, limit * factor)
-    ax.set_title("Mean transfer " + q.moment.lower() + (" and model contours" if data.model.terms else ""))
+    ax.set_title(f"Mean {q.moment.lower()}" + (", model contours" if data.model.terms else ""))
     return ax
 
 
@@ -167,7 +176,7 @@ def _contours(data: ReportData, ax: Axes, factor: float, limit: float) -> None:
                 side * y_factor,
                 sheet.T * factor,
                 levels=inside,
-                colors=INK,
+                colors=FIXED_INK,
                 linewidths=0.5,
             )
 
@@ -189,11 +198,5 @@ def _mark_step(data: ReportData, ax: Axes, x_factor: float, factor: float, unit:
         return
     x = 0.5 * float(data.surface.angle_edges[0] + data.surface.angle_edges[-1]) * x_factor
     ax.annotate("", (x, above), (x, below), arrowprops={"arrowstyle": "<->", "color": INK, "linewidth": 0.8})
-    ax.annotate(
-        f" step {above - below:.3g} {unit}",
-        (x, 0.5 * (above + below)),
-        fontsize=7,
-        va="center",
-        ha="left",
-        bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
-    )
+    # In the corner, where neither of the two rising curves passes.
+    ax.text(0.98, 0.03, f"step {above - below:.3g} {unit}", fontsize=7, ha="right", transform=ax.transAxes)

@@ -1,0 +1,151 @@
+"""Figures: nothing is cut off, nothing overlaps, no global state, and each panel returns the axes that it was given."""
+
+import subprocess
+import sys
+import textwrap
+import warnings
+from itertools import combinations
+
+import numpy as np
+import pytest
+from handmade import HOSTILE, report_data
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from sindyjoint.errors import UnknownNameError
+from sindyjoint.reporting.figures import KINDS, draw, drawable
+from sindyjoint.reporting.figures.kinds import Kind
+from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, new_figure, style
+
+CASES = {
+    "rotation": {},
+    "translation": {"motion": "translation"},
+    "aperiodic": {"periodic": False, "runs": ("swing",), "frequencies": (3.0,)},
+    "hostile": {"name": HOSTILE, "runs": (HOSTILE, HOSTILE + "2"), "periodic": False},
+    "no model": {"terms": []},
+}
+
+
+@pytest.mark.parametrize("width", [SINGLE_COLUMN, DOUBLE_COLUMN])
+@pytest.mark.parametrize("case", CASES)
+def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width):
+    data = report_data(**CASES[case])
+    for kind in drawable(data):
+        figure = draw(kind, data, width)
+        with style():
+            renderer = FigureCanvasAgg(figure).get_renderer()
+            boxes = [ax.get_tightbbox(renderer) for ax in figure.axes]
+        sheet = figure.bbox
+        for box in boxes:
+            # Half a point of rounding of text sizes.
+            inside = box.x0 > -0.7 and box.y0 > -0.7 and box.x1 < sheet.x1 + 0.7 and box.y1 < sheet.y1 + 0.7
+            assert inside, f"{case} {kind} {width}: {box} leaves {sheet}"
+        for one, other in combinations(boxes, 2):
+            apart = (
+                min(one.x1, other.x1) - max(one.x0, other.x0),
+                min(one.y1, other.y1) - max(one.y0, other.y0),
+            )
+            assert min(apart) < 0.7, f"{case} {kind} {width}: {one} overlaps {other}"
+
+
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.part])
+def test_a_panel_returns_its_axes(kind):
+    data = report_data()
+    (panel,) = KINDS[kind].panels(data)
+    with style():
+        ax = new_figure(3.5, 2.5).add_subplot()
+        assert panel(data, ax) is ax
+    assert ax.has_data() and ax.get_title(loc="left")
+
+
+def test_every_line_survives_grey_printing():
+    # Lines that share a panel differ in dash or marker, not in colour alone.
+    data = report_data()
+    for kind in drawable(data, parts=True):
+        for ax in draw(kind, data).axes:
+            lines = [line for line in ax.get_lines() if not line.get_label().startswith("_")]
+            looks = [
+                (str(line._unscaled_dash_pattern), line.get_marker(), line.get_linewidth()) for line in lines
+            ]
+            assert len(set(looks)) == len(looks), f"{kind}: {looks}"
+
+
+def test_the_same_figure_gives_the_same_bytes():
+    data = report_data()
+    for suffix in ("svg", "png", "pdf"):
+        assert figure_bytes(draw("loops", data), suffix) == figure_bytes(draw("loops", data), suffix)
+
+
+def test_the_callers_settings_stay_and_do_not_matter():
+    import matplotlib
+
+    data = report_data()
+    plain = figure_bytes(draw("path", data), "svg")
+    with matplotlib.rc_context({"font.size": 31, "axes.facecolor": "red", "text.usetex": False}):
+        before = dict(matplotlib.rcParams)
+        again = figure_bytes(draw("path", data), "svg")
+        assert dict(matplotlib.rcParams) == before
+    assert again == plain
+
+
+def test_drawing_needs_no_pyplot():
+    script = """
+        import sys
+        sys.path.insert(0, {here!r})
+        from handmade import report_data
+        from sindyjoint.reporting.figures import draw
+        from sindyjoint.reporting.style import figure_bytes
+        figure_bytes(draw("map", report_data()), "svg")
+        assert "matplotlib.pyplot" not in sys.modules
+    """
+    here = str(__file__).rsplit("/", 1)[0]
+    run = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script).format(here=here)], capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_a_name_in_any_script_draws_without_a_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # The empty box of a letter that no font holds is part of the picture, not a message.
+        svg = figure_bytes(
+            draw("loops", report_data(runs=("\U00013000\x07关节$", "b"), periodic=False)), "svg"
+        )
+    assert svg.startswith(b"<?xml")
+
+
+def test_unknown_kind_names_the_nearest():
+    with pytest.raises(
+        UnknownNameError, match="figure 'loop' is not known; did you mean 'loops'\\? one of map, "
+    ):
+        draw("loop", report_data())
+
+
+def test_a_kind_without_content_says_what_there_is():
+    with pytest.raises(
+        UnknownNameError, match="figure 'covariance' has nothing to show here; one of map, loops"
+    ):
+        draw("covariance", report_data(terms=[]))
+
+
+def test_kinds_carry_a_caption_each():
+    for name, kind in KINDS.items():
+        assert isinstance(kind, Kind) and kind.name == name
+        assert kind.caption.endswith(".") and kind.title
+
+
+def test_the_friction_step_is_the_models():
+    ax = draw("map-rest", report_data()).axes[0]
+    (label,) = [text.get_text() for text in ax.texts if "step" in text.get_text()]
+    assert label == "step 3.73 N·m"  # 2 M_F = 3.734
+
+
+def test_the_papers_values_stand_beside_the_papers_joint_only():
+    with_paper = draw("coefficients", report_data(name="Inter-panel joint"))
+    without = draw("coefficients", report_data())
+    crosses = [[len(line.get_xdata()) for ax in figure.axes for line in ax.get_lines() if line.get_marker() == "x"]
+               for figure in (with_paper, without)]  # fmt: skip
+    # Each of the four terms at 3 and 6 Hz; the paper tested no other frequency of these.
+    assert crosses == [[2, 2, 2, 2], []]
+    k1 = next(line for line in with_paper.axes[0].get_lines() if line.get_marker() == "x")
+    assert np.allclose(k1.get_ydata(), [6153, 6063])

@@ -1,0 +1,216 @@
+"""A discovery on disk: whole or not at all, and drawn again later without the measurements."""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from sindyjoint.cli.plot import plot
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
+from sindyjoint.reporting import write_discovery
+from sindyjoint.reporting.data import gather
+from sindyjoint.reporting.figures import draw, drawable
+from sindyjoint.reporting.output import load_data
+from sindyjoint.reporting.style import figure_bytes
+
+app = typer.Typer()
+app.command()(plot)
+
+
+@pytest.fixture(scope="session")
+def discovery():
+    """Return a discovery from a small virtual campaign: three frequencies, two levels, three seconds each."""
+    from sindyjoint import discover
+    from sindyjoint.mechanics.virtual import virtual_campaign
+
+    campaign = virtual_campaign(
+        "inter-panel", frequencies=[3, 4, 6], levels=[0.9, 0.5], duration=3, random_state=5
+    )
+    return discover(campaign, random_state=5)
+
+
+@pytest.fixture(scope="session")
+def results(discovery, tmp_path_factory):
+    """Return the folder of its results."""
+    from sindyjoint.reporting import write_discovery
+
+    folder = tmp_path_factory.mktemp("made") / "results"
+    return write_discovery(discovery, folder, ["sindyjoint", "discover", "--out", "my results"])
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_the_folder_holds_what_was_promised(results, discovery):
+    names = sorted(str(path.relative_to(results)) for path in results.rglob("*") if path.is_file())
+    figures = ["coefficients", "covariance", "loops", "map", "path", "residual"]
+    assert names == sorted(
+        [
+            "model.json",
+            "report.html",
+            "terms.csv",
+            "figures/data.json",
+            *(f"figures/{name}.svg" for name in figures),
+        ]
+    )
+    assert JointModel.from_json((results / "model.json").read_text()) == discovery.model
+    page = (results / "report.html").read_text(encoding="utf-8")
+    assert "sindyjoint discover --out &#39;my results&#39;" in page and "<dd>5</dd>" in page
+    assert "simulated, not measured" in page
+
+
+def test_what_is_shown_is_what_was_found(discovery):
+    data = gather(discovery)
+    fitted = discovery.model.fitted
+    # The residual of all runs is that of the fit: the same samples, the same model.
+    total = sum(loop.residual_rms**2 * loop.samples * loop.moving_fraction for loop in data.loops)
+    assert (total / fitted.samples) ** 0.5 == pytest.approx(fitted.residual_rms, rel=1e-6)
+    assert data.surface.count.sum() == data.residual_map.count.sum() == fitted.samples
+    assert data.path[data.chosen].terms == discovery.model.ids
+    # One frequency alone has fewer data and the same law: within six of its own standard errors.
+    for group in data.groups:
+        assert all(abs(group.coefficients - discovery.model.coefficients) < 6 * group.standard_errors)
+
+
+def test_a_loop_is_one_period(discovery):
+    loop = gather(discovery).loops[0]
+    span = loop.angle.max() - loop.angle.min()
+    assert abs(loop.angle[0] - loop.angle[-1]) < 0.02 * span
+
+
+def test_figures_drawn_later_are_the_same(results):
+    data = load_data(results)
+    for kind in drawable(data):
+        assert figure_bytes(draw(kind, data), "svg") == (results / "figures" / f"{kind}.svg").read_bytes()
+
+
+def test_nothing_is_left_when_the_page_fails(discovery, tmp_path, monkeypatch):
+    def fail(*_):
+        raise RuntimeError("the template is broken")
+
+    monkeypatch.setattr("sindyjoint.reporting.discovery_page.discovery_page", fail)
+    with pytest.raises(RuntimeError, match="the template is broken"):
+        write_discovery(discovery, tmp_path / "results")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_way_is_named(discovery, tmp_path):
+    (tmp_path / "results").write_text("mine")
+    with pytest.raises(
+        OutputError, match="cannot write into .*results': it is a file; the name of a folder is wanted"
+    ):
+        write_discovery(discovery, tmp_path / "results")
+    assert (tmp_path / "results").read_text() == "mine"
+
+
+def test_other_files_in_the_folder_stay(discovery, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    write_discovery(discovery, tmp_path)
+    assert (tmp_path / "notes.txt").read_text() == "mine" and (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize(("suffix", "begins"), [("svg", b"<?xml"), ("pdf", b"%PDF"), ("png", b"\x89PNG")])
+def test_plot_writes_a_figure(results, tmp_path, suffix, begins):
+    target = tmp_path / f"map.{suffix}"
+    found = run(results / "model.json", "map-rest", "--out", target, "--width", "3.5", "--dpi", "80")
+    assert found.exit_code == 0, found.output
+    assert found.stderr == f"wrote {target}\n" and found.stdout == ""
+    assert target.read_bytes().startswith(begins)
+
+
+def test_plot_without_a_kind_lists_them(results):
+    found = run(results)
+    assert found.exit_code == 0
+    assert [line.split()[0] for line in found.stdout.splitlines()] == drawable(load_data(results), parts=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (["gone", "map"], MissingInputError, "'gone' does not exist; the folder that --out of discover wrote"),
+        (["{empty}", "map"], MissingInputError, "holds no figures/data.json, from which figures are drawn; run"),
+        (["{results}", "mapp"], UnknownNameError, "figure 'mapp' is not known; did you mean 'map'?"),
+        (["{results}", "map", "--out", "map.gif"], InputError, "--out is 'map.gif'; a name that ends in .svg, .pdf or"),
+        (["{results}", "map", "--out", "{empty}/no/map.svg"], OutputError, "cannot write .*No such file or directory"),
+    ],
+)  # fmt: skip
+def test_plot_refuses(results, tmp_path, arguments, error, message):
+    found = run(*(argument.format(results=results, empty=tmp_path) for argument in arguments))
+    assert isinstance(found.exception, error)
+    with pytest.raises(error, match=message.replace("?", r"\?")):
+        raise found.exception
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("figures/data.json", "{", r"data.json': not JSON \("),
+        ("figures/data.json", "[" * 100_000, "data.json': (nested too deeply|not JSON)"),
+        ("figures/data.json", "{}", "data.json': not a saved ReportData: field 'model' is missing"),
+        ("figures/data.json", "\xff", "data.json': not JSON"),
+        ("model.json", "{}", "model.json': not a joint model"),
+    ],
+)
+def test_damaged_results_name_the_file(results, tmp_path, name, text, message):
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder)
+    (folder / name).write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=message):
+        load_data(folder)
+
+
+def test_data_of_another_model_are_refused(results, tmp_path):
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder)
+    record = json.loads((folder / "model.json").read_text())
+    record["terms"][0]["coefficient"] *= 2
+    (folder / "model.json").write_text(json.dumps(record))
+    with pytest.raises(
+        InputError, match="belongs to another model than .*model.json'; run discover with --out again"
+    ):
+        load_data(folder)
+
+
+def test_a_report_of_a_hundred_runs_stays_small(discovery, tmp_path):
+    from dataclasses import replace
+
+    from sindyjoint.reporting.discovery_page import discovery_page
+    from sindyjoint.reporting.output import draw_all
+    from sindyjoint.reporting.provenance import provenance
+
+    data = gather(discovery)
+    many = tuple(
+        replace(loop, run=f"{k}-{loop.run}", level=f"{loop.level} no. {k}")
+        for k in range(17)
+        for loop in data.loops
+    )
+    many_data = replace(data, loops=many)
+    page = discovery_page(many_data, provenance(discovery.campaign), draw_all(many_data))
+    assert len(many) > 100
+    # The limit is 10 MB; ours is ten times smaller, so that mail servers and phones take it.
+    assert len(page.encode()) < 2e6
+
+
+def test_writing_takes_little_time(discovery, tmp_path):
+    write_discovery(discovery, tmp_path)  # imports
+    start = time.process_time()
+    write_discovery(discovery, tmp_path)
+    # Two seconds are promised for twelve runs on a free machine; time of this process alone, doubled for a busy one.
+    assert time.process_time() - start < 4
+
+
+def test_the_reporting_package_imports_nothing_heavy():
+    script = (
+        "import sys, sindyjoint.reporting, sindyjoint.cli.plot; "
+        "print(sorted({'matplotlib', 'sympy', 'jinja2', 'pysindy', 'numpy'} & set(sys.modules)))"
+    )
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
