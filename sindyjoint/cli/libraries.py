@@ -30,7 +30,10 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print a JSON record instea
 
 @app.command("list")
 def list_(as_json: AsJson = False) -> None:
-    """List the shipped libraries."""
+    """List the shipped libraries.
+
+    Example: sindyjoint libraries list
+    """
     from sindyjoint.discovery.catalogue import list_catalogues
 
     summaries = list_catalogues()
@@ -50,7 +53,10 @@ def show(
     motion: Annotated[_Motion, typer.Option(help="Kind of joint to show units for.")] = _Motion.rotation,
     as_json: AsJson = False,
 ) -> None:
-    """Show the terms of a library: id, symbol, formula, unit of the coefficient, meaning."""
+    """Show the terms of a library: id, symbol, formula, unit of the coefficient, meaning.
+
+    Example: sindyjoint libraries show friction
+    """
     from sindyjoint.discovery.catalogue import load_catalogue
 
     catalogue = load_catalogue(name)
@@ -95,7 +101,10 @@ def copy(
         Path, typer.Argument(metavar="DEST", help="File to write, or a folder to put it in.")
     ],
 ) -> None:
-    """Copy a library's file, byte for byte, to start one of your own; never over an existing file."""
+    """Copy a library's file, byte for byte, to start one of your own; never over an existing file.
+
+    Example: sindyjoint libraries copy extended mine.toml
+    """
     from sindyjoint.discovery.catalogue_file import find_catalogue
     from sindyjoint.errors import OutputError
     from sindyjoint.files.atomic import write_bytes
@@ -110,7 +119,10 @@ def copy(
 
 @app.command()
 def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml file of your own.")]) -> None:
-    """Check a library of your own: syntax, formulas, units, names. Exit status 2 if it cannot be used."""
+    """Check a library of your own: syntax, formulas, units, names. Exit status 2 if it cannot be used.
+
+    Example: sindyjoint libraries check mine.toml
+    """
     from sindyjoint.discovery.catalogue import load_catalogue
 
     catalogue = load_catalogue(path)

@@ -65,7 +65,10 @@ def simulate(
     random_state: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
 ) -> None:
-    """Make a virtual test: simulate runs of a joint, with sensors and noise, and write them to files."""
+    """Make a virtual test: simulate runs of a joint, with sensors and noise, and write them to files.
+
+    Example: sindyjoint simulate --frequencies 3,4.5,6 --noise 0.02 --out virtual
+    """
     import numpy as np
 
     from sindyjoint.files import write_campaign

@@ -1,0 +1,74 @@
+"""Every command explains itself, with an example that begins with its own name."""
+
+import re
+
+import pytest
+import typer
+
+from sindyjoint.cli.app import app
+
+
+def commands(command=None, path=()):
+    """Yield (words, command) of every command that does something."""
+    command = command or typer.main.get_command(app)
+    children = getattr(command, "commands", None)
+    if not children:
+        yield path, command
+    for name, child in (children or {}).items():
+        yield from commands(child, (*path, name))
+
+
+EVERY = dict(commands())
+
+
+def test_there_are_the_commands_of_the_readme(request):
+    readme = (request.config.rootpath / "README.md").read_text(encoding="utf-8")
+    assert {("discover",), ("simulate",), ("schema",), ("libraries", "list")} <= set(EVERY)
+    missing = sorted({path[0] for path in EVERY if f"sindyjoint {path[0]}" not in readme})
+    assert not missing, "the README has no line about these commands"
+
+
+@pytest.mark.parametrize("path", EVERY, ids=" ".join)
+def test_help_with_an_example(path, sindyjoint):
+    answer = sindyjoint(*path, "--help")
+    assert (answer.status, answer.stderr) == (0, "")
+    text = " ".join(answer.stdout.split())
+    assert re.search(rf"Examples?: .*sindyjoint {' '.join(path)}", text), text
+    # A sentence comes first, and every option has one.
+    assert re.search(r"Usage: sindyjoint .*? [A-Z][a-z]+ .+?\. ", text)
+
+
+@pytest.mark.parametrize("path", EVERY, ids=" ".join)
+def test_every_option_is_explained(path):
+    for parameter in EVERY[path].params:
+        if parameter.name != "help":
+            assert getattr(parameter, "help", None), f"{' '.join(path)}: {parameter.name} has no help"
+
+
+def test_no_arguments_show_the_help(sindyjoint):
+    answer = sindyjoint()
+    assert "Usage: sindyjoint" in answer.stdout + answer.stderr
+    assert "discover" in answer.stdout + answer.stderr
+
+
+def test_version(sindyjoint):
+    from sindyjoint import __version__
+
+    assert sindyjoint("--version") == (0, f"sindyjoint {__version__}\n", "")
+
+
+def test_schema_is_json(sindyjoint):
+    import json
+
+    record = json.loads(sindyjoint("schema").stdout)
+    assert record["title"] == "Manifest" and "channels" in record["properties"]
+
+
+@pytest.mark.parametrize(
+    "arguments", [["discovr"], ["discover", "--jsn"], ["libraries", "shw"], ["simulate"]]
+)
+def test_usage_errors_are_one_line(sindyjoint, arguments):
+    answer = sindyjoint(*arguments)
+    assert answer.status == 2 and answer.stdout == ""
+    assert answer.stderr.startswith("sindyjoint: ") and answer.stderr.count("\n") == 1
+    assert "--help" in answer.stderr
