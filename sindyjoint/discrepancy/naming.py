@@ -196,7 +196,8 @@ def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
     values = np.array([*(e - np.log(len(fitted)) for e in evidence), 0.0])
     weight = np.exp(values - values.max())
     weight /= weight.sum()
-    order = np.argsort(-weight[:-1], kind="stable")
+    # Effects whose columns span the same space tie but for rounding; the catalogue's order decides then.
+    order = np.argsort(-np.round(weight[:-1], 6), kind="stable")
     return Ranking(tuple(fitted[i] for i in order), tuple(float(weight[i]) for i in order), float(weight[-1]))
 
 
