@@ -21,11 +21,14 @@ def diagnose(
         ),
     ] = None,
     model: Annotated[
-        Path | None, typer.Option(help="model.json, or a folder with one, to start from. [the paper's five terms]")
+        Path | None,
+        typer.Option(help="model.json, or a folder with one, to start from. [the paper's five terms]"),
     ] = None,
     base: Annotated[
         list[str] | None,
-        typer.Option("--base", help="Catalogue of the terms to start from, without a model. Repeatable. [paper]"),
+        typer.Option(
+            "--base", help="Catalogue of the terms to start from, without a model. Repeatable. [paper]"
+        ),
     ] = None,
     library: Annotated[
         list[Path] | None, typer.Option("--library", "-l", help="A TOML file of further effects. Repeatable.")
@@ -34,7 +37,9 @@ def diagnose(
     hold_out: Annotated[
         list[str] | None, typer.Option("--hold-out", help="Name of a run to keep out of the fit. Repeatable.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,

@@ -97,7 +97,7 @@ def explained_by_state(problem: Problem) -> float:
     return float(np.clip((before - left) / before, 0.0, 1.0)) if before > 0 else 0.0
 
 
-def _base_held_out(problem: Problem, groups: Array) -> float:
+def _base_held_out(problem: Problem, groups: NDArray[np.object_]) -> float:
     left = 0.0
     for group in dict.fromkeys(groups.tolist()):
         out = groups == group

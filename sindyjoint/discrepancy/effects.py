@@ -140,7 +140,8 @@ class Variant:
 
         substitution = {parameter_symbol(n): float(v) for n, v in zip(self.names, values, strict=True)}
         limits = [np.inf if s.limit is None else float(s.limit.subs(substitution)) for s in self.states]
-        return integrate_states(
+        integrate: Any = integrate_states
+        return integrate(
             motion.angle,
             motion.rate,
             motion.step,

@@ -43,7 +43,7 @@ def program(function: TermFunction) -> tuple[Array, NDArray[np.int64], NDArray[n
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate(registers, start, operations):  # type: ignore[no-untyped-def]
+def _evaluate(registers, start, operations):
     """Fill the registers of the operations from those of arguments and constants."""
     for row in range(operations.shape[0]):
         code = operations[row, 0]
@@ -91,7 +91,7 @@ def _evaluate(registers, start, operations):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy", nogil=True)
 def integrate_states(
     angle, rate, dt, parameters, limits, constants, operations, outputs, start, passes, substeps
-):  # type: ignore[no-untyped-def]
+):
     """Return the states at every sample, shape (n_states, n).
 
     Arguments of the program are theta, omega, the states, then the parameters. Between samples the motion is

@@ -160,9 +160,11 @@ def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
     """Return the variant and inner parameters of an effect that lower χ² most."""
     best: FittedEffect | None = None
     for variant in effect.variants:
-        values = _search(
-            lambda v, variant=variant: problem.gain(variant, v)[0], variant.bounds(problem.reference)
-        )  # type: ignore[misc]
+
+        def gain_at(values: Array, variant: Variant = variant) -> float:
+            return problem.gain(variant, values)[0]
+
+        values = _search(gain_at, variant.bounds(problem.reference))
         gain, coefficients = problem.gain(variant, values)
         if best is None or gain > best.gain:
             best = FittedEffect(effect, variant, values, coefficients, gain)

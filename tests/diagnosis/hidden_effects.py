@@ -121,15 +121,30 @@ LAWS = {
     "position_dependent_friction": (_position, 0, lambda a, v, g: ()),
     "stribeck_friction": (_stribeck, 0, lambda a, v, g: (v * g.uniform(0.05, 0.25),)),
     "dahl_friction": (_dahl, 1, lambda a, v, g: (a * g.uniform(0.03, 0.3),)),
-    "bouc_wen_hysteresis": (_bouc_wen, 1, lambda a, v, g: (a * g.uniform(0.05, 0.4), g.choice([1.0, 1.5, 2.0]))),
+    "bouc_wen_hysteresis": (
+        _bouc_wen,
+        1,
+        lambda a, v, g: (a * g.uniform(0.05, 0.4), g.choice([1.0, 1.5, 2.0])),
+    ),
     "jenkins_element": (_jenkins, 1, lambda a, v, g: (a * g.uniform(0.05, 0.4),)),
-    "lugre_friction": (_lugre, 1, lambda a, v, g: (a * g.uniform(0.03, 0.2), g.uniform(0.1, 0.4), v * g.uniform(0.05, 0.2))),
+    "lugre_friction": (
+        _lugre,
+        1,
+        lambda a, v, g: (a * g.uniform(0.03, 0.2), g.uniform(0.1, 0.4), v * g.uniform(0.05, 0.2)),
+    ),
     "backlash_play": (_play, 1, lambda a, v, g: (a * g.uniform(0.1, 0.4), a * g.uniform(0.02, 0.1))),
     "maxwell_branch": (_maxwell, 1, lambda a, v, g: (g.uniform(0.015, 0.06),)),
     "ripple": (_ripple, 0, lambda a, v, g: (a * g.uniform(0.02, 0.05),)),
     "second_resonance": (_resonance, 2, lambda a, v, g: (2 * np.pi * g.uniform(12, 25),)),
 }
-CHANNELS = ("channel_delay", "angle_offset", "moment_drift", "angle_drift", "inertia_error", "frequency_dependent_stiffness")
+CHANNELS = (
+    "channel_delay",
+    "angle_offset",
+    "moment_drift",
+    "angle_drift",
+    "inertia_error",
+    "frequency_dependent_stiffness",
+)
 OUTSIDE = ("ripple", "second_resonance")
 
 
@@ -177,7 +192,9 @@ def _rms(plan, law):
             late = time > 2 / frequency
             ours.append(transfer_moment(law, angle, rate, 1e4)[0][late])
             whole.append(transfer_moment(plan.law, angle, rate, 1e4)[0][late])
-    return float(np.sqrt(np.mean(np.concatenate(ours) ** 2))), float(np.sqrt(np.mean(np.concatenate(whole) ** 2)))
+    return float(np.sqrt(np.mean(np.concatenate(ours) ** 2))), float(
+        np.sqrt(np.mean(np.concatenate(whole) ** 2))
+    )
 
 
 def _in_channels(name, plan, size, noise, generator):
@@ -186,7 +203,9 @@ def _in_channels(name, plan, size, noise, generator):
     clean = plan.campaign(0.0)
     amount = 0.0
     if name == "channel_delay":
-        slope = np.sqrt(np.mean(np.concatenate([np.gradient(r.moment) * r.sample_rate for r in clean.runs]) ** 2))
+        slope = np.sqrt(
+            np.mean(np.concatenate([np.gradient(r.moment) * r.sample_rate for r in clean.runs]) ** 2)
+        )
         amount = float(np.clip(size * rms / slope, 0.0, 4e-3))
         clean = plan.campaign(0.0, skew=sign * amount)
     elif name == "angle_offset":

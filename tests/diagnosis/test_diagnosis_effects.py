@@ -107,7 +107,8 @@ BAD = {
     ),
     "no TOML": ("[[effect", "not a TOML file", InputError),
     "bounds": (
-        HEAD + '[[effect.variant]]\ncolumns = [{ symbol = "k", formula = "sign(theta)*min(abs(theta), d)", unit = '
+        HEAD
+        + '[[effect.variant]]\ncolumns = [{ symbol = "k", formula = "sign(theta)*min(abs(theta), d)", unit = '
         '"N*m/rad" }]\nparameters = [{ name = "d", unit = "rad", lower = 2.0, upper = 1.0 }]\n',
         "lower 2 is not below upper 1",
         InputError,
@@ -135,7 +136,8 @@ def test_a_missing_file_and_an_unknown_id_are_named(tmp_path):
 def test_a_users_effect_works_like_a_shipped_one(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(
-        HEAD + '[[effect.variant]]\ncolumns = [{ symbol = "k_r", formula = "sin(theta/wave)", unit = "N*m" }]\n'
+        HEAD
+        + '[[effect.variant]]\ncolumns = [{ symbol = "k_r", formula = "sin(theta/wave)", unit = "N*m" }]\n'
         'parameters = [{ name = "wave", unit = "rad", relative_to = "angle", lower = 0.01, upper = 0.2 }]\n'
     )
     mine = select_effects(load_effects([path]), ["mine"])[0]

@@ -1,4 +1,6 @@
-"""Hidden effects named, nothing named where nothing is hidden. Every campaign is drawn by tests/diagnosis/hidden_effects.
+"""Hidden effects named, nothing named where nothing is hidden.
+
+Every campaign is drawn by tests/diagnosis/hidden_effects.py.
 
 Seeds are listed; noise is 1 % of both channels, an effect carries 6 % of the moment's RMS.
 """
@@ -32,7 +34,9 @@ def test_a_hidden_effect_is_named_and_the_gap_falls_to_the_noise(name, seed, fam
     assert name in first.members and set(first.members) <= family and len(first.members) <= 4
     # 1.2 times the floor, as the moment gap of a mean period counts it.
     assert result.final.moment <= 1.2 * result.noise_floor.moment < result.initial.moment
-    truth = dict(zip(("linear_stiffness", "cubic_stiffness"), (hidden.plan.law.k1, hidden.plan.law.k3), strict=True))
+    truth = dict(
+        zip(("linear_stiffness", "cubic_stiffness"), (hidden.plan.law.k1, hidden.plan.law.k3), strict=True)
+    )
     if name != "maxwell_branch":  # its spring and the joint's are one over an octave of frequency
         for term, value in truth.items():
             assert result.model[term].coefficient == pytest.approx(value, rel=0.03)
