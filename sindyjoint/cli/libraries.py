@@ -123,11 +123,50 @@ def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml fil
 
     Example: sindyjoint libraries check mine.toml
     """
+    if _holds_effects(path):
+        from sindyjoint.discrepancy.effects import read_effects
+
+        effects = read_effects(path)
+        typer.echo(f"{path}: in order, {len(effects)} effect(s): {', '.join(e.id for e in effects)}")
+        return
     from sindyjoint.discovery.catalogue import load_catalogue
 
     catalogue = load_catalogue(path)
     count = len(catalogue)
     typer.echo(f"{path}: in order, {count} term{'s' if count != 1 else ''}: {', '.join(catalogue.ids)}")
+
+
+def _holds_effects(path: Path) -> bool:
+    """Return whether a file lists effects, not terms; what cannot be read is left for the reader to complain of."""
+    import tomllib
+
+    try:
+        return "effect" in tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+
+
+@app.command()
+def effects(as_json: AsJson = False) -> None:
+    """List the effects that diagnosis can name: id, family, what each is, and its look-alikes.
+
+    Example: sindyjoint libraries effects
+    """
+    from sindyjoint.discrepancy.effects import load_effects
+
+    known = load_effects()
+    if as_json:
+        _print_json(
+            [
+                {"id": e.id, "family": e.family, "meaning": e.meaning, "confused_with": list(e.confused_with)}
+                for e in known
+            ]
+        )
+        return
+    if sys.stdout.isatty():
+        _print_pretty(("effect", "family"), [(f"{e.id}\n{e.meaning}", e.family) for e in known])
+    else:
+        _print_plain(("effect", "family", "meaning"), [(e.id, e.family, e.meaning) for e in known])
 
 
 def _parameter(parameter: Parameter) -> str:
