@@ -1,0 +1,112 @@
+"""The README keeps its word: its two commands, its samples, its fields, its links."""
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = [
+    line for block in re.findall(r"```sh\n(.*?)```", README, re.S) for line in block.strip().splitlines()
+]
+
+
+def test_there_are_two_commands_of_one_line_each():
+    assert len(COMMANDS) == 2
+    for command in COMMANDS:
+        assert command.startswith("python3 -m venv .venv && .venv/bin/pip install -q ")
+    assert COMMANDS[0].endswith("&& .venv/bin/sindyjoint discover")
+    assert COMMANDS[1].endswith('-e ".[test]" && .venv/bin/python -m pytest')
+
+
+def test_the_script_that_checks_everything_runs_the_second_command():
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert COMMANDS[1] in script.splitlines()
+    assert "set -euo pipefail" in script
+    subprocess.run(["bash", "-n", ROOT / ".ci" / "run"], check=True)
+
+
+def test_the_first_command_ends_in_a_discovery():
+    # The installation is the business of the script above; what it installs is run here, as a process of its own.
+    words = COMMANDS[0].split("&&")[-1].split()
+    run = subprocess.run(
+        [sys.executable, "-m", *[Path(words[0]).name, *words[1:]]], capture_output=True, text=True
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "(simulated)" in run.stdout and "paper's term set confirmed" in run.stdout
+
+
+def test_the_extras_that_it_names_exist():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = set(re.findall(r'"\.\[(\w+)\]"', README)) | set(re.findall(r"\.\[(\w+)\]", README))
+    assert named and named <= set(project["optional-dependencies"])
+
+
+def test_its_campaign_is_one(tmp_path):
+    from sindyjoint.files import load_campaign, write_campaign
+    from sindyjoint.mechanics.virtual import virtual_campaign
+
+    sample = re.search(r"```toml\n(.*?)```", README, re.S)[1]
+    made = virtual_campaign(frequencies=[3], levels=[0.4, 0.8], duration=2.0, random_state=0)
+    write_campaign(made, tmp_path / "made")
+    for run, name in zip(made.runs, ("3Hz-low.csv", "3Hz-high.csv"), strict=True):
+        rows = "\n".join(
+            f"{t},{m},{a}" for t, m, a in zip(run.time, run.moment, 1e3 * run.angle, strict=True)
+        )
+        (tmp_path / name).write_text("time,moment,angle\n" + rows + "\n")
+    (tmp_path / "campaign.toml").write_text(sample, encoding="utf-8")
+    campaign = load_campaign(tmp_path)
+    assert [run.use for run in campaign.runs] == ["identify", "validate"]
+    assert campaign.runs[1].angle == pytest.approx(made.runs[1].angle)
+
+
+def test_it_explains_every_field_of_the_record(sindyjoint):
+    record = json.loads(sindyjoint("discover", "--json", "--library", "paper").stdout)
+    table = README[README.index("| field | meaning |") : README.index("## Python and scikit-learn")]
+    for part, value in record.items():
+        inner = value[0] if isinstance(value, list) and isinstance(value[0], dict) else value
+        for name in [part, *(inner if isinstance(inner, dict) else [])]:
+            assert re.search(rf"`[^`]*\b{name}\b[^`]*`", table), f"{part}: {name}"
+
+
+def test_its_python_sample_runs(tmp_path):
+    from sindyjoint.files import write_campaign
+    from sindyjoint.mechanics.virtual import virtual_campaign
+
+    sample = re.search(r"```python\n(.*?)```", README, re.S)[1]
+    write_campaign(
+        virtual_campaign(frequencies=[3, 5], levels=[0.4, 0.8], duration=4.0, random_state=0), tmp_path
+    )
+    names = {"angle": 1e-4, "rate": 0.01}
+    lines = [line.split("#")[0].strip() for line in sample.splitlines()]
+    program = "\n".join(line for line in lines if line).replace("campaign.toml", str(tmp_path))
+    head = "\n".join(f"{name} = {value!r}" for name, value in names.items())
+    program = f"{head}\n{program}\nprint(found.model.equation())"
+    run = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("M = I·θ̈ + k1·θ")
+
+
+def test_links_and_files_exist():
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert "://" in target or (ROOT / target).exists(), target
+    for name in ("CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", ".ci/run"):
+        assert (ROOT / name).is_file()
+    for folder in re.findall(r"`(libraries|tests|benchmarks|examples)/`", README):
+        assert (ROOT / folder).is_dir()
+
+
+def test_words_that_belong_to_nobody_elses_machine():
+    for path in (
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        ROOT / "CHANGELOG.md",
+        ROOT / "pyproject.toml",
+    ):
+        text = path.read_text(encoding="utf-8")
+        assert "/work/" not in text and "/tmp/" not in text and "../shared" not in text
