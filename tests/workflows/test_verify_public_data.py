@@ -1,0 +1,59 @@
+"""Verification of models of real joints, on data that is read from beside the checkout and never copied."""
+
+from pathlib import Path
+
+import pytest
+
+from sindyjoint import discover, load_campaign
+from sindyjoint.workflows.verify import verify
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+
+pytestmark = pytest.mark.shared
+
+
+def folder(name):
+    path = DATA / name
+    if not path.is_dir():
+        pytest.skip(f"the public data set {name!r} is not beside this checkout")
+    return path
+
+
+def test_emps_by_windows_and_by_force():
+    stiffness = ("linear_stiffness", "quadratic_stiffness", "cubic_stiffness")
+    found = discover(
+        folder("emps"),
+        library=["paper", "measurement"],
+        forced=("linear_damping", "coulomb_friction", "constant_moment"),
+        forbidden=stiffness,
+    )
+    result = verify(found.model, found.campaign, draws=0)
+    assert result.runs[0].drive == "windows"
+    # Others report 4.08 % relative force error for these four terms, and 3.1 % for direction-dependent ones.
+    assert 0.03 < result.moment_nrmse < 0.045
+    # Restarted every second from the measured state: measured 1.9 % of the position's RMS.
+    assert result.response_nrmse < 0.03 and result.passed
+    longer = verify(found.model, found.campaign, draws=0, window=5.0)
+    assert longer.response_nrmse > 2 * result.response_nrmse
+
+
+def test_friction_damper_by_force_on_the_measured_motion():
+    campaign = load_campaign(folder("friction-damper"))
+    one = campaign.with_runs(tuple(run for run in campaign.runs if run.name == "0.5Hz_1in"))
+    terms = ("linear_stiffness", "linear_damping", "coulomb_friction")
+    found = discover(one, library="paper", forced=terms, forbidden=("quadratic_stiffness", "cubic_stiffness"))
+    result = verify(found.model, campaign, draws=0)
+    assert {run.drive for run in result.runs} == {"motion"} and {run.channel for run in result.runs} == {
+        "force"
+    }
+    own = next(run for run in result.runs if run.name == "0.5Hz_1in")
+    # Others report 0.419 for these three terms on this run: after each reversal the damper has play.
+    assert own.response_nrmse == pytest.approx(0.419, abs=0.05) and not result.passed
+
+
+def test_pendulum_swings_past_its_softening_limit_without_snapping():
+    found = discover(folder("pendulum"), library="paper")
+    result = verify(found.model, found.campaign, draws=0)
+    run = result.runs[0]
+    assert run.drive == "moment" and not run.failure
+    assert result.mean_period_difference < 0.01 and result.amplitude_rms_error < 0.1
