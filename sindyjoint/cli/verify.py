@@ -24,7 +24,8 @@ def verify(
         float, typer.Option(help="Largest response NRMSE beyond the noise floor that passes.")
     ] = 0.05,
     draws: Annotated[
-        int, typer.Option(help="Sets of coefficients drawn for the band of the simulated response; 0: no band.")
+        int,
+        typer.Option(help="Sets of coefficients drawn for the band of the simulated response; 0: no band."),
     ] = 20,
     window: Annotated[
         float, typer.Option(help="Time in s between restarts of a joint that nothing pulls back.")
@@ -35,12 +36,16 @@ def verify(
     ] = None,
     presliding: Annotated[
         float | None,
-        typer.Option(help="Virtual pulse test: angle in rad over which the true friction gives way elastically."),
+        typer.Option(
+            help="Virtual pulse test: angle in rad over which the true friction gives way elastically."
+        ),
     ] = None,
     loss_factor: Annotated[
         float | None, typer.Option(help="Virtual pulse test: true loss factor of the beams' material.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for verification.json and figures.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for verification.json and figures.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,

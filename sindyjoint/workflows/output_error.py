@@ -333,7 +333,11 @@ class OutputError:
         laws: list[Law] = []
         for values, inertia in zip(self._law_parameters(sets), self._inertia(sets), strict=True):
             if isinstance(self.law, PaperLaw):
-                laws.append(PaperLaw(*values, inertia=inertia))
+                laws.append(
+                    replace(
+                        self.law, **dict(zip(PAPER_PARAMETERS.values(), values, strict=True)), inertia=inertia
+                    )
+                )
             else:
                 assert isinstance(self.law, FormulaLaw)
                 named = dict(zip(self.law.parameters, values, strict=True))

@@ -125,12 +125,12 @@ def table_findings(checks: Sequence[TableCheck]) -> tuple[str, ...]:
         ):
             if not follows:
                 said.append(
-                    f"Table {check.table} prints {printed:.4g} as the {what} of {check.symbol}; its rows give {found:.4g}, "
-                    "and rounding does not explain the difference"
+                    f"Table {check.table} prints {printed:.4g} as the {what} of {check.symbol}; its rows give "
+                    f"{found:.4g}, and rounding does not explain the difference"
                 )
     said.append(
-        "the printed standard deviations divide by four (ddof = 0); as estimates of the scatter behind four values they "
-        f"are {np.sqrt(3 / 4):.0%} of what dividing by three gives"
+        "the printed standard deviations divide by four (ddof = 0); as estimates of the scatter behind four values "
+        f"they are {np.sqrt(3 / 4):.0%} of what dividing by three gives"
     )
     moved = [check for check in checks if check.test.answer == "depends on frequency"]
     same = [check for check in checks if check.test.answer == "independent within margin"]
@@ -142,7 +142,9 @@ def table_findings(checks: Sequence[TableCheck]) -> tuple[str, ...]:
         )
     if same:
         names = ", ".join(f"{check.symbol} ({check.joint})" for check in same)
-        said.append(f"a change over 3 to 6 Hz of more than {same[0].test.margin:.0%} is ruled out for {names} only")
+        said.append(
+            f"a change over 3 to 6 Hz of more than {same[0].test.margin:.0%} is ruled out for {names} only"
+        )
     least, most = min(c.detectable for c in checks), max(c.detectable for c in checks)
     said.append(
         "'no obvious trend' from four values is weak: a change over the band would have to be "
