@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 from sindyjoint.rounding import rounded
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
     from sindyjoint.workflows.discover import Discovery
 
 WIDTH = 100
@@ -20,7 +23,7 @@ def show_discovery(result: Discovery) -> None:
     console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
     model, fitted = result.model, result.model.fitted
     rotation = model.joint.motion == "rotation"
-    unit = "N·m" if rotation else "N"
+    what, unit = ("moment", "N·m") if rotation else ("force", "N")
     title = f"{model.joint.name}{' (simulated)' if fitted.simulated else ''}"
     at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
     console.print(f"[bold]{_escaped(title)}[/]: {fitted.runs} run(s){at}, {fitted.samples} moving samples")
@@ -28,11 +31,13 @@ def show_discovery(result: Discovery) -> None:
         console.print(f"\nno model: {_escaped(result.reason)}")
     else:
         console.print(f"\n  {_escaped(model.equation())}\n")
-        console.print(_terms(result))
+        table = _terms(result, console)
+        # A number that is cut off is a wrong number: the table is as wide as it is.
+        Console(width=max(console.width, _width(table, console)), highlight=False).print(table)
+        console.print(f"\nalone: share of the {what} that no other term can take over")
     inertia = model.joint.inertia
     if inertia is not None:
         console.print(f"inertia {inertia:g} {'kg·m²' if rotation else 'kg'}, declared")
-    what = "moment" if rotation else "force"
     console.print(
         f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
         f"({fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0:.2%}), "
@@ -48,15 +53,30 @@ def show_discovery(result: Discovery) -> None:
         console.print(f"- {_escaped(warning)}")
 
 
-def _terms(result: Discovery) -> object:
+def _terms(result: Discovery, console: Console) -> Table:
+    """Return the table of terms; where a window is too narrow, the interval goes: the uncertainty says as much."""
+    table = _table(result, interval=True)
+    fits = not sys.stdout.isatty() or _width(table, console) <= console.width
+    return table if fits else _table(result, interval=False)
+
+
+def _width(table: Table, console: Console) -> int:
+    from rich.measure import Measurement
+
+    return Measurement.get(console, console.options.update(max_width=1000), table).maximum
+
+
+def _table(result: Discovery, interval: bool) -> Table:
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for heading, justify in (("term", "left"), ("", "left"), ("coefficient", "right"), ("unit", "left")):
-        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    table.add_column("95 % interval", justify="right", no_wrap=True)
-    table.add_column("carries alone", justify="right")
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    left, right = (dict(justify=side, no_wrap=True, overflow="fold") for side in ("left", "right"))
+    columns = {"term": left, "": left, "coefficient": right, "unit": left}
+    if interval:
+        columns["95 % interval"] = right
+    for heading, options in {**columns, "alone": right}.items():
+        table.add_column(heading, **options)  # type: ignore[arg-type]
     for term in result.model.terms:
         low, high = term.interval95
         table.add_row(
@@ -64,7 +84,7 @@ def _terms(result: Discovery) -> object:
             _escaped(term.symbol),
             rounded(term.coefficient, term.standard_error),
             pretty_unit(term.unit),
-            f"{low:.4g} … {high:.4g}",
+            *([f"{low:.4g} … {high:.4g}"] if interval else []),
             f"{term.unique_share:.1%}",
         )
     return table
