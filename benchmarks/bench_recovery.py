@@ -69,12 +69,15 @@ def main() -> None:
     parser.add_argument("--noise", type=float, nargs="+", default=[0.01, 0.05])
     parser.add_argument("--states", default="auto", choices=["auto", "periodic", "broadband"])
     parser.add_argument("--drive", choices=["moment", "rig", "displacement"])
+    parser.add_argument("--poor", action="store_true", help="three frequencies and two levels only")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, help="write every record as one line of JSON")
     given = parser.parse_args()
     from joblib import Parallel, delayed
 
     fixed = {"drive": given.drive} if given.drive else {}
+    if given.poor:
+        fixed |= {"frequencies": (3.0, 4.0, 5.0), "levels": (0.9, 0.5)}
     seeds = range(given.first, given.first + given.joints)
     records = Parallel(n_jobs=given.jobs)(
         delayed(one)(seed, noise, given.states, fixed) for noise in given.noise for seed in seeds

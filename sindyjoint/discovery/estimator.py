@@ -164,6 +164,10 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected"
             )
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, X, dtype=np.float64)
+        if weight is not None and np.any(weight < 0):
+            raise InputError(
+                f"sample_weight holds {weight.min():g}; weights that are not negative are wanted"
+            )
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
         catalogue = self._catalogue(with_inertia=X.shape[1] == 3)
         self.reference_ = Reference.of(X[:, 0], X[:, 1], y)

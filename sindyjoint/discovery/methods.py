@@ -23,7 +23,7 @@ Path = list[tuple[int, ...]]
 Method = Callable[[Evidence, tuple[int, ...], Mapping[int, int], np.random.Generator], Path]
 
 # Thresholds on scaled coefficients, as shares of the target's RMS.
-THRESHOLDS = np.geomspace(1e-3, 1.0, 31)
+THRESHOLDS = np.geomspace(1e-3, 1.0, 43)
 # A resampled fit costs as many fits as there are replicates: coarser steps, twenty replicates as pysindy's default.
 ENSEMBLE_THRESHOLDS = np.geomspace(2e-3, 0.5, 12)
 ENSEMBLE_MODELS = 20

@@ -42,7 +42,7 @@ class RowLabels:
         Raises
         ------
         InputError
-            For labels that are not one per row.
+            For labels that are not one per row, or blocks that are whole runs.
         """
         given = {"groups": groups, "runs": runs, "blocks": blocks}
         for name, values in given.items():
@@ -56,6 +56,12 @@ class RowLabels:
             run = np.asarray(groups if runs is None else runs)
             group = np.asarray(runs if groups is None else groups)
         block = np.asarray(blocks) if blocks is not None else _stretches(run)
+        if blocks is not None and len(set(zip(run.tolist(), block.tolist(), strict=True))) == len(
+            set(run.tolist())
+        ):
+            raise InputError(
+                "blocks has one block in each run; standard errors need the scatter of two or more"
+            )
         return cls(group, run, block)
 
 

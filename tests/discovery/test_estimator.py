@@ -1,0 +1,234 @@
+"""JointRegressor: scikit-learn's manners, one result by every way in, and what it does with terms given."""
+
+import pickle
+
+import numpy as np
+import pysindy
+import pytest
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut, cross_val_score
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import FunctionTransformer
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from sindyjoint.discovery.catalogue import Catalogue, load_catalogue
+from sindyjoint.discovery.estimator import JointRegressor
+from sindyjoint.discovery.library import TermLibrary
+from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.workflows.discover import discover
+
+IDS = (
+    "linear_stiffness",
+    "quadratic_stiffness",
+    "cubic_stiffness",
+    "linear_damping",
+    "coulomb_friction",
+)
+TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
+FEATURES = "the check feeds {} features; a force state has two (angle, rate) or three (with acceleration)"
+EXPECTED_FAILURES = {
+    "check_all_zero_sample_weights_error": FEATURES.format(20),
+    "check_dtype_object": FEATURES.format(10),
+    "check_estimators_dtypes": FEATURES.format(5),
+    "check_n_features_in_after_fitting": FEATURES.format(4),
+    "check_positive_only_tag_during_fit": FEATURES.format(10),
+    "check_regressor_data_not_an_array": FEATURES.format(10),
+    "check_regressors_int": FEATURES.format(10),
+    "check_regressors_no_decision_function": FEATURES.format(4),
+    "check_regressors_train": FEATURES.format(10),
+    "check_sample_weight_equivalence_on_dense_data": FEATURES.format(30),
+}
+
+
+@parametrize_with_checks(
+    [JointRegressor("paper")], expected_failed_checks=lambda estimator: EXPECTED_FAILURES
+)
+def test_scikit_learn_checks(estimator, check):
+    check(estimator)
+
+
+def test_same_result_as_discover(found, rows):
+    alone = JointRegressor().fit(**rows)
+    assert alone.selected_ == found.model.ids == IDS
+    np.testing.assert_array_equal(alone.coef_[:5], found.model.coefficients)
+    np.testing.assert_array_equal(alone.model_.standard_errors, found.model.standard_errors)
+
+
+def test_coefficients_are_the_true_ones_within_four_standard_errors(found):
+    assert np.all(
+        np.abs(found.model.coefficients - TRUTH) < 4 * found.model.standard_errors + 0.01 * np.abs(TRUTH)
+    )
+
+
+def test_fitting_twice_equals_fitting_once(rows):
+    once = JointRegressor().fit(**rows)
+    twice = JointRegressor().fit(rows["X"][::7], rows["y"][::7]).fit(**rows)
+    np.testing.assert_array_equal(once.coef_, twice.coef_)
+    assert once.get_params() == twice.get_params()
+
+
+def test_clone_and_pickle(rows):
+    fitted = JointRegressor("paper", forced=["linear_stiffness"], signs={"coulomb_friction": 1}).fit(**rows)
+    again = clone(fitted)
+    assert not hasattr(again, "coef_") and again.get_params() == fitted.get_params()
+    revived = pickle.loads(pickle.dumps(fitted))
+    np.testing.assert_array_equal(revived.predict(rows["X"]), fitted.predict(rows["X"]))
+
+
+def test_predict_is_the_model(rows):
+    fitted = JointRegressor().fit(**rows)
+    X = rows["X"]
+    np.testing.assert_allclose(fitted.predict(X), fitted.model_.moment(X[:, 0], X[:, 1]), rtol=1e-12)
+    assert fitted.score(X, rows["y"]) > 0.999
+
+
+def test_cross_val_score_over_frequencies(rows):
+    scores = cross_val_score(
+        JointRegressor(), rows["X"], rows["y"], groups=rows["groups"], cv=LeaveOneGroupOut()
+    )
+    assert scores.shape == (4,) and scores.min() > 0.999
+
+
+def test_grid_search_in_a_pipeline_picks_the_model_of_discover(found, rows):
+    pipeline = Pipeline([("states", FunctionTransformer()), ("joint", JointRegressor())])
+    grid = {"joint__threshold": [0.005, 0.05, 0.2], "joint__library": ["polynomial", "extended"]}
+    search = GridSearchCV(pipeline, grid, cv=LeaveOneGroupOut(), error_score="raise")
+    search.fit(rows["X"], rows["y"], groups=rows["groups"])
+    assert search.best_params_ == {"joint__threshold": 0.005, "joint__library": "extended"}
+    assert search.best_estimator_["joint"].selected_ == found.model.ids
+
+
+def test_the_same_library_in_pysindy_gives_the_same_coefficients(rows):
+    ours = JointRegressor("paper", threshold=0.0).fit(rows["X"], rows["y"])
+    library = TermLibrary("paper")
+    model = pysindy.SINDy(pysindy.STLSQ(threshold=0.01, alpha=0.0, unbias=False), feature_library=library)
+    model.fit(rows["X"], t=1.0, x_dot=rows["y"][:, None])
+    theirs = library.physical_coefficients(model.coefficients())[0]
+    np.testing.assert_allclose(theirs, ours.coef_, rtol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_order_of_the_catalogue_does_not_matter(rows, seed):
+    catalogue = load_catalogue("extended")
+    order = np.random.default_rng(seed).permutation(len(catalogue))
+    shuffled = Catalogue("shuffled", "", tuple(catalogue.terms[i] for i in order))
+    plain, other = JointRegressor(catalogue).fit(**rows), JointRegressor(shuffled).fit(**rows)
+    assert set(other.selected_) == set(plain.selected_)
+    coefficients = {t.id: (t.coefficient, t.standard_error) for t in other.model_.terms}
+    for term in plain.model_.terms:
+        assert coefficients[term.id] == pytest.approx((term.coefficient, term.standard_error), rel=1e-7)
+
+
+@pytest.mark.parametrize(("angle", "moment"), [(1e3, 1.0), (1.0, 1e-3), (57.3, 2e5)])
+def test_scaled_units_scale_the_coefficients(rows, angle, moment):
+    scaled = {
+        **rows,
+        "X": rows["X"] * angle,
+        "X_replicate": rows["X_replicate"] * angle,
+        "y": rows["y"] * moment,
+        "y_replicate": rows["y_replicate"] * moment,
+    }
+    plain, other = JointRegressor().fit(**rows), JointRegressor().fit(**scaled)
+    assert other.selected_ == plain.selected_
+    power = np.array([1, 2, 3, 1, 0])
+    np.testing.assert_allclose(other.coef_[:5], plain.coef_[:5] * moment / angle**power, rtol=1e-7)
+    np.testing.assert_allclose(
+        [t.unique_share for t in other.model_.terms], [t.unique_share for t in plain.model_.terms], rtol=1e-7
+    )
+
+
+def test_negated_motion_negates_the_even_term_only(rows):
+    mirrored = {**rows, "X": -rows["X"], "X_replicate": -rows["X_replicate"]}
+    mirrored |= {"y": -rows["y"], "y_replicate": -rows["y_replicate"]}
+    plain, other = JointRegressor().fit(**rows), JointRegressor().fit(**mirrored)
+    np.testing.assert_allclose(other.coef_[:5], plain.coef_[:5] * [1, -1, 1, 1, 1], rtol=1e-9)
+
+
+def test_forced_forbidden_signs_and_fixed(rows):
+    forced = JointRegressor(forced=["quintic_stiffness"]).fit(**rows)
+    assert {*IDS, "quintic_stiffness"} <= set(forced.selected_)
+    assert "cubic_stiffness" not in JointRegressor(forbidden=["cubic_stiffness"]).fit(**rows).selected_
+    negative = JointRegressor(signs={"coulomb_friction": -1}).fit(**rows)
+    assert "coulomb_friction" not in negative.selected_
+    assert JointRegressor(signs={"coulomb_friction": 1}).fit(**rows).selected_ == IDS
+    known = JointRegressor(fixed={"linear_stiffness": 6066.0}).fit(**rows)
+    assert known.selected_ == IDS
+    stiffness = known.model_["linear_stiffness"]
+    assert (stiffness.coefficient, stiffness.standard_error) == (6066.0, 0.0)
+    free = JointRegressor().fit(**rows).model_
+    assert known.model_["cubic_stiffness"].standard_error < 0.7 * free["cubic_stiffness"].standard_error
+    assert known.model_.fitted.moment_rms == pytest.approx(free.fitted.moment_rms)
+
+
+def test_a_known_inertia_can_be_fixed(inter_panel):
+    from dataclasses import replace
+
+    undeclared = replace(inter_panel, joint=replace(inter_panel.joint, inertia=None))
+    fixed = discover(undeclared, fixed={"inertia": 0.02})
+    declared = discover(inter_panel)
+    assert set(fixed.model.ids) == {*IDS, "inertia"} and fixed.model.inertia == 0.02
+    for term in IDS:
+        # the moment's RMS, and with it the unique shares, hold the inertia's part; the fit does not
+        assert fixed.model[term].coefficient == pytest.approx(declared.model[term].coefficient, rel=1e-6)
+
+
+def test_purely_viscous_data_yield_no_friction():
+    rng = np.random.default_rng(0)
+    phase = np.linspace(0, 40 * np.pi, 8000)
+    X = np.column_stack([8e-4 * np.sin(phase), 0.02 * np.cos(phase)])
+    X *= (1 + 0.5 * (np.arange(8000) // 2000))[:, None] / 2.5
+    y = 6066 * X[:, 0] + 48.13 * X[:, 1] + 0.02 * rng.normal(size=8000)
+    fitted = JointRegressor().fit(X, y, groups=np.arange(8000) // 2000)
+    assert fitted.selected_ == ("linear_stiffness", "linear_damping")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_shuffled_moments_yield_no_model(rows, seed):
+    shuffled = np.random.default_rng(seed).permutation(rows["y"])
+    fitted = JointRegressor().fit(**{**rows, "y": shuffled, "y_replicate": shuffled})
+    assert fitted.selected_ == () and "no set of terms" in fitted.selection_result_.reason
+    assert not fitted.predict(rows["X"]).any()
+
+
+def test_a_weight_of_two_counts_a_row_twice(rows):
+    X, y = rows["X"][:3000], rows["y"][:3000]
+    weight = np.random.default_rng(0).integers(0, 3, 3000)
+    weighted = JointRegressor("paper", threshold=0.0).fit(X, y, sample_weight=weight)
+    repeated = JointRegressor("paper", threshold=0.0).fit(np.repeat(X, weight, axis=0), np.repeat(y, weight))
+    np.testing.assert_allclose(weighted.coef_, repeated.coef_, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"method": "magic"}, UnknownNameError, "method is 'magic'; one of stlsq, best_subset"),
+        ({"selection": "luck"}, UnknownNameError, "selection is 'luck'"),
+        ({"threshold": 1.5}, InputError, "threshold is 1.5; a share of the moment's RMS"),
+        (
+            {"forced": ["nothing"]},
+            UnknownNameError,
+            "forced names 'nothing', which is not among the candidates",
+        ),
+        ({"signs": {"nothing": 1}}, UnknownNameError, "signs names 'nothing'"),
+        ({"signs": {"linear_stiffness": 2}}, InputError, "'linear_stiffness' is 2; \\+1 or -1 is wanted"),
+        ({"fixed": {"nothing": 1.0}}, UnknownNameError, "fixed names 'nothing'"),
+        ({"fixed": {"linear_stiffness": np.nan}}, InputError, "a finite coefficient is wanted"),
+        ({"library": "atlantis"}, UnknownNameError, "atlantis"),
+    ],
+)
+def test_bad_parameters_are_refused_in_fit(rows, options, error, message):
+    with pytest.raises(error, match=message):
+        JointRegressor(**options).fit(**rows)
+
+
+def test_bad_data_are_refused(rows):
+    with pytest.raises(InputError, match="sample_weight holds -1; weights that are not negative"):
+        JointRegressor().fit(rows["X"], rows["y"], sample_weight=np.full(len(rows["y"]), -1.0))
+    with pytest.raises(ValueError, match="non-zero"):
+        JointRegressor().fit(rows["X"], rows["y"], sample_weight=np.zeros(len(rows["y"])))
+    with pytest.raises(InputError, match="X has 1 feature\\(s\\); 2 \\(angle, rate\\) or 3"):
+        JointRegressor().fit(rows["X"][:, :1], rows["y"])
+    with pytest.raises(InputError, match="too few samples; record more or choose a smaller library"):
+        JointRegressor().fit(rows["X"][:20], rows["y"][:20])
+    with pytest.raises(InputError, match="groups has shape \\(3,\\)"):
+        JointRegressor().fit(rows["X"], rows["y"], groups=[1, 2, 3])

@@ -1,0 +1,94 @@
+"""Random joints: the exact terms, coefficients inside their intervals, and no friction where there is none.
+
+The full table is made by ``benchmarks/bench_recovery.py``; here a sample of it, seeds listed.
+"""
+
+import numpy as np
+import pytest
+from random_joints import TRUE_IDS, maxwell_campaign, random_plan, rising_stiffness
+
+from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.workflows.bias import corrected_model
+from sindyjoint.workflows.discover import discover
+from sindyjoint.workflows.independence import frequency_tests
+
+STANDARD = dict(frequencies=(3.0, 4.0, 5.0, 6.0), levels=(0.92, 0.63, 0.35), sample_rate=500.0, duration=5.0)
+
+
+def corrected(found):
+    chosen = set(found.regressor.selected_)
+    terms = [term for term in found.regressor.terms_ if term.id in chosen]
+    return corrected_model(found.model, terms, found.campaign, found.states, pairs=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(9))
+def test_exact_terms_at_one_per_cent_noise(seed):
+    plan = random_plan(seed, sample_rate=500.0, duration=5.0)
+    found = discover(plan.campaign(0.01))
+    assert found.model.ids == TRUE_IDS, str(plan)
+    assert found.verdict.verdict == "confirmed"
+    # 210 joints: the largest RMS error by drive is 1.1 % (k2, moment drive); 5 % is over four of those
+    assert np.abs(found.model.coefficients / plan.truth - 1).max() < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7, 147, 174])
+def test_a_share_below_the_noise_is_undecided_and_not_a_wrong_confirmed(seed):
+    """These three of 210 joints are missed at 5 % noise: another even term takes the place of a small k2."""
+    found = discover(random_plan(seed).campaign(0.05))
+    assert found.verdict.verdict in ("undecided", "confirmed")
+    assert (found.verdict.verdict == "confirmed") == (found.model.ids == TRUE_IDS)
+    if found.verdict.verdict == "undecided":
+        assert "may stand in place of quadratic stiffness" in found.verdict.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drive", ["moment", "rig", "displacement"])
+def test_three_frequencies_of_two_levels_at_five_per_cent(drive):
+    """Six runs are the least that the random joints hold; no such campaign may confirm a wrong set."""
+    plan = random_plan(5, drive=drive, frequencies=(3.0, 4.0, 5.0), levels=(0.9, 0.5), sample_rate=500.0)
+    found = discover(plan.campaign(0.05))
+    assert (found.verdict.verdict == "confirmed") == (found.model.ids == TRUE_IDS)
+
+
+def test_viscous_joint_has_no_friction():
+    law = PaperLaw(6066.0, -1.9e5, -2.684e9, 48.0, 0.0)
+    found = discover(virtual_campaign(law, duration=5.0, noise=0.01, random_state=0))
+    assert "coulomb_friction" not in found.model.ids
+    assert found.verdict.verdict == "refuted" and "coulomb friction" in found.verdict.reason
+
+
+@pytest.mark.slow
+def test_bias_is_found_and_taken_out_at_five_per_cent_noise():
+    """The damping of a moment-driven joint comes out some per cent low; over seeds the corrected mean is right."""
+    plan = random_plan(0, drive="moment", **{**STANDARD, "sample_rate": 1000.0})
+    raw, fixed = [], []
+    for seed in range(4):
+        found = discover(plan.campaign(0.05, random_state=seed), library="paper")
+        model = corrected(found).model
+        for scores, which in ((raw, found.model), (fixed, model)):
+            damping = which["linear_damping"]
+            scores.append((damping.coefficient - plan.law.c1) / damping.standard_error)
+        assert np.all(model.standard_errors >= found.model.standard_errors)
+    # means of four standard scores: ± 0.5; 1.5 is three of those. Without correction the mean is near -2
+    assert abs(np.mean(fixed)) < 1.5
+    assert np.mean(raw) < -1.0 and abs(np.mean(fixed)) < abs(np.mean(raw))
+
+
+@pytest.mark.slow
+def test_dependence_on_frequency_is_reported():
+    plan = random_plan(1, **STANDARD)
+    rising = discover(rising_stiffness(plan, 0.01, 0.10), library="paper")
+    tests = {t.name: t for t in frequency_tests(rising, corrected(rising).bias)}
+    assert tests["linear_stiffness"].answer == "depends on frequency"
+    assert tests["linear_stiffness"].change == pytest.approx(0.095, abs=0.01)
+    branch = discover(maxwell_campaign(plan, 0.01, 600.0, 0.03), library="paper")
+    tests = {t.name: t for t in frequency_tests(branch, corrected(branch).bias)}
+    assert tests["linear_stiffness"].answer == tests["linear_damping"].answer == "depends on frequency"
+    assert tests["linear_stiffness"].change > 0 > tests["linear_damping"].change
+    constant = discover(plan.campaign(0.01), library="paper")
+    tests = {t.name: t for t in frequency_tests(constant, corrected(constant).bias)}
+    # at 5 % each, five terms pass together in three of four campaigns; this one, seed 1, is one of them
+    assert {t.answer for t in tests.values()} <= {"independent within margin", "cannot tell"}

@@ -1,0 +1,154 @@
+"""The comparison of methods, frequencies and libraries, and its report."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from sindyjoint.discovery.methods import METHODS
+from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.reporting.comparison import TextTable, comparison_tables, long_csv, write_comparison
+from sindyjoint.workflows.bias import measure_bias
+from sindyjoint.workflows.compare import compare
+from sindyjoint.workflows.verdict import PAPER_TERMS
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return virtual_campaign(
+        frequencies=[3, 4, 6],
+        levels=[0.9, 0.6, 0.35],
+        sample_rate=500,
+        duration=4.0,
+        noise=0.01,
+        random_state=0,
+    )
+
+
+@pytest.fixture(scope="module")
+def result(campaign):
+    return compare(campaign, replicates=100, random_state=0)
+
+
+def test_every_method_frequency_and_library_is_asked(result):
+    assert [choice.name for choice in result.methods] == list(METHODS)
+    assert [choice.name for choice in result.frequencies] == ["3 Hz", "4 Hz", "6 Hz"]
+    assert [c.name for c in result.libraries][::5] == ["paper", "extended"]
+    assert result.methods[0].agrees and result.methods[0].ids == PAPER_TERMS
+
+
+def test_the_agreement_counts_what_the_choices_say(result):
+    agreeing = sum(set(choice.ids) == set(PAPER_TERMS) for choice in result.methods)
+    assert f"{agreeing} of {len(METHODS)} methods" in result.agreement
+    assert "5 of 5 libraries that offer them" in result.agreement
+    polynomial = result.libraries[1]
+    assert not polynomial.offers_paper_terms and "coulomb_friction" in polynomial.missing
+
+
+def test_left_out_errors_are_near_the_noise(result):
+    main = result.methods[0]
+    # 1 % noise of each channel, that of the angle felt through the stiffness
+    assert 0.009 < main.held_out < 0.02
+    assert 0.009 < main.response < 0.02
+    assert set(result.left_out) == {"frequency", "level"}
+    assert main.seconds > 0 and {step.size for step in main.path} == set(range(1, 25))
+
+
+def test_the_model_is_free_of_the_bias_that_is_told(result):
+    for term in result.model.terms:
+        plain = result.methods[0][term.id]
+        assert term.coefficient == pytest.approx(plain.coefficient - result.bias[term.id], rel=1e-9)
+        assert term.interval95[0] < term.coefficient < term.interval95[1]
+        assert term.standard_error >= plain.standard_error
+
+
+def test_record_is_plain_json(result):
+    data = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert data["schema"] == 1 and len(data["methods"]) == len(METHODS)
+    assert data["tests"][0]["answer"] in ("independent within margin", "depends on frequency", "cannot tell")
+    assert "discovery" not in data
+
+
+def test_csv_holds_every_choice_in_full(result):
+    rows = list(csv.DictReader(io.StringIO(long_csv(result))))
+    row = next(r for r in rows if r["name"] == "stlsq" and r["term"] == "linear_stiffness")
+    assert float(row["coefficient"]) == result.methods[0]["linear_stiffness"].coefficient
+    assert (row["chosen"], row["unit"]) == ("1", "N*m/rad")
+    kinds = 1 + len(result.methods) + len(result.frequencies) + len(result.libraries)
+    assert len(rows) == kinds * len(result.shown_ids)
+
+
+def test_tables_agree_with_the_record(result):
+    tables = {table.name: table for table in comparison_tables(result)}
+    assert set(tables) == {
+        "methods", "frequencies", "libraries", "coefficients", "frequency-dependence", "left-out",
+    }  # fmt: skip
+    row = next(r for r in tables["methods"].rows if r[0] == "the paper's set")
+    assert [cell == "yes" for cell in row[1:]] == [choice.agrees for choice in result.methods]
+
+
+def test_formats_escape_what_is_special():
+    table = TextTable(
+        "t", "50 % & more_or_less", ("a|b", "c"), (("x", "(−2.684 ± 0.012)·10⁹"), ("N·m/rad²", "–"))
+    )
+    assert r"a\|b" in table.markdown()
+    text = table.latex()
+    assert r"50 \% \& more\_or\_less" in text and r"\toprule" in text and r"\bottomrule" in text
+    assert r"($-$2.684 $\pm$ 0.012)$\cdot 10^{9}$" in text and r"N$\cdot$m/rad$^{2}$" in text
+
+
+def test_folder_is_complete_and_offline(result, tmp_path):
+    folder = write_comparison(result, tmp_path / "out", "sindyjoint compare", 0)
+    names = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+    assert names == {
+        "comparison.json", "comparison.csv", "comparison.md", "comparison.tex", "report.html", "figures/inclusion.svg",
+    }  # fmt: skip
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "http://" not in page.replace("http://www.w3.org", "") and "https://" not in page
+    assert "simulated, not measured" in page and result.agreement[1:] in page.replace("&#39;", "'")
+    assert (folder / "comparison.tex").read_text(encoding="utf-8").count(r"\begin{table}") == 6
+
+
+def test_wrong_options_are_refused(campaign):
+    with pytest.raises(UnknownNameError, match="method is 'magic'; one of stlsq"):
+        compare(campaign, methods=["magic"])
+    with pytest.raises(InputError, match="at least 10 and a positive one are wanted"):
+        compare(campaign, margin=-1)
+
+
+def test_one_frequency_has_no_test_of_dependence():
+    campaign = virtual_campaign(frequencies=[4], levels=[0.9, 0.6, 0.35], duration=3.0, random_state=0)
+    result = compare(campaign, methods=["stlsq", "best_subset"], libraries=["paper"], replicates=20)
+    assert result.tests == () and len(result.methods) == 2
+    assert any("one frequency" in text for text in result.warnings)
+    assert len(comparison_tables(result)) >= 3
+
+
+def test_bias_needs_two_pairs(result):
+    found = result.discovery
+    terms = [t for t in found.regressor.terms_ if t.id in found.model]
+    with pytest.raises(InputError, match="1 pair"):
+        measure_bias(found.model, terms, found.campaign, found.states, pairs=1)
+    one = measure_bias(found.model, terms, found.campaign, found.states, pairs=2, random_state=1)
+    same = measure_bias(found.model, terms, found.campaign, found.states, pairs=2, random_state=1)
+    np.testing.assert_array_equal(one.pooled, same.pooled)
+    assert one.by_group.shape == (3, 5) and set(one.driven) == {"moment"}
+
+
+def test_command_line(campaign, tmp_path):
+    import typer
+
+    from sindyjoint.cli.compare import compare as command
+    from sindyjoint.files import write_campaign
+
+    app = typer.Typer()
+    app.command()(command)
+    manifest = write_campaign(campaign, tmp_path / "campaign", "npz")
+    arguments = [str(manifest), "--json", "--method", "stlsq", "--replicates", "20"]
+    outcome = CliRunner().invoke(app, arguments)
+    assert outcome.exit_code == 0, outcome.output
+    assert json.loads(outcome.stdout)["methods"][0]["name"] == "stlsq"
