@@ -18,6 +18,7 @@ from sindyjoint.reporting.style import (
     MUTED,
     PALETTE,
     figure_bytes,
+    legend_above,
     new_figure,
     plain,
     prefixed,
@@ -154,7 +155,7 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"{run.channel.capitalize()} ({unit})")
     if zoom:
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.2)
+        legend_above(ax, 2, columns=2)
     else:
         ax.set_title(plain(shortened(run.name)))
     return ax
@@ -186,21 +187,26 @@ def amplitude(run: RunVerification, ax: Axes) -> Axes:
     ax.set_yscale("log")
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"Amplitude ({unit})")
-    ax.legend(loc="upper right")
+    legend_above(ax, 1, columns=2)
     return ax
 
 
 def period(run: RunVerification, ax: Axes) -> Axes:
-    """Draw the period from each turning point to the next but one."""
-    for (label, swings, _), color, marker in zip(_pair(run), (PALETTE[0], INK), ("o", "x"), strict=True):
-        if swings is not None:
-            ax.plot(
-                swings.time[1:-1] + run.time[0], 1e3 * swings.period, color=color, ls="none", marker=marker,
-                ms=2.5, label=label,
-            )  # fmt: skip
+    """Draw the period from each turning point to the next but one as a mark, and Hilbert's as a line."""
+    rate = 1 / (run.time[1] - run.time[0])
+    for (label, swings, signal), color, marker in zip(_pair(run), (PALETTE[0], INK), ("o", "x"), strict=True):
+        if swings is None or signal is None:
+            continue
+        ax.plot(
+            swings.time[1:-1] + run.time[0], 1e3 * swings.period, color=color, ls="none", marker=marker,
+            ms=2.5, label=label,
+        )  # fmt: skip
+        _, frequency = hilbert_envelope(signal, rate)
+        kept = slice(*(2 * int(float(np.median(swings.period)) * rate) * side for side in (1, -1)))
+        ax.plot(run.time[kept], 1e3 / frequency[kept], color=color, lw=0.7)
     ax.set_xlabel("Time (s)")
     ax.set_ylabel("Period (ms)")
-    ax.legend(loc="upper right")
+    legend_above(ax, 1, columns=2)
     return ax
 
 
@@ -234,9 +240,11 @@ def energy(run: RunVerification, ax: Axes) -> Axes:
                 ms=2.5,
                 label=label,
             )
-        ax.set_yscale("log")
+        shown = run.energy[run.energy > 1e-4 * largest]
+        if shown.size and shown.max() > 5 * shown.min():
+            ax.set_yscale("log")
         ax.set_ylabel(f"Dissipated per cycle ({unit})")
-        ax.legend(loc="upper right")
+        legend_above(ax, 1, columns=2)
     ax.set_xlabel("Cycle")
     return ax
 

@@ -135,14 +135,17 @@ def _in_turn(places: NDArray[np.intp], signs: Array, smooth: Array) -> tuple[NDA
 def hilbert_envelope(signal: ArrayLike, sample_rate: float) -> tuple[Array, Array]:
     """Return envelope and instantaneous frequency by Hilbert's transform, each of shape (n,).
 
-    The slow part (mean over one period) is taken away first; the frequency, Hz, is the phase's mean slope over a
-    period. Half a period at either end is an extrapolation.
+    Noise (by the local cubic of :func:`oscillation`) and the slow part (mean over one period) are taken away first;
+    the frequency, Hz, is the phase's mean slope over a period. A period at either end is an extrapolation.
     """
     from scipy.ndimage import uniform_filter1d
-    from scipy.signal import hilbert
+    from scipy.signal import hilbert, savgol_filter
 
     values = np.asarray(signal, dtype=np.float64)
     period = max(3, round(sample_rate / main_frequency(values, sample_rate)))
+    width = max(5, int(WINDOW * period) | 1)
+    if width < values.size:
+        values = savgol_filter(values, width, 3)
     swing = values - uniform_filter1d(values, period, mode="nearest")
     # Odd continuation at both ends: the transform of a record that breaks off has large end errors.
     n = min(2 * period, values.size - 1)
