@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -73,7 +74,8 @@ def diagnose(
             progress.say("writing the report")
             from sindyjoint.reporting.diagnosis import write_diagnosis
 
-            write_diagnosis(result, out)
+            files = [path for path in (model, campaign) if path is not None]
+            write_diagnosis(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

@@ -1,4 +1,4 @@
-"""``sindyjoint plot``: one figure alone, from the saved results of a discovery."""
+"""``sindyjoint plot``: one figure alone, from saved results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def plot(
     results: Annotated[
         Path,
         typer.Argument(
-            metavar="MODEL|DIR", help="Folder that discover --out wrote, or the model.json in it."
+            metavar="MODEL|DIR", help="Folder that a command wrote with --out, or the model.json in it."
         ),
     ],
     kind: Annotated[
@@ -36,21 +36,21 @@ def plot(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.files.atomic import write_bytes
-    from sindyjoint.reporting.output import load_data
+    from sindyjoint.reporting.saved import load_results
 
     target = out if out is not None else Path(f"{kind}.svg")
     suffix = target.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
         raise InputError(f"--out is {str(target)!r}; a name that ends in .svg, .pdf or .png is wanted")
-    data = load_data(results)
+    data = load_results(results)
 
-    from sindyjoint.reporting.figures import KINDS, draw, drawable
+    from sindyjoint.reporting.figures import draw, drawable, kinds_of
     from sindyjoint.reporting.style import figure_bytes
 
     if kind is None:
         names = drawable(data, parts=True)
         longest = max(map(len, names))
         for name in names:
-            typer.echo(f"{name:<{longest}}  {KINDS[name].caption}")
+            typer.echo(f"{name:<{longest}}  {kinds_of(data)[name].caption}")
         return
     typer.echo(f"wrote {write_bytes(target, figure_bytes(draw(kind, data, width), suffix, dpi))}", err=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -82,7 +83,7 @@ def verify(
             from sindyjoint.reporting.verification import write_verification
 
             progress.say("writing the results")
-            write_verification(result, out)
+            write_verification(result, out, ["sindyjoint", *sys.argv[1:]], random_state, (model, against))
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

@@ -19,22 +19,21 @@ from sindyjoint.files.atomic import output_folder
 from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.style import (
-    DOUBLE_COLUMN,
     INK,
     MUTED,
     PALETTE,
     RULE,
     figure_bytes,
-    new_figure,
+    plain,
     pretty_unit,
-    style,
+    shortened,
 )
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.rounding import rounded
 from sindyjoint.workflows.verdict import PAPER_TERMS
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
     from sindyjoint.workflows.comparison import Choice, Comparison
 
@@ -225,41 +224,43 @@ def long_csv(result: Comparison) -> str:
     return text.getvalue()
 
 
-def inclusion_map(result: Comparison) -> Figure:
-    """Draw which term is chosen by what: one row for each method, frequency, library, and the resampled campaigns."""
+def inclusion_height(result: Comparison) -> float:
+    """Return the height of the inclusion map, inches: its rows, and the names of the terms below them."""
+    return 2.0 + 0.17 * len(_inclusion_rows(result))
+
+
+def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
+    """Return label and share of each term: of the resampled campaigns first, then of every choice."""
     terms = result.shown_ids
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    rows: list[tuple[str, list[float]]] = [("resampled campaigns", [share.get(term, 0.0) for term in terms])]
+    rows = [("resampled campaigns", [share.get(term, 0.0) for term in terms])]
     for choices in (result.methods, result.frequencies, result.libraries):
         rows += [(choice.name, [float(choice[term] is not None) for term in terms]) for choice in choices]
+    return rows
+
+
+def inclusion(result: Comparison, ax: Axes) -> Axes:
+    """Draw which term is chosen by what: one row for each method, frequency, library, and the resampled campaigns."""
+    terms, rows = result.shown_ids, _inclusion_rows(result)
     ends = np.cumsum([1, len(result.methods), len(result.frequencies)])
-    with style():
-        figure = new_figure(DOUBLE_COLUMN, 0.9 + 0.17 * len(rows) + 1.1)
-        axes = figure.add_subplot()
-        for y, (_, values) in enumerate(rows):
-            for x, value in enumerate(values):
-                if value > 0:
-                    colour = PALETTE[0] if terms[x] in PAPER_TERMS else PALETTE[1]
-                    # Area tells the share of replicates; a full square is a certain choice.
-                    side = 0.86 * np.sqrt(value)
-                    axes.add_patch(_square(x, y, side, colour))
-        for end in ends:
-            axes.axhline(end - 0.5, color=MUTED, linewidth=0.6)
-        axes.axvline(len(PAPER_TERMS) - 0.5, color=INK, linewidth=0.8)
-        axes.set_xlim(-0.5, len(terms) - 0.5)
-        axes.set_ylim(len(rows) - 0.5, -0.5)
-        axes.set_xticks(
-            range(len(terms)),
-            [_words(term) for term in terms],
-            rotation=40,
-            ha="right",
-            rotation_mode="anchor",
-        )
-        axes.set_yticks(range(len(rows)), [name for name, _ in rows])
-        axes.tick_params(length=0)
-        axes.grid(color=RULE, linewidth=0.3)
-        axes.set_title("left of the line: the paper's five terms")
-    return figure
+    for y, (_, values) in enumerate(rows):
+        for x, value in enumerate(values):
+            if value > 0:
+                colour = PALETTE[0] if terms[x] in PAPER_TERMS else PALETTE[1]
+                # Area tells the share of replicates; a full square is a certain choice.
+                ax.add_patch(_square(x, y, 0.86 * np.sqrt(value), colour))
+    for end in ends:
+        ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
+    ax.axvline(len(PAPER_TERMS) - 0.5, color=INK, linewidth=0.8)
+    ax.set_xlim(-0.5, len(terms) - 0.5)
+    ax.set_ylim(len(rows) - 0.5, -0.5)
+    names = [_words(term) for term in terms]
+    ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
+    ax.set_yticks(range(len(rows)), [plain(shortened(name)) for name, _ in rows])
+    ax.tick_params(length=0)
+    ax.grid(color=RULE, linewidth=0.3)
+    ax.set_title("left of the line: the paper's five terms")
+    return ax
 
 
 def _square(x: float, y: float, side: float, colour: str) -> Any:
@@ -281,8 +282,12 @@ def write_comparison(
     OutputError
         If the folder cannot be written.
     """
+    from sindyjoint.reporting.figures import draw, drawable, kinds_of
+    from sindyjoint.reporting.saved import DATA_FILE, saved_text
+
     tables = comparison_tables(result)
-    svg = figure_bytes(inclusion_map(result), "svg")
+    kinds = kinds_of(result)
+    pictures = {kind: figure_bytes(draw(kind, result), "svg") for kind in drawable(result)}
     title = f"{result.joint}: terms by method, frequency and library"
     origin = provenance(result.discovery.campaign, seed, command_line)
     page = render(
@@ -291,12 +296,14 @@ def write_comparison(
         origin=origin,
         result=result,
         tables=tables,
-        caption=MAP_CAPTION,
-        picture=markup(inline_svg(svg, "inclusion", MAP_CAPTION)),
+        kinds=kinds,
+        pictures={kind: markup(inline_svg(svg, kind, kinds[kind].title)) for kind, svg in pictures.items()},
     )
     with output_folder(folder) as stage:
         (stage / "figures").mkdir()
-        (stage / "figures" / "inclusion.svg").write_bytes(svg)
+        for kind, picture in pictures.items():
+            (stage / "figures" / f"{kind}.svg").write_bytes(picture)
+        (stage / DATA_FILE).write_text(saved_text(result), encoding="utf-8", newline="\n")
         texts = {
             "comparison.json": json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
             + "\n",

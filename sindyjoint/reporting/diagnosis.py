@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sindyjoint.files.atomic import output_folder
-from sindyjoint.reporting.style import DOUBLE_COLUMN, INK, MUTED, PALETTE, figure_bytes, new_figure, style
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, figure_bytes, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from sindyjoint.workflows.diagnosis import Diagnosis, Gap
 
@@ -81,30 +81,39 @@ def _percent(value: float) -> str:
     return "–" if value != value else f"{100 * value:.3g} %"
 
 
-def write_diagnosis(result: Diagnosis, folder: str | os.PathLike[str]) -> Path:
-    """Write diagnosis.json, model.json and figures, all of them or none."""
+def write_diagnosis(
+    result: Diagnosis,
+    folder: str | os.PathLike[str],
+    command_line: str | Sequence[str] | None = None,
+    seed: object = None,
+    files: Sequence[str | os.PathLike[str]] = (),
+) -> Path:
+    """Write report.html, diagnosis.json, model.json and figures, all of them or none.
+
+    Parameters
+    ----------
+    result : Diagnosis
+    folder : path
+    command_line, seed, files
+        For the report's last section; see :func:`sindyjoint.reporting.provenance.provenance`.
+    """
+    from sindyjoint.reporting.figures import draw, drawable
+    from sindyjoint.reporting.provenance import provenance
+    from sindyjoint.reporting.result_pages import diagnosis_page
+    from sindyjoint.reporting.saved import DATA_FILE, saved_text
+
+    origin = provenance(None, seed, command_line, files)
     with output_folder(folder) as stage:
         (stage / "figures").mkdir()
-        for name, figure in draw_diagnosis(result).items():
-            (stage / "figures" / f"{name}.svg").write_bytes(figure_bytes(figure, "svg"))
+        for kind in drawable(result):
+            (stage / "figures" / f"{kind}.svg").write_bytes(figure_bytes(draw(kind, result), "svg"))
+        (stage / DATA_FILE).write_text(saved_text(result), encoding="utf-8", newline="\n")
+        (stage / "report.html").write_text(diagnosis_page(result, origin), encoding="utf-8", newline="\n")
         record = {**result.to_dict(), "reason": result.reason, "hidden": result.hidden}
         text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
         (stage / "diagnosis.json").write_text(text + "\n", encoding="utf-8", newline="\n")
         (stage / "model.json").write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
     return Path(folder)
-
-
-def draw_diagnosis(result: Diagnosis) -> dict[str, Figure]:
-    """Return the pictures: the gap by step, the budget of the first gap, the likelihood of the rivals."""
-    figures = {}
-    for name, draw in (("gap_by_step", gap_by_step), ("budget", budget_parts), ("rivals", rivals)):
-        if name == "rivals" and not result.steps:
-            continue
-        with style():
-            figure = new_figure(DOUBLE_COLUMN, 2.6)
-            draw(result, figure.add_subplot())
-        figures[name] = figure
-    return figures
 
 
 def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
@@ -125,7 +134,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     ax.set_xticks(range(len(labels)), labels)
     ax.set_ylabel("relative RMS, %")
     ax.set_title("Gap between model and measurement")
-    ax.legend(loc="upper right")
+    legend_above(ax, 2, columns=2)
     return ax
 
 

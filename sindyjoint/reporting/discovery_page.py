@@ -7,7 +7,7 @@ from typing import Any
 
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.equation import mathml, symbol_html
-from sindyjoint.reporting.figures import KINDS
+from sindyjoint.reporting.figures import DISCOVERY
 from sindyjoint.reporting.interactive import loops_payload, map_payload
 from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import Provenance
@@ -47,8 +47,10 @@ def discovery_page(data: ReportData, origin: Provenance, pictures: dict[str, byt
         symbols=[markup(symbol_html(term.symbol)) for term in data.model.terms],
         runs=run_rows(data),
         steps=step_rows(data),
-        kinds=KINDS,
-        pictures={kind: markup(inline_svg(svg, kind, KINDS[kind].title)) for kind, svg in pictures.items()},
+        kinds=DISCOVERY,
+        pictures={
+            kind: markup(inline_svg(svg, kind, DISCOVERY[kind].title)) for kind, svg in pictures.items()
+        },
         payload={"map": map_payload(data), "loops": loops_payload(data)},
     )
 

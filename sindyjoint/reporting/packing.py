@@ -6,7 +6,7 @@ import math
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -20,14 +20,16 @@ def pack(value: Any, skip: tuple[str, ...] = ()) -> Any:
 
     Parameters
     ----------
-    value : dataclass, ndarray, tuple, or plain value
+    value : dataclass, ndarray, mapping, tuple, or plain value
     skip : tuple of str
         Fields to leave out of a dataclass.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: pack(getattr(value, f.name)) for f in fields(value) if f.name not in skip}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return pack(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): pack(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [pack(item) for item in value]
     if isinstance(value, float):
@@ -41,10 +43,10 @@ def unpack(kind: Any, data: Any, **special: Callable[[Any], Any]) -> Any:
     Parameters
     ----------
     kind : type
-        A dataclass whose fields are numbers, texts, arrays, tuples, or such dataclasses.
+        A dataclass whose fields are numbers, texts, arrays, tuples, mappings, or such dataclasses.
     data : mapping
     **special : callable
-        How to read single fields.
+        How to read single fields; a field that was skipped is read from None.
 
     Raises
     ------
@@ -58,11 +60,11 @@ def unpack(kind: Any, data: Any, **special: Callable[[Any], Any]) -> Any:
     hints = get_type_hints(kind)
     read: dict[str, Any] = {}
     for field in fields(kind):
-        if field.name not in data:
-            raise InputError(f"not a saved {kind.__name__}: field {field.name!r} is missing")
         reader = special.get(field.name)
+        if field.name not in data and reader is None:
+            raise InputError(f"not a saved {kind.__name__}: field {field.name!r} is missing")
+        value = data.get(field.name)
         try:
-            value = data[field.name]
             read[field.name] = reader(value) if reader else _restore(hints[field.name], value)
         except (TypeError, ValueError) as error:
             if isinstance(error, InputError):
@@ -72,20 +74,44 @@ def unpack(kind: Any, data: Any, **special: Callable[[Any], Any]) -> Any:
 
 
 def _restore(hint: Any, value: Any) -> Any:
+    """Return a value of the type that a hint names."""
     origin, arguments = get_origin(hint), get_args(hint)
-    if origin is types.UnionType:
-        return None if value is None else _restore(next(a for a in arguments if a is not type(None)), value)
+    if origin in (types.UnionType, Union):
+        return _restore_one_of(arguments, value)
     if origin is np.ndarray:
         scalar = np.dtype(get_args(arguments[1])[0]) if len(arguments) > 1 else np.dtype(float)
         return np.array(value, dtype=scalar)
     if origin is tuple:
-        if not isinstance(value, list):
-            raise TypeError(f"a list is wanted, {value!r:.40} was given")
-        return tuple(_restore(arguments[0], item) for item in value)
+        return _restore_tuple(arguments, value)
+    if origin is dict:
+        if not isinstance(value, Mapping):
+            raise TypeError(f"a table is wanted, {value!r:.40} was given")
+        return {str(key): _restore(arguments[1], item) for key, item in value.items()}
     if is_dataclass(hint):
         return unpack(hint, value)
     if hint is float:
         return float("nan") if value is None else float(value)
-    if hint in (str, int) and not isinstance(value, hint):
+    if hint in (str, int, bool) and (
+        not isinstance(value, hint) or (hint is int and isinstance(value, bool))
+    ):
         raise TypeError(f"{hint.__name__} is wanted, {value!r:.40} was given")
     return value
+
+
+def _restore_one_of(hints: tuple[Any, ...], value: Any) -> Any:
+    """Return a value of the only one of several types that it can be: text, nothing, or the other one."""
+    if value is None and type(None) in hints:
+        return None
+    if isinstance(value, str) and str in hints:
+        return value
+    return _restore(next(hint for hint in hints if hint not in (type(None), str)), value)
+
+
+def _restore_tuple(hints: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise TypeError(f"a list is wanted, {value!r:.40} was given")
+    if len(hints) == 2 and hints[1] is Ellipsis:
+        return tuple(_restore(hints[0], item) for item in value)
+    if len(value) != len(hints):
+        raise ValueError(f"{len(hints)} values are wanted, {len(value)} were given")
+    return tuple(_restore(hint, item) for hint, item in zip(hints, value, strict=True))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 import platform
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 import numpy as np
 
@@ -40,20 +44,53 @@ class Provenance:
 
 
 def provenance(
-    campaign: Campaign, seed: object = None, command_line: str | Sequence[str] | None = None
+    campaign: Campaign | None = None,
+    seed: object = None,
+    command_line: str | Sequence[str] | None = None,
+    files: Sequence[str | os.PathLike[str]] = (),
 ) -> Provenance:
-    """Return the provenance of a result that is made now."""
+    """Return the provenance of a result that is made now.
+
+    Parameters
+    ----------
+    campaign : Campaign, optional
+        Its runs name the files that they come from.
+    seed : object
+    command_line : str or sequence of str, optional
+    files : sequence of path
+        Further files that were read, such as a model or a rig; folders stand for the manifest or model in them.
+    """
     return Provenance(
         command_line=_line(command_line),
         seed=_seed(seed),
         made=f"{str(np.datetime64('now', 's')).replace('T', ' ')} UTC",
         versions=versions(),
-        inputs=tuple(
-            (run.name, run.source.path if run.source else "", run.source.sha256 if run.source else "")
-            for run in campaign.runs
+        inputs=(
+            *(
+                (run.name, run.source.path if run.source else "", run.source.sha256 if run.source else "")
+                for run in (campaign.runs if campaign else ())
+            ),
+            *(entry for file in files for entry in _hashed(Path(file))),
         ),
-        notes=campaign.notes,
+        notes=campaign.notes if campaign else (),
     )
+
+
+def _hashed(path: Path) -> list[tuple[str, str, str]]:
+    """Return stem, name and SHA-256 of a file; of a campaign's manifest, of its run files too."""
+    if path.is_dir():
+        path = next(
+            (path / name for name in ("campaign.toml", "model.json") if (path / name).is_file()), path
+        )
+    if not path.is_file():
+        return []
+    listed = [path]
+    if path.suffix == ".toml":
+        runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
+        listed += [path.parent / run["file"] for run in runs if isinstance(run, dict) and "file" in run]
+    return [
+        (one.stem, one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in listed if one.is_file()
+    ]
 
 
 def versions() -> tuple[tuple[str, str], ...]:

@@ -36,6 +36,7 @@ FIXED_INK, FIXED_PAPER = "#1b1f25", "#fefefe"
 SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.0  # inch
 
 _RC: dict[str, Any] = {
+    "axes.axisbelow": True,
     "axes.edgecolor": INK,
     "axes.grid": True,
     "axes.labelcolor": INK,
@@ -58,6 +59,8 @@ _RC: dict[str, Any] = {
     "svg.fonttype": "path",
     "svg.hashsalt": "sindyjoint",
     "text.color": INK,
+    # Hinted text has another width at every resolution: what was laid out at one would be cut off at another.
+    "text.hinting": "none",
     "xtick.color": INK,
     "xtick.labelsize": 7,
     "ytick.color": INK,
@@ -114,7 +117,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 def plain(text: object) -> str:
     """Return text that matplotlib draws as it stands: no mathematics, no control characters."""
-    shown = "".join(char if char.isprintable() else "\ufffd" for char in str(text))
+    shown = "".join(char if char.isprintable() or char == "\n" else "\ufffd" for char in str(text))
     return shown.replace("$", r"\$")
 
 
@@ -155,7 +158,11 @@ def style() -> Iterator[None]:
 def legend_above(ax: Axes, lines: int, columns: int = 1) -> None:
     """Put the legend into the upper left corner and make room for its lines above what is drawn."""
     low, high = ax.get_ylim()
-    ax.set_ylim(low, high + 0.09 * lines * (high - low))
+    share = 0.09 * lines
+    if ax.get_yscale() == "log":
+        ax.set_ylim(low, high * (high / low) ** share)
+    else:
+        ax.set_ylim(low, high + share * (high - low))
     ax.legend(loc="upper left", ncols=columns, borderaxespad=0.2, labelspacing=0.3, columnspacing=1)
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,12 +74,33 @@ def _percent(value: float | None) -> str:
     return "–" if value is None else f"{100 * value:.3g} %"
 
 
-def write_verification(result: Verification, folder: str | os.PathLike[str]) -> Path:
-    """Write verification.json, model.json and a figure per run, all of them or none."""
+def write_verification(
+    result: Verification,
+    folder: str | os.PathLike[str],
+    command_line: str | Sequence[str] | None = None,
+    seed: object = None,
+    files: Sequence[str | os.PathLike[str]] = (),
+) -> Path:
+    """Write report.html, verification.json, model.json and a figure per run, all of them or none.
+
+    Parameters
+    ----------
+    result : Verification
+    folder : path
+    command_line, seed, files
+        For the report's last section; see :func:`sindyjoint.reporting.provenance.provenance`.
+    """
+    from sindyjoint.reporting.provenance import provenance
+    from sindyjoint.reporting.result_pages import verification_page
+    from sindyjoint.reporting.saved import DATA_FILE, saved_text, thinned
+
+    origin = provenance(None, seed, command_line, files)
     with output_folder(folder) as stage:
         (stage / "figures").mkdir()
         for name, figure in draw_verification(result).items():
             (stage / "figures" / f"{name}.svg").write_bytes(figure_bytes(figure, "svg"))
+        (stage / DATA_FILE).write_text(saved_text(thinned(result)), encoding="utf-8", newline="\n")
+        (stage / "report.html").write_text(verification_page(result, origin), encoding="utf-8", newline="\n")
         text = json.dumps(details(result), indent=1, ensure_ascii=False, allow_nan=False)
         (stage / "verification.json").write_text(text + "\n", encoding="utf-8", newline="\n")
         (stage / "model.json").write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")

@@ -12,7 +12,7 @@ from handmade import HOSTILE, report_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.reporting.figures import KINDS, draw, drawable
+from sindyjoint.reporting.figures import DISCOVERY, draw, drawable
 from sindyjoint.reporting.figures.kinds import Kind
 from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, new_figure, style
 
@@ -47,10 +47,10 @@ def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width):
             assert min(apart) < 0.7, f"{case} {kind} {width}: {one} overlaps {other}"
 
 
-@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.part])
+@pytest.mark.parametrize("kind", [name for name, kind in DISCOVERY.items() if kind.part])
 def test_a_panel_returns_its_axes(kind):
     data = report_data()
-    (panel,) = KINDS[kind].panels(data)
+    (panel,) = DISCOVERY[kind].panels(data)
     with style():
         ax = new_figure(3.5, 2.5).add_subplot()
         assert panel(data, ax) is ax
@@ -129,7 +129,7 @@ def test_a_kind_without_content_says_what_there_is():
 
 
 def test_kinds_carry_a_caption_each():
-    for name, kind in KINDS.items():
+    for name, kind in DISCOVERY.items():
         assert isinstance(kind, Kind) and kind.name == name
         assert kind.caption.endswith(".") and kind.title
 

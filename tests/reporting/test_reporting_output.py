@@ -16,7 +16,7 @@ from sindyjoint.errors import InputError, MissingInputError, OutputError, Unknow
 from sindyjoint.reporting import write_discovery
 from sindyjoint.reporting.data import gather
 from sindyjoint.reporting.figures import draw, drawable
-from sindyjoint.reporting.output import load_data
+from sindyjoint.reporting.saved import load_results
 from sindyjoint.reporting.style import figure_bytes
 
 app = typer.Typer()
@@ -86,7 +86,7 @@ def test_a_loop_is_one_period(discovery):
 
 
 def test_figures_drawn_later_are_the_same(results):
-    data = load_data(results)
+    data = load_results(results)
     for kind in drawable(data):
         assert figure_bytes(draw(kind, data), "svg") == (results / "figures" / f"{kind}.svg").read_bytes()
 
@@ -128,13 +128,15 @@ def test_plot_writes_a_figure(results, tmp_path, suffix, begins):
 def test_plot_without_a_kind_lists_them(results):
     found = run(results)
     assert found.exit_code == 0
-    assert [line.split()[0] for line in found.stdout.splitlines()] == drawable(load_data(results), parts=True)
+    assert [line.split()[0] for line in found.stdout.splitlines()] == drawable(
+        load_results(results), parts=True
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (["gone", "map"], MissingInputError, "'gone' does not exist; the folder that --out of discover wrote"),
+        (["gone", "map"], MissingInputError, "'gone' does not exist; a folder that a command wrote"),
         (["{empty}", "map"], MissingInputError, "holds no figures/data.json, from which figures are drawn; run"),
         (["{results}", "mapp"], UnknownNameError, "figure 'mapp' is not known; did you mean 'map'?"),
         (["{results}", "map", "--out", "map.gif"], InputError, "--out is 'map.gif'; a name that ends in .svg, .pdf or"),
@@ -154,7 +156,7 @@ def test_plot_refuses(results, tmp_path, arguments, error, message):
     [
         ("figures/data.json", "{", r"data.json': not JSON \("),
         ("figures/data.json", "[" * 100_000, "data.json': (nested too deeply|not JSON)"),
-        ("figures/data.json", "{}", "data.json': not a saved ReportData: field 'model' is missing"),
+        ("figures/data.json", "{}", "data.json': not a saved result: 'kind' is None; one of ReportData, Ver"),
         ("figures/data.json", "\xff", "data.json': not JSON"),
         ("model.json", "{}", "model.json': not a joint model"),
     ],
@@ -164,7 +166,7 @@ def test_damaged_results_name_the_file(results, tmp_path, name, text, message):
     shutil.copytree(results, folder)
     (folder / name).write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=message):
-        load_data(folder)
+        load_results(folder)
 
 
 def test_data_of_another_model_are_refused(results, tmp_path):
@@ -174,9 +176,9 @@ def test_data_of_another_model_are_refused(results, tmp_path):
     record["terms"][0]["coefficient"] *= 2
     (folder / "model.json").write_text(json.dumps(record))
     with pytest.raises(
-        InputError, match="belongs to another model than .*model.json'; run discover with --out again"
+        InputError, match="belongs to another model than .*model.json'; run the command with --out again"
     ):
-        load_data(folder)
+        load_results(folder)
 
 
 def test_a_report_of_a_hundred_runs_stays_small(discovery, tmp_path):

@@ -11,13 +11,18 @@ from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.reporting.data import gather
-from sindyjoint.reporting.figures.kinds import KINDS
+from sindyjoint.reporting.figures.kinds import DISCOVERY, OTHERS, kinds_of
 from sindyjoint.reporting.style import DOUBLE_COLUMN, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["KINDS", "draw", "drawable"]
+__all__ = ["DISCOVERY", "as_data", "draw", "drawable", "kinds_of"]
+
+
+def as_data(result: Any) -> Any:
+    """Return what figures are drawn from: a discovery gathered, any other result as it is."""
+    return result if isinstance(result, OTHERS) else gather(result)
 
 
 def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
@@ -26,8 +31,8 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
     Parameters
     ----------
     kind : str
-        One of :data:`KINDS`.
-    result : Discovery or ReportData
+        One of those that :func:`kinds_of` gives for the result.
+    result : Discovery, ReportData, Verification, Diagnosis or Comparison
     width : float
         Inches; below 5 the panels stand one under the other.
 
@@ -41,21 +46,24 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
     UnknownNameError
         For an unknown kind, or one that the result cannot show.
     """
-    if kind not in KINDS:
-        near = get_close_matches(kind, KINDS, 1)
+    data = as_data(result)
+    kinds = kinds_of(data)
+    if kind not in kinds:
+        near = get_close_matches(kind, kinds, 1)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise UnknownNameError(f"figure {kind!r} is not known; {hint}one of {', '.join(KINDS)} is wanted")
-    data = gather(result)
-    panels = KINDS[kind].panels(data)
+        raise UnknownNameError(f"figure {kind!r} is not known; {hint}one of {', '.join(kinds)} is wanted")
+    panels = kinds[kind].panels(data)
     if not panels:
         raise UnknownNameError(
             f"figure {kind!r} has nothing to show here; one of {', '.join(drawable(data))} has"
         )
     columns = 1 if width < 5 or len(panels) == 1 else (3 if len(panels) > 4 else 2)
     rows = math.ceil(len(panels) / columns)
-    cell = width / columns if len(panels) > 1 else min(width, 4.6)
+    chosen = kinds[kind]
+    cell = width / columns if len(panels) > 1 or chosen.wide else min(width, 4.6)
+    height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))
     with style():
-        figure = new_figure(cell * columns, rows * max(2.0, min(0.78 * cell, 2.7)))
+        figure = new_figure(cell * columns, rows * height)
         grid = figure.add_gridspec(rows, columns)
         for index, panel in enumerate(panels):
             row, column = divmod(index, columns)
@@ -79,5 +87,5 @@ def _few_ticks(ax: Axes) -> None:
 
 def drawable(result: Any, parts: bool = False) -> list[str]:
     """Return the kinds that a result can show; with ``parts``, single panels too."""
-    data = gather(result)
-    return [name for name, kind in KINDS.items() if (parts or not kind.part) and kind.panels(data)]
+    data = as_data(result)
+    return [name for name, kind in kinds_of(data).items() if (parts or not kind.part) and kind.panels(data)]

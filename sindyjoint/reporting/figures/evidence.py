@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,6 +27,10 @@ from sindyjoint.reporting.style import (
     pretty_unit,
 )
 from sindyjoint.reporting.units import quantities
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.frequency import FrequencyTest
+    from sindyjoint.workflows.comparison import Comparison
 
 # A parameter counts as the same at two frequencies when it differs by less than this.
 EQUIVALENCE = 0.10
@@ -120,6 +124,32 @@ def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
     _room(ax, values, errors, centre, shown)
     ax.set_ylabel(f"{_math(item.symbol)}" + (f" ({unit})" if unit else ""))
     ax.set_title(plain(item.name))
+    return ax
+
+
+def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
+    """Draw a coefficient by frequency, with 95 % intervals, the margin of equivalence and the answer of its tests."""
+    factor, unit = _scale(test.mean, result.units.get(test.name, ""))
+    centre = test.mean * factor
+    band = sorted((centre * (1 - test.margin), centre * (1 + test.margin)))
+    ax.axhspan(band[0], band[1], color=RULE, alpha=0.6, lw=0)
+    ax.axhline(centre, color=INK, linewidth=0.8)
+    frequencies, values = np.array(test.frequencies), np.array(test.estimates) * factor
+    errors = np.array(test.standard_errors) * abs(factor)
+    ax.errorbar(
+        frequencies, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0]
+    )
+    published = paper_values(result.joint, test.name)
+    shown = [(f, published[f"{f:.4g} Hz"] * factor) for f in frequencies if f"{f:.4g} Hz" in published]
+    if shown:
+        x, y = zip(*shown, strict=True)
+        aside = 0.03 * float(np.ptp(frequencies))
+        ax.plot(np.array(x) + aside, y, linestyle="none", marker="x", markersize=4, color=ACCENT)
+    _room(ax, values, errors, centre, [value for _, value in shown])
+    ax.margins(x=0.12)
+    ax.set_xlabel("Frequency (Hz)")
+    ax.set_ylabel(unit)
+    ax.set_title(plain(test.name.replace("_", " ")) + "\n" + plain(test.answer))
     return ax
 
 

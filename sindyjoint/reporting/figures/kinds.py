@@ -9,8 +9,14 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
+from sindyjoint.reporting import comparison, diagnosis, verification
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.figures import evidence, loops, maps, residuals
+from sindyjoint.reporting.figures.places import where
+from sindyjoint.reporting.style import plain, shortened
+from sindyjoint.workflows.comparison import Comparison
+from sindyjoint.workflows.diagnosis import Diagnosis
+from sindyjoint.workflows.verification import Verification
 
 Panel = Callable[[Any, Axes], Axes]
 MOST_PANELS = 6
@@ -26,16 +32,22 @@ class Kind:
     caption : str
         One sentence that says how to read it; also what a screen reader says.
     panels : callable
-        ReportData → panels to draw, in order; none: the result has nothing of this kind.
+        Result → panels to draw, in order; none: the result has nothing of this kind.
     part : bool
         Whether it is one panel of another kind, for drawing alone.
+    wide : bool
+        Whether a single panel takes the whole width.
+    height : callable, optional
+        Result → height of a panel in inches; default: by its width.
     """
 
     name: str
     title: str
     caption: str
-    panels: Callable[[ReportData], list[Panel]]
+    panels: Callable[[Any], list[Panel]]
     part: bool = False
+    wide: bool = False
+    height: Callable[[Any], float] | None = None
 
 
 def _fixed(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
@@ -118,10 +130,141 @@ _PARTS: dict[str, tuple[str, Panel]] = {
     "path-threshold": ("Number of terms over the threshold.", evidence.threshold),
 }
 
-KINDS: dict[str, Kind] = {
+DISCOVERY: dict[str, Kind] = {
     **{kind.name: kind for kind in _WHOLE},
     **{
         name: Kind(name, name.replace("-", ", "), caption, _fixed(panel), part=True)
         for name, (caption, panel) in _PARTS.items()
     },
 }
+
+
+def _of_runs(draw: Callable[[Any, Axes], Axes], has: Callable[[Any], bool]) -> Callable[[Any], list[Panel]]:
+    """Return panels that draw one run each."""
+
+    def panels(result: Any) -> list[Panel]:
+        shown = loops.spread([run for run in result.runs if has(run)], MOST_PANELS)
+        return [partial(_of_run, draw=draw, run=run, named=len(result.runs) > 1) for run in shown]
+
+    return panels
+
+
+def _of_run(result: Any, ax: Axes, draw: Callable[[Any, Axes], Axes], run: Any, named: bool) -> Axes:
+    draw(run, ax)
+    if named:
+        ax.set_title(plain(shortened(run.name)))
+    return ax
+
+
+VERIFICATION: dict[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "response",
+            "Response",
+            "Measured and simulated response over time, with the band that the uncertainty of the coefficients allows.",
+            _of_runs(verification.response, lambda run: True),
+            wide=True,
+        ),
+        Kind(
+            "cycles",
+            "First cycles",
+            "The first cycles of the measured and the simulated response.",
+            _of_runs(partial(verification.response, zoom=True), lambda run: True),
+        ),
+        Kind(
+            "envelope",
+            "Envelope",
+            "Amplitude of every swing, measured and simulated, with the envelope by Hilbert's transform.",
+            _of_runs(verification.amplitude, lambda run: any(run.oscillations)),
+        ),
+        Kind(
+            "period",
+            "Period",
+            "Period of every cycle, measured and simulated.",
+            _of_runs(verification.period, lambda run: any(run.oscillations)),
+        ),
+        Kind(
+            "error",
+            "Error",
+            "Simulated less measured response over time.",
+            _of_runs(verification.error, lambda run: run.simulated is not None),
+            wide=True,
+        ),
+        Kind(
+            "energy",
+            "Energy",
+            "Energy dissipated in every cycle, measured and simulated.",
+            _of_runs(verification.energy, lambda run: run.energy is not None),
+        ),
+    )
+}
+
+DIAGNOSIS: dict[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "gap",
+            "Gap by step",
+            "Gap between model and measurement before and after each named effect, beside the noise floor.",
+            _fixed(diagnosis.gap_by_step),
+            wide=True,
+        ),
+        Kind(
+            "where",
+            "Where the gap lies",
+            "Regions of the motion that hold more of the first gap than their share of the samples.",
+            lambda result: [where] if result.where else [],
+            wide=True,
+        ),
+        Kind(
+            "budget",
+            "Budget of the gap",
+            "What the first gap is made of: a function of the state, memory, differences between runs, processing, "
+            "noise.",
+            _fixed(diagnosis.budget_parts),
+            wide=True,
+        ),
+        Kind(
+            "rivals",
+            "Rivals",
+            "Probability of each named effect, and of the effects that would explain nearly as much.",
+            lambda result: [diagnosis.rivals] if result.steps else [],
+            wide=True,
+        ),
+    )
+}
+
+COMPARISON: dict[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "inclusion",
+            "Inclusion map",
+            comparison.MAP_CAPTION,
+            _fixed(comparison.inclusion),
+            wide=True,
+            height=comparison.inclusion_height,
+        ),
+        Kind(
+            "dependence",
+            "Coefficients by frequency",
+            "Each coefficient at each frequency alone with its 95 % interval; line and grey band: their mean and the "
+            "margin within which they count as the same. Crosses: the paper's tables, where the joint is one of its "
+            "own.",
+            lambda result: [partial(evidence.dependence, test=test) for test in result.tests],
+        ),
+    )
+}
+
+
+OTHERS = (Verification, Diagnosis, Comparison)
+
+
+def kinds_of(result: Any) -> dict[str, Kind]:
+    """Return the kinds of figure that belong to a result."""
+    if isinstance(result, Verification):
+        return VERIFICATION
+    if isinstance(result, Diagnosis):
+        return DIAGNOSIS
+    return COMPARISON if isinstance(result, Comparison) else DISCOVERY

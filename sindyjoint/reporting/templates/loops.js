@@ -15,7 +15,8 @@
 
   const select = control("group");
   groups.forEach((group, index) => select.append(new Option(group, String(index))));
-  select.append(new Option("all runs", "all"));
+  // Curves of different units never share an axis.
+  if (!data.each) select.append(new Option("all runs", "all"));
 
   function choose() {
     shown = data.runs
@@ -38,6 +39,8 @@
     }));
     reset();
   }
+
+  const vertical = () => shown[0]?.run.axis ?? data.y;
 
   function whole() {
     const xs = shown.flatMap((item) => item.run.x);
@@ -111,7 +114,8 @@
     context.save();
     context.translate(12, EDGE.top + inner.height / 2);
     context.rotate(-Math.PI / 2);
-    context.fillText(`${data.y.name} (${data.y.unit})`, 0, 0);
+    const { name, unit } = vertical();
+    context.fillText(`${name} (${unit})`, 0, 0);
     context.restore();
   }
 
@@ -145,7 +149,8 @@
     if (!best) return;
     const { run } = best.item;
     const modelled = run.model.length && run.model[best.index] !== null ? `, model ${tickText(run.model[best.index])} ${data.y.unit}` : "";
-    readout.textContent = `${run.run}: ${data.x.symbol} = ${tickText(run.x[best.index])} ${data.x.unit}, ${tickText(run.y[best.index])} ${data.y.unit}${modelled}`;
+    const where = `${data.x.symbol} = ${tickText(run.x[best.index])} ${data.x.unit}`;
+    readout.textContent = `${run.run}: ${where}, ${tickText(run.y[best.index])} ${vertical().unit}${modelled}`;
   }
 
   const drawing = sharpCanvas(canvas, paint);

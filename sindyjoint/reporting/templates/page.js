@@ -65,10 +65,22 @@ for (const code of document.querySelectorAll("code.copyable")) {
   code.after(" ", copyButton("Copy", () => code.textContent));
 }
 
-function sortKey(cell) {
-  if (!("value" in cell.dataset)) return cell.textContent.trim().toLowerCase();
-  const value = parseFloat(cell.dataset.value);
-  return Number.isNaN(value) ? -Infinity : value;
+// The number that a cell shows, such as "(−2.68 ± 0.01)·10⁹"; undefined for words.
+function shownNumber(text) {
+  const found = text.replace(/−/g, "-").match(/^[+(]?(-?\d+(?:\.\d+)?)(?:[^·]*·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?/);
+  if (!found) return undefined;
+  const power = [...(found[2] || "")].map((digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(digit)).map((d) => (d < 0 ? "-" : d)).join("");
+  return Number(found[1]) * 10 ** Number(power || 0);
+}
+
+function sortKeys(cells) {
+  const shown = cells.map((cell) => cell.textContent.trim());
+  if (cells.every((cell) => "value" in cell.dataset)) {
+    return cells.map((cell) => parseFloat(cell.dataset.value)).map((value) => (Number.isNaN(value) ? -Infinity : value));
+  }
+  const numbers = shown.map(shownNumber);
+  const isNumeric = shown.every((text, index) => numbers[index] !== undefined || text === "–" || text === "");
+  return isNumeric ? numbers.map((value) => value ?? -Infinity) : shown.map((text) => text.toLowerCase());
 }
 
 for (const table of document.querySelectorAll("table.sortable")) {
@@ -81,7 +93,9 @@ for (const table of document.querySelectorAll("table.sortable")) {
       const up = heading.getAttribute("aria-sort") !== "ascending";
       for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
       heading.setAttribute("aria-sort", up ? "ascending" : "descending");
-      const rows = [...table.tBodies[0].rows].map((row) => [sortKey(row.cells[column]), row]);
+      const bare = [...table.tBodies[0].rows];
+      const keys = sortKeys(bare.map((row) => row.cells[column]));
+      const rows = bare.map((row, index) => [keys[index], row]);
       rows.sort(([a], [b]) => (a < b ? -1 : a > b ? 1 : 0) * (up ? 1 : -1));
       table.tBodies[0].append(...rows.map(([, row]) => row));
     });
