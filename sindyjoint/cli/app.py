@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli import libraries, reproduce
+from sindyjoint.cli.compare import compare
 from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
@@ -43,6 +44,7 @@ def options(
 
 
 app.command("discover")(discover)
+app.command("compare")(compare)
 app.command("simulate")(simulate)
 app.command("verify")(verify)
 app.add_typer(reproduce.app, name="reproduce")
