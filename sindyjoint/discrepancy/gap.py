@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 PHASES = 240
 MOST_ROWS = 4000
 STRETCHES = 5
+FOLLOWED = 20
 # The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
 CHAIN_ERROR = 5e-4
 
@@ -195,12 +196,23 @@ def _whitener(
 
 def _strided(states: ForceStates, model: JointModel, group: str, scale: float) -> GapRun:
     """Take evenly spaced moving samples of a run that does not repeat."""
-    # The motion holds nothing above its bandwidth: twelve samples per period of it are enough to follow.
-    every = max(1, int(states.sample_rate / (12 * states.bandwidth)))
+    # The motion holds nothing above its bandwidth. Internal states are followed on some twenty samples per period of
+    # it: fewer than measured where the record is dense, more (by Hermite interpolation) where it is not.
+    every = max(1, int(states.sample_rate / (FOLLOWED * states.bandwidth)))
+    between = max(1, int(np.ceil(FOLLOWED * states.bandwidth / states.sample_rate))) if every == 1 else 1
     moving = np.flatnonzero(states.moving[::every])
-    keep = moving[:: max(1, moving.size // MOST_ROWS)]
+    rows = moving[:: max(1, moving.size // MOST_ROWS)]
     angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
-    motion = _motion(states, model, angle, rate, acceleration, every / states.sample_rate, keep, False)
+    step = every / states.sample_rate
+    target = states.moment[::every][rows] - (model.joint.inertia or 0.0) * acceleration[rows]
+    if between > 1:
+        jerk = np.gradient(acceleration, step)
+        angle, rate, acceleration = (
+            hermite(values, slope, step, between)
+            for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
+        )
+    keep = rows * between
+    motion = _motion(states, model, angle, rate, acceleration, step / between, keep, False)
     stiffness, damping = (s[keep] for s in slopes(model, motion.angle, motion.rate))
     noise = states.noise
     variance = (
@@ -210,10 +222,22 @@ def _strided(states: ForceStates, model: JointModel, group: str, scale: float) -
         + (stiffness * noise.angle) ** 2 * min(1.0, 2 * states.bandwidth / states.sample_rate)
         + (CHAIN_ERROR * scale) ** 2
     )
-    inertia = model.joint.inertia
-    target = states.moment[::every][keep] - (inertia or 0.0) * acceleration[keep]
     sigma = np.sqrt(variance)
     return GapRun(states.run, group, states.level, motion, target, 1 / sigma, sigma)
+
+
+def hermite(values: Array, slope: Array, step: float, between: int) -> Array:
+    """Return a signal at ``between`` instants per sample, by cubic Hermite interpolation of values and slopes."""
+    left, right = values[:-1, None], values[1:, None]
+    rise, fall = step * slope[:-1, None], step * slope[1:, None]
+    u = np.arange(between)[None, :] / between
+    inner = (
+        (1 + 2 * u) * (1 - u) ** 2 * left
+        + u * (1 - u) ** 2 * rise
+        + u**2 * (3 - 2 * u) * right
+        - u**2 * (1 - u) * fall
+    )
+    return np.append(inner.ravel(), values[-1])
 
 
 def _motion(

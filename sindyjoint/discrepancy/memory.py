@@ -2,8 +2,9 @@
 
 A formula is a short list of numbered operations (:class:`~sindyjoint.discovery.evaluation.TermFunction`); one small
 interpreter, compiled once and kept on disk, steps the rates of all states through the samples. The step is the
-linearly implicit Euler rule z⁺ = z + h·f/(1 − h·∂f/∂z), ∂f/∂z state by state: it is stable however short the distance
-or time in which a state forgets (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7).
+exponential Rosenbrock-Euler rule z⁺ = z + h·f·(eˣ − 1)/x, x = h·∂f/∂z, state by state, at the motion of the middle of
+the step: exact where the rate is linear in its state, and stable however short the distance or time in which it forgets
+(Hochbruck and Ostermann 2010, Acta Numerica 19, section 2.4).
 """
 
 from __future__ import annotations
@@ -131,7 +132,8 @@ def integrate_states(
                     registers[2 + j] = z[j]
                     if stiffness > 0.0:
                         stiffness = 0.0
-                    value = z[j] + h * slope[j] / (1.0 - h * stiffness)
+                    x = h * stiffness
+                    value = z[j] + h * slope[j] * (np.expm1(x) / x if x < -1e-9 else 1.0)
                     z[j] = min(max(value, -limits[j]), limits[j])
             states[:, i] = z
         # A state that forgets within a period needs two passes, not all of them.

@@ -113,7 +113,10 @@ def dwells(rate: Array) -> bool:
     Passing at a constant acceleration it spends a third as long within 5 % of the peak rate as within 15 %; a joint
     that sticks spends most of that time (0.5 to 0.9, measured on simulated joints).
     """
-    slow = np.abs(rate) / np.max(np.abs(rate))
+    peak = np.max(np.abs(rate))
+    if peak == 0:
+        return True
+    slow = np.abs(rate) / peak
     return bool(np.count_nonzero(slow < 0.05) > 0.47 * np.count_nonzero(slow < 0.15))
 
 
@@ -154,7 +157,7 @@ def broadband_states(
     low, first, second = smoothing_kernels(cutoff, run.sample_rate)
     half = low.size // 2
     if run.n_samples < 4 * low.size:
-        cutoff = min(WIDEST * run.sample_rate, 40 * run.sample_rate / run.n_samples)
+        cutoff = min(WIDEST * run.sample_rate, 72 * run.sample_rate / run.n_samples)
         low, first, second = smoothing_kernels(cutoff, run.sample_rate)
         half = low.size // 2
         if run.n_samples < 3 * low.size:

@@ -85,8 +85,11 @@ def compare(
     )
     evidence = found.regressor.evidence_
     clock.stop(with_time)
-    by_method = tuple(clock.run(f"method {name}", _method, name, evidence, random_state) for name in names)
-    by_frequency = clock.run("frequencies alone", _frequencies, found, evidence, names[0], random_state)
+    rule = {"significance": found.regressor.significance, "least_share": found.regressor.least_share_}
+    by_method = tuple(
+        clock.run(f"method {name}", _method, name, evidence, random_state, rule) for name in names
+    )
+    by_frequency = clock.run("frequencies alone", _frequencies, evidence, names[0], random_state, rule)
     by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
     left_out = clock.run(
         "leaving frequencies and levels out", _left_out, found, evidence, names[0], random_state
@@ -146,13 +149,13 @@ class _Clock:
         return result
 
 
-def _method(name: str, evidence: Evidence, random_state: Any) -> Choice:
+def _method(name: str, evidence: Evidence, random_state: Any, rule: dict[str, float]) -> Choice:
     start = time.perf_counter()
-    found = find(evidence, name, random_state)
+    found = find(evidence, name, random_state, **rule)
     seconds = time.perf_counter() - start
     held_out = float("nan")
     if len(evidence.groups) > 1:
-        held_out = cross_validate(evidence, method=name, random_state=random_state).moment_error
+        held_out = cross_validate(evidence, method=name, random_state=random_state, **rule).moment_error
     target = evidence.target_rms
     path = tuple(
         SizeScore(
@@ -179,13 +182,15 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
     )
 
 
-def _frequencies(found: Discovery, evidence: Evidence, method: str, random_state: Any) -> tuple[Choice, ...]:
+def _frequencies(
+    evidence: Evidence, method: str, random_state: Any, rule: dict[str, float]
+) -> tuple[Choice, ...]:
     """Put the question to the runs of each group alone."""
     if len(evidence.groups) < 2:
         return ()
     choices = []
     for group in evidence.groups:
-        alone = find(evidence.only([group]), method, random_state)
+        alone = find(evidence.only([group]), method, random_state, **rule)
         choices.append(Choice(group, _terms(alone), alone.selection.reason, len(alone.candidates)))
     return tuple(choices)
 
@@ -225,10 +230,10 @@ def _left_out(
     """Leave out frequencies, and levels where there are several of them."""
     result = {}
     if len(evidence.groups) > 1:
-        result["frequency"] = cross_validate(evidence, method=method, random_state=random_state)
+        result["frequency"] = cross_validate(evidence, method=method, random_state=random_state, **rule)
     levels = [state.level or state.run for state in found.states]
     if len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
-        result["level"] = cross_validate(evidence, levels, method=method, random_state=random_state)
+        result["level"] = cross_validate(evidence, levels, method=method, random_state=random_state, **rule)
     return result
 
 

@@ -232,3 +232,16 @@ def test_bad_data_are_refused(rows):
         JointRegressor().fit(rows["X"][:20], rows["y"][:20])
     with pytest.raises(InputError, match="groups has shape \\(3,\\)"):
         JointRegressor().fit(rows["X"], rows["y"], groups=[1, 2, 3])
+
+
+def test_a_motion_shared_by_all_blocks_asks_more_of_each_term(rows):
+    """Where the scatter of blocks lacks the angle's noise, a term must also carry 0.15 of the residual."""
+    shared = {**rows, "X_replicate": rows["X"], "y_replicate": rows["y"]}
+    own, one = JointRegressor().fit(**rows), JointRegressor().fit(**shared)
+    residual = one.selection_result_.path[0].fit.residual_rms / one.model_.fitted.moment_rms
+    assert own.least_share_ == own.least_share == 0.002
+    assert one.least_share_ == pytest.approx(max(0.002, 0.15 * residual))
+    noisy = rows["y"] + np.random.default_rng(0).normal(size=len(rows["y"])) * 0.1 * np.std(rows["y"])
+    loud = JointRegressor().fit(**{**shared, "y": noisy, "y_replicate": noisy})
+    # 10 % noise: 0.15 of it is 1.5 %
+    assert loud.least_share_ == pytest.approx(0.015, rel=0.05)

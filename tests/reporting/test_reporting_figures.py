@@ -25,26 +25,27 @@ CASES = {
 }
 
 
+def laid_out(figure, what):
+    """Check that no part of a panel leaves the sheet or lies on another panel."""
+    with style():
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        boxes = [ax.get_tightbbox(renderer) for ax in figure.axes]
+    sheet = figure.bbox
+    for box in boxes:
+        # Half a point of rounding of text sizes.
+        inside = box.x0 > -0.7 and box.y0 > -0.7 and box.x1 < sheet.x1 + 0.7 and box.y1 < sheet.y1 + 0.7
+        assert inside, f"{what}: {box} leaves {sheet}"
+    for one, other in combinations(boxes, 2):
+        apart = min(one.x1, other.x1) - max(one.x0, other.x0), min(one.y1, other.y1) - max(one.y0, other.y0)
+        assert min(apart) < 0.7, f"{what}: {one} overlaps {other}"
+
+
 @pytest.mark.parametrize("width", [SINGLE_COLUMN, DOUBLE_COLUMN])
 @pytest.mark.parametrize("case", CASES)
 def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width):
     data = report_data(**CASES[case])
     for kind in drawable(data):
-        figure = draw(kind, data, width)
-        with style():
-            renderer = FigureCanvasAgg(figure).get_renderer()
-            boxes = [ax.get_tightbbox(renderer) for ax in figure.axes]
-        sheet = figure.bbox
-        for box in boxes:
-            # Half a point of rounding of text sizes.
-            inside = box.x0 > -0.7 and box.y0 > -0.7 and box.x1 < sheet.x1 + 0.7 and box.y1 < sheet.y1 + 0.7
-            assert inside, f"{case} {kind} {width}: {box} leaves {sheet}"
-        for one, other in combinations(boxes, 2):
-            apart = (
-                min(one.x1, other.x1) - max(one.x0, other.x0),
-                min(one.y1, other.y1) - max(one.y0, other.y0),
-            )
-            assert min(apart) < 0.7, f"{case} {kind} {width}: {one} overlaps {other}"
+        laid_out(draw(kind, data, width), f"{case} {kind} {width}")
 
 
 @pytest.mark.parametrize("kind", [name for name, kind in DISCOVERY.items() if kind.part])
