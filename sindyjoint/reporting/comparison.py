@@ -256,10 +256,10 @@ def inclusion(result: Comparison, ax: Axes) -> Axes:
     ax.set_ylim(len(rows) - 0.5, -0.5)
     names = [_words(term) for term in terms]
     ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
-    ax.set_yticks(range(len(rows)), [plain(shortened(name)) for name, _ in rows])
+    ax.set_yticks(range(len(rows)), [plain(shortened(name, 20)) for name, _ in rows])
     ax.tick_params(length=0)
     ax.grid(color=RULE, linewidth=0.3)
-    ax.set_title("left of the line: the paper's five terms")
+    ax.set_title("left of the line: the paper's five")
     return ax
 
 

@@ -1,0 +1,148 @@
+"""Pages, figures and saved data of verifications, diagnoses and comparisons."""
+
+import json
+import types
+
+import numpy as np
+import pytest
+from handmade import HOSTILE, ORIGIN
+from handmade_results import comparison, diagnosis, verification
+from test_reporting_figures import laid_out
+from test_reporting_page import read
+
+from sindyjoint.errors import InputError
+from sindyjoint.record import Campaign, Run, Source
+from sindyjoint.reporting.comparison import write_comparison
+from sindyjoint.reporting.diagnosis import write_diagnosis
+from sindyjoint.reporting.figures import draw, drawable, kinds_of
+from sindyjoint.reporting.provenance import provenance
+from sindyjoint.reporting.result_pages import diagnosis_page, verification_page
+from sindyjoint.reporting.saved import KEPT_SAMPLES, load_results, saved_text, thinned
+from sindyjoint.reporting.style import figure_bytes
+from sindyjoint.reporting.verification import write_verification
+
+HOSTILES = {
+    "verification": lambda: verification(HOSTILE, (HOSTILE, "two"), subject=HOSTILE),
+    "diagnosis": lambda: diagnosis(HOSTILE),
+    "comparison": lambda: comparison(HOSTILE, HOSTILE),
+}
+MADE = {
+    "verification": verification,
+    "failed": lambda: verification(failed=True),
+    "diagnosis": diagnosis,
+    "nothing missing": lambda: diagnosis(verdict="nothing_missing"),
+    "comparison": comparison,
+}
+
+
+@pytest.mark.parametrize("width", [3.5, 7.0])
+@pytest.mark.parametrize("case", [*MADE, *(f"hostile {case}" for case in HOSTILES)])
+def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width):
+    result = {**MADE, **{f"hostile {name}": make for name, make in HOSTILES.items()}}[case]()
+    for kind in drawable(result):
+        laid_out(draw(kind, result, width), f"{case} {kind} {width}")
+
+
+def campaign():
+    return Campaign(
+        joint=types.SimpleNamespace(name="bench joint"),
+        runs=(Run("a", np.zeros(40), np.arange(40.0), 100.0, source=Source("a.csv", "ab" * 32)),),
+    )
+
+
+def written(result, folder):
+    if hasattr(result, "tests"):
+        object.__setattr__(result, "discovery", types.SimpleNamespace(campaign=campaign()))
+        return write_comparison(result, folder, "sindyjoint compare", 3)
+    write = write_verification if hasattr(result, "runs") else write_diagnosis
+    return write(result, folder, "sindyjoint made by hand", 3)
+
+
+@pytest.mark.parametrize("case", MADE)
+def test_figures_are_drawn_again_from_what_was_written(case, tmp_path):
+    result = MADE[case]()
+    folder = written(result, tmp_path / "out")
+    again = load_results(folder)
+    assert type(again) is type(result) and drawable(again) == drawable(result)
+    for kind in drawable(again):
+        assert figure_bytes(draw(kind, again), "svg").startswith(b"<?xml")
+    assert saved_text(thinned(again) if case in ("verification", "failed") else again) == (
+        folder / "figures" / "data.json"
+    ).read_text(encoding="utf-8")
+    html = (folder / "report.html").read_text(encoding="utf-8")
+    text = read(html).lines
+    assert "bench joint" in text and "Random seed" in text and "3" in text
+    ids = [attributes["id"] for _, attributes in read(html).tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+
+
+def page_of(case):
+    if case == "verification":
+        return verification_page(HOSTILES[case](), ORIGIN)
+    if case == "diagnosis":
+        return diagnosis_page(HOSTILES[case](), ORIGIN)
+    return None
+
+
+@pytest.mark.parametrize("case", HOSTILES)
+def test_what_people_wrote_is_text(case, tmp_path):
+    html = page_of(case) or (written(HOSTILES[case](), tmp_path / "out") / "report.html").read_text(
+        encoding="utf-8"
+    )
+    reader = read(html)
+    tags = {tag for tag, _ in reader.tags}
+    assert not tags & {"img", "link", "iframe", "object"}
+    assert not any(name.startswith("on") for _, attributes in reader.tags for name in attributes)
+    assert [a.get("type") for t, a in reader.tags if t == "script"] in ([None], ["application/json", None])
+    assert any(" ".join(HOSTILE.split()) in line for line in reader.lines)
+
+
+def test_the_verdicts_in_plain_words():
+    passed, failed = (read(verification_page(verification(failed=f), ORIGIN)).lines for f in (False, True))
+    assert "passed The model gives the measured response." in passed
+    assert "failed The model misses the response." in failed
+    assert "pulse at tip: the angle passed the softening limit at 0.2 s." in failed
+    lines = read(diagnosis_page(diagnosis(), ORIGIN)).lines
+    assert any(line.startswith("ambiguous Something is missing") for line in lines)
+    assert any(line.startswith("2.16 % → 1.04 %") for line in lines)
+    assert "Hidden in this virtual test was: jenkins element." in lines
+    nothing = read(diagnosis_page(diagnosis(verdict="nothing_missing"), ORIGIN)).lines
+    assert "nothing missing Nothing is missing: what is left is noise." in nothing
+
+
+def test_saved_responses_are_thinned_to_what_a_picture_shows():
+    result = verification()
+    long = verification()
+    run = long.runs[0]
+    for name in ("time", "measured", "simulated"):
+        object.__setattr__(run, name, np.resize(getattr(run, name), 40_000))
+    assert thinned(long).runs[0].time.size <= KEPT_SAMPLES < 40_000
+    assert thinned(result).runs[0].time.size == result.runs[0].time.size
+
+
+def test_provenance_hashes_what_was_read(tmp_path):
+    (tmp_path / "campaign.toml").write_text('[[run]]\nfile = "r.csv"\n[[run]]\nfile = "gone.csv"\n')
+    (tmp_path / "r.csv").write_bytes(b"abc")
+    found = provenance(files=[tmp_path, tmp_path / "gone"]).inputs
+    # SHA-256 of "abc": FIPS 180-2, appendix B.1.
+    assert found[1] == ("r", "r.csv", "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad")
+    assert [name for _, name, _ in found] == ["campaign.toml", "r.csv"]
+    assert (
+        provenance(campaign(), 7, ["sindyjoint", "discover", "a b"]).command_line
+        == "sindyjoint discover 'a b'"
+    )
+
+
+def test_an_unknown_kind_of_saved_result_is_refused(tmp_path):
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "data.json").write_text(json.dumps({"kind": "Poem"}))
+    with pytest.raises(
+        InputError, match="data.json': not a saved result: 'kind' is 'Poem'; one of ReportData, Ver"
+    ):
+        load_results(tmp_path)
+
+
+def test_every_kind_has_a_caption():
+    for make in MADE.values():
+        for name, kind in kinds_of(make()).items():
+            assert kind.name == name and kind.caption.endswith(".")
