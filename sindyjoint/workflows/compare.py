@@ -92,11 +92,11 @@ def compare(
     by_frequency = clock.run("frequencies alone", _frequencies, evidence, names[0], random_state, rule)
     by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
     left_out = clock.run(
-        "leaving frequencies and levels out", _left_out, found, evidence, names[0], random_state
+        "leaving frequencies and levels out", _left_out, found, evidence, names[0], random_state, rule
     )
     by_method = clock.run("simulating left-out runs", _with_responses, found, evidence, by_method)
     included = clock.run(
-        "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state
+        "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state, **rule
     )
     model, bias, fixed = clock.run("measuring the bias on a twin", _corrected, found, random_state)
     tests = clock.run("frequency dependence", frequency_tests, found, fixed, margin)
@@ -225,7 +225,7 @@ def _libraries(
 
 
 def _left_out(
-    found: Discovery, evidence: Evidence, method: str, random_state: Any
+    found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, float]
 ) -> dict[str, CrossValidation]:
     """Leave out frequencies, and levels where there are several of them."""
     result = {}
