@@ -85,7 +85,10 @@ def compare(
     )
     evidence = found.regressor.evidence_
     clock.stop(with_time)
-    rule = {"significance": found.regressor.significance, "least_share": found.regressor.least_share_}
+    rule: dict[str, Any] = {
+        "significance": found.regressor.significance,
+        "least_share": found.regressor.least_share_,
+    }
     by_method = tuple(
         clock.run(f"method {name}", _method, name, evidence, random_state, rule) for name in names
     )
@@ -149,7 +152,7 @@ class _Clock:
         return result
 
 
-def _method(name: str, evidence: Evidence, random_state: Any, rule: dict[str, float]) -> Choice:
+def _method(name: str, evidence: Evidence, random_state: Any, rule: dict[str, Any]) -> Choice:
     start = time.perf_counter()
     found = find(evidence, name, random_state, **rule)
     seconds = time.perf_counter() - start
@@ -183,7 +186,7 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
 
 
 def _frequencies(
-    evidence: Evidence, method: str, random_state: Any, rule: dict[str, float]
+    evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> tuple[Choice, ...]:
     """Put the question to the runs of each group alone."""
     if len(evidence.groups) < 2:
@@ -225,7 +228,7 @@ def _libraries(
 
 
 def _left_out(
-    found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, float]
+    found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> dict[str, CrossValidation]:
     """Leave out frequencies, and levels where there are several of them."""
     result = {}
