@@ -89,10 +89,10 @@ def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
     elif backwards:
         yield "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
     elif feeding:
-        moment, angle = channel_words(model)
+        load, motion = channel_words(model)
         yield (
             "the joint gives off energy in every run (negative dissipation): a channel may be reversed or the "
-            f"{moment} may lead the {angle} in time"
+            f"{load} may lead the {motion} in time"
         )
 
 
