@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sindyjoint.discovery.catalogue import Catalogue, as_catalogue
-from sindyjoint.discovery.model import Fitted, JointModel
+from sindyjoint.discovery.catalogue import Catalogue
+from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.skew import shifted
 from sindyjoint.discrepancy.budget import make_budget, where
 from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.discrepancy.effects import Effect, load_effects
-from sindyjoint.discrepancy.gap import GapRun, gap_runs
+from sindyjoint.discrepancy.gap import gap_runs
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank
 from sindyjoint.discrepancy.repair import Repaired, held_out_gap, refine_effect, refit
-from sindyjoint.record import Campaign, Run
-from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.record import Campaign
+from sindyjoint.states import ForceStates, campaign_states
 from sindyjoint.states.rows import group_labels
 from sindyjoint.workflows.advice import advise
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
+from sindyjoint.workflows.diagnosis_start import Work, applicable, first_model, kept_out
 from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.gap_response import processing_error, response_gap
 
@@ -41,36 +42,6 @@ LITTLE_HELP = 0.7
 MOST_REFUSALS = 2
 # Beyond noise by less than this factor, the chain's own error is as good an explanation.
 SIGNIFICANT_EXCESS = 1.25
-
-
-@dataclass(frozen=True, eq=False)
-class _Work:
-    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
-
-    campaign: Campaign
-    runs: tuple[Run, ...]
-    states: tuple[ForceStates, ...]
-    groups: tuple[str, ...]
-    model: JointModel
-    rows: tuple[GapRun, ...]
-
-    @classmethod
-    def build(
-        cls,
-        campaign: Campaign,
-        runs: Sequence[Run],
-        states: Sequence[ForceStates],
-        groups: Sequence[str],
-        model: JointModel,
-    ) -> _Work:
-        rows = gap_runs(states, model, groups)
-        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
-
-    @property
-    def noise(self) -> dict[str, float]:
-        """Noise of a single sample of the transfer moment, per run, N·m."""
-        inertia = self.model.inertia
-        return {s.run: float(np.hypot(s.noise.moment, inertia * s.noise.acceleration)) for s in self.states}
 
 
 def diagnose(
@@ -126,14 +97,14 @@ def diagnose(
 
         say("simulating a virtual test with something hidden in it")
         campaign, hidden = hidden_campaign(random_state)
-    campaign = _kept_out(the_campaign(campaign, random_state), hold_out)
-    candidates = _applicable(campaign, load_effects(library) if effects is None else effects)
+    campaign = kept_out(the_campaign(campaign, random_state), hold_out)
+    candidates = applicable(campaign, load_effects(library) if effects is None else effects)
     say("force states")
     states = campaign_states(campaign, rate_share=RATE_SHARE)
     runs = campaign.identification_runs
     drift = find_drift(runs, states)
-    start = _first_model(campaign, states, model, base)
-    work = _Work.build(campaign, runs, states, _groups(states), start)
+    start = first_model(campaign, states, model, base)
+    work = Work.build(campaign, runs, states, group_labels(states), start)
     initial_work = work
     problem = Problem.build(work.rows, work.model)
     steps: list[Step] = []
@@ -170,81 +141,14 @@ def diagnose(
     )
 
 
-def _kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
-    from sindyjoint.errors import UnknownNameError
-
-    known = [run.name for run in campaign.runs]
-    for name in names:
-        if name not in known:
-            raise UnknownNameError(f"hold_out names run {name!r}; the campaign has {', '.join(known)}")
-    if not names:
-        return campaign
-    return campaign.with_runs(
-        tuple(replace(r, use="validate") if r.name in names else r for r in campaign.runs)
-    )
-
-
-def _applicable(campaign: Campaign, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects that the campaign can show.
-
-    In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a skew of the
-    channels has no meaning.
-    """
-    if any(np.ptp(run.moment) > 0 for run in campaign.identification_runs):
-        return tuple(effects)
-    return tuple(e for e in effects if e.id != "inertia_error" and e.enters != "time shift")
-
-
-def _groups(states: Sequence[ForceStates]) -> list[str]:
-    return group_labels(states)
-
-
-def _first_model(
-    campaign: Campaign, states: Sequence[ForceStates], model: JointModel | None, base: Any
-) -> JointModel:
-    """Return the model to start from, fitted to the campaign."""
-    from sindyjoint.discovery.estimator import JointRegressor
-
-    inertia = campaign.joint.inertia
-    rows = regression_rows(states, inertia)
-    if model is None:
-        catalogue = as_catalogue(base)
-        fitted = (
-            JointRegressor(catalogue, threshold=0.0, motion=campaign.joint.motion)
-            .fit(**rows.fit_arguments())
-            .model_
-        )
-    else:
-        fitted = model
-    count = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
-    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
-    data = Fitted(
-        moment_rms=float(np.sqrt(np.mean(rows.y**2))),
-        residual_rms=fitted.fitted.residual_rms,
-        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
-        moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
-        samples=int(count.sum()),
-        runs=len(states),
-        angle=float(np.abs(rows.X[:, 0]).max()),
-        rate=float(np.abs(rows.X[:, 1]).max()),
-        frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
-        simulated=campaign.simulated,
-    )
-    fitted = replace(fitted, joint=campaign.joint, fitted=data)
-    # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
-    for _ in range(2):
-        fitted = refit(gap_runs(states, fitted, _groups(states)), fitted, ()).model
-    return fitted
-
-
 def _loop(
-    work: _Work,
+    work: Work,
     candidates: Sequence[Effect],
     most: int,
     steps: list[Step],
     before: Gap,
     say: Callable[[str], None],
-) -> tuple[Repaired, list[Step], _Work, float]:
+) -> tuple[Repaired, list[Step], Work, float]:
     """Add effects until the gap is noise, nothing explains it, or the count is reached."""
     found: list[FittedEffect] = []
     repaired = Repaired(work.model, ())
@@ -271,8 +175,8 @@ def _loop(
 
 
 def _added(
-    work: _Work, found: list[FittedEffect], candidates: Sequence[Effect]
-) -> tuple[_Work, list[FittedEffect], Repaired]:
+    work: Work, found: list[FittedEffect], candidates: Sequence[Effect]
+) -> tuple[Work, list[FittedEffect], Repaired]:
     """Add the last of some effects to those before it: align or retest, then estimate everything together."""
     if found[-1].effect.enters == "time shift":
         work, found = _aligned(work, found)
@@ -280,7 +184,7 @@ def _added(
         found = _retested(work, found, candidates)
     shifts = [f for f in found if f.effect.enters == "time shift"]
     repaired = refit(work.rows, work.model, [f for f in found if f.effect.enters != "time shift"])
-    work = _Work.build(work.campaign, work.runs, work.states, work.groups, repaired.model)
+    work = Work.build(work.campaign, work.runs, work.states, work.groups, repaired.model)
     return work, [*shifts, *repaired.effects], repaired
 
 
@@ -299,7 +203,7 @@ def _ranked(
     return rank(problem, fitted) if fitted else None
 
 
-def _aligned(work: _Work, found: list[FittedEffect]) -> tuple[_Work, list[FittedEffect]]:
+def _aligned(work: Work, found: list[FittedEffect]) -> tuple[Work, list[FittedEffect]]:
     """Shift the states by the delay found, and correct what the linear estimate missed."""
     delay = found[-1]
     total = 0.0
@@ -320,10 +224,10 @@ def _aligned(work: _Work, found: list[FittedEffect]) -> tuple[_Work, list[Fitted
         if gain < 1.0:
             break
     found = [*found[:-1], replace(delay, coefficients=np.array([total]), gain=found[-1].gain)]
-    return _Work.build(work.campaign, work.runs, states, work.groups, work.model), found
+    return Work.build(work.campaign, work.runs, states, work.groups, work.model), found
 
 
-def _retested(work: _Work, found: list[FittedEffect], candidates: Sequence[Effect]) -> list[FittedEffect]:
+def _retested(work: Work, found: list[FittedEffect], candidates: Sequence[Effect]) -> list[FittedEffect]:
     """Refit the inner parameters of all effects beside one another; drop one whose part the others have taken over."""
     fixed = [f for f in found if f.effect.enters == "time shift"]
     moving = [f for f in found if f.effect.enters != "time shift"]
@@ -383,22 +287,22 @@ def _drift_step(drift: ChannelDrift, before: Gap, after: Gap) -> Step:
     return Step(drift.effect, "run", (drift.effect,), 0.99, (), {"slope": unit}, (), before, after)
 
 
-def _undrifted(work: _Work, drift: ChannelDrift) -> _Work:
+def _undrifted(work: Work, drift: ChannelDrift) -> Work:
     """Return the work with the drifting channel put right."""
     runs = tuple(without_drift(run, drift) for run in work.runs)
     campaign = work.campaign.with_runs((*runs, *work.campaign.validation_runs))
     states = campaign_states(campaign, rate_share=RATE_SHARE)
     model = refit(gap_runs(states, work.model, work.groups), work.model, ()).model
-    return _Work.build(campaign, runs, states, work.groups, model)
+    return Work.build(campaign, runs, states, work.groups, model)
 
 
-def _gap(work: _Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
+def _gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
     adding = [e for e in effects if e.effect.enters != "time shift"]
     moment, _ = held_out_gap(work.rows, model, adding, work.noise, refine_effect)
     return Gap(moment, response_gap(work.campaign, work.runs, work.states, model, effects))
 
 
-def _noise_floor(work: _Work) -> Gap:
+def _noise_floor(work: Work) -> Gap:
     """Return what does not repeat, relative to the signals, over all runs."""
     weight = np.array([np.count_nonzero(s.moving) for s in work.states], dtype=float)
     noise = np.array([work.noise[s.run] for s in work.states])
@@ -453,7 +357,7 @@ def _humble(steps: Sequence[Step], verdict: str) -> list[Step]:
     return [replace(s, probability=min(0.5 * s.probability, 0.5)) for s in steps]
 
 
-def _warnings(campaign: Campaign, states: Sequence[ForceStates], work: _Work) -> list[str]:
+def _warnings(campaign: Campaign, states: Sequence[ForceStates], work: Work) -> list[str]:
     lines = []
     if campaign.simulated:
         lines.append("the campaign is simulated (a virtual test), not measured")

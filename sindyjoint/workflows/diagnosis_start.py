@@ -1,0 +1,112 @@
+"""What a diagnosis starts from: the campaign as rows, the model fitted to it, the effects that it can show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.discovery.catalogue import as_catalogue
+from sindyjoint.discovery.model import Fitted, JointModel
+from sindyjoint.discrepancy.effects import Effect
+from sindyjoint.discrepancy.gap import GapRun, gap_runs
+from sindyjoint.discrepancy.repair import refit
+from sindyjoint.errors import UnknownNameError
+from sindyjoint.record import Campaign, Run
+from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.states.rows import group_labels
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
+
+    campaign: Campaign
+    runs: tuple[Run, ...]
+    states: tuple[ForceStates, ...]
+    groups: tuple[str, ...]
+    model: JointModel
+    rows: tuple[GapRun, ...]
+
+    @classmethod
+    def build(
+        cls,
+        campaign: Campaign,
+        runs: Sequence[Run],
+        states: Sequence[ForceStates],
+        groups: Sequence[str],
+        model: JointModel,
+    ) -> Work:
+        """Return the work with the rows that its states and model make."""
+        rows = gap_runs(states, model, groups)
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Noise of a single sample of the transfer moment, per run, N·m."""
+        inertia = self.model.inertia
+        return {s.run: float(np.hypot(s.noise.moment, inertia * s.noise.acceleration)) for s in self.states}
+
+
+def kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
+    """Return the campaign with some runs marked as kept for validation; UnknownNameError names one it lacks."""
+    known = [run.name for run in campaign.runs]
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(f"hold_out names run {name!r}; the campaign has {', '.join(known)}")
+    if not names:
+        return campaign
+    return campaign.with_runs(
+        tuple(replace(r, use="validate") if r.name in names else r for r in campaign.runs)
+    )
+
+
+def applicable(campaign: Campaign, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects that the campaign can show.
+
+    In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a skew of the
+    channels has no meaning.
+    """
+    if any(np.ptp(run.moment) > 0 for run in campaign.identification_runs):
+        return tuple(effects)
+    return tuple(e for e in effects if e.id != "inertia_error" and e.enters != "time shift")
+
+
+def first_model(
+    campaign: Campaign, states: Sequence[ForceStates], model: JointModel | None, base: Any
+) -> JointModel:
+    """Return the model to start from, fitted to the campaign."""
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    inertia = campaign.joint.inertia
+    rows = regression_rows(states, inertia)
+    if model is None:
+        catalogue = as_catalogue(base)
+        fitted = (
+            JointRegressor(catalogue, threshold=0.0, motion=campaign.joint.motion)
+            .fit(**rows.fit_arguments())
+            .model_
+        )
+    else:
+        fitted = model
+    count = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
+    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
+    data = Fitted(
+        moment_rms=float(np.sqrt(np.mean(rows.y**2))),
+        residual_rms=fitted.fitted.residual_rms,
+        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
+        moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
+        samples=int(count.sum()),
+        runs=len(states),
+        angle=float(np.abs(rows.X[:, 0]).max()),
+        rate=float(np.abs(rows.X[:, 1]).max()),
+        frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
+        simulated=campaign.simulated,
+    )
+    fitted = replace(fitted, joint=campaign.joint, fitted=data)
+    # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
+    for _ in range(2):
+        fitted = refit(gap_runs(states, fitted, group_labels(states)), fitted, ()).model
+    return fitted
