@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from typing import Any
 
@@ -61,7 +60,7 @@ def loops_payload(data: ReportData) -> dict[str, Any]:
     has_model = bool(data.model.terms)
     return {
         "x": _label(q.angle, q.angle_symbol, x_unit),
-        "y": _label(q.transfer, q.transfer_symbol, y_unit),
+        "y": _label(q.transfer, "", y_unit),
         "palette": PALETTE,
         "runs": [
             {
@@ -78,16 +77,11 @@ def loops_payload(data: ReportData) -> dict[str, Any]:
 
 
 def _axis(name: str, symbol: str, unit: str, edges: Any) -> dict[str, Any]:
-    return {"name": name, "symbol": _text(symbol), "unit": unit, "edges": _numbers(edges)}
+    return {"name": name, "symbol": symbol, "unit": unit, "edges": _numbers(edges)}
 
 
 def _label(name: str, symbol: str, unit: str) -> dict[str, str]:
-    return {"name": name, "symbol": _text(symbol), "unit": unit}
-
-
-def _text(symbol: str) -> str:
-    """Return a mathtext symbol as plain letters."""
-    return re.sub(r"\\dot\{(.*?)\}", "\\1\u0307", symbol.strip("$")).replace(r"\theta", "θ")
+    return {"name": name, "symbol": symbol, "unit": unit}
 
 
 def _short(value: float) -> float | None:

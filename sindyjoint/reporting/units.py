@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Quantities:
-    """Names, symbols and SI units for one kind of motion; symbols are mathtext for axes."""
+    """Names, symbols and SI units for one kind of motion.
+
+    The dot over a letter is a combining character: setting it as mathematics costs a hundred times as much.
+    """
 
     angle: str
     angle_symbol: str
@@ -17,32 +20,29 @@ class Quantities:
     rate_unit: str
     moment: str
     transfer: str
-    transfer_symbol: str
     moment_unit: str
 
 
 _ROTATION = Quantities(
     "Angle",
-    r"$\theta$",
+    "θ",
     "rad",
     "Rate",
-    r"$\dot{\theta}$",
+    "θ\u0307",
     "rad/s",
     "Moment",
     "Transfer moment",
-    "$M_T$",
     "N*m",
 )
 _TRANSLATION = Quantities(
     "Displacement",
-    "$x$",
+    "x",
     "m",
     "Velocity",
-    r"$\dot{x}$",
+    "x\u0307",
     "m/s",
     "Force",
     "Transfer force",
-    "$F_T$",
     "N",
 )
 

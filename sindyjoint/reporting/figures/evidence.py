@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 # A parameter counts as the same at two frequencies when it differs by less than this.
 EQUIVALENCE = 0.10
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def path(result: Any, ax: Axes) -> Axes:
@@ -221,9 +222,9 @@ def _scale(value: float, unit: str) -> tuple[float, str]:
 def _math(symbol: str) -> str:
     """Return a term's symbol with its index lowered; text that is not such a symbol stays as it is."""
     head, tail = split_symbol(symbol)
-    if head.isalpha() and (not tail or tail.isalnum()):
-        return f"${head}_{{{tail}}}$" if tail else f"${head}$"
-    return plain(symbol)
+    if tail.isdigit() or not tail:
+        return plain(head + tail.translate(SUBSCRIPTS))
+    return f"${head}_{{{tail}}}$" if head.isalpha() and tail.isalnum() else plain(symbol)
 
 
 def _room(ax: Axes, values: Any, errors: Any, centre: float, shown: list[float]) -> None:

@@ -85,7 +85,7 @@ def cut_at_rest(result: Any, ax: Axes) -> Axes:
         ax.plot([], [], linestyle="none", marker=".", markersize=4, color=INK, label="model in those cells")
         ax.plot([], [], color=MUTED, label=f"model at {q.rate_symbol} = 0±")
     ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
-    ax.set_ylabel(f"{q.transfer_symbol} ({y_unit})")
+    ax.set_ylabel(f"{q.transfer} ({y_unit})")
     ax.set_title(f"Cut at {q.rate_symbol} = 0")
     legend_above(ax, 4 if data.model.terms else 2)
     return ax
@@ -130,7 +130,7 @@ def cut_at_centre(result: Any, ax: Axes) -> Axes:
         )
     name, unit = q.angle_symbol, prefixed(float(np.max(np.abs(edges))), q.angle_unit)
     ax.set_xlabel(f"{q.rate} {q.rate_symbol} ({x_unit})")
-    ax.set_ylabel(f"{q.transfer_symbol} ({y_unit})")
+    ax.set_ylabel(f"{q.transfer} ({y_unit})")
     ax.set_title(f"Cut at {name} = {centre * unit[0]:.3g}" + (f" {unit[1]}" if centre else ""))
     legend_above(ax, 2)
     return ax

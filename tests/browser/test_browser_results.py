@@ -1,0 +1,77 @@
+"""The pages of a verification, a diagnosis and a comparison in a real browser: same bones, same manners."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
+from test_reporting_results import HOSTILES, page_of, written  # noqa: E402
+
+
+@pytest.fixture(scope="module", params=HOSTILES)
+def page_path(request, tmp_path_factory):
+    """Return one of the pages, of a joint whose name is an attack."""
+    folder = tmp_path_factory.mktemp(request.param)
+    html = page_of(request.param)
+    if html is None:
+        return written(HOSTILES[request.param](), folder / "out") / "report.html"
+    path = folder / f"{request.param}.html"
+    path.write_text(html, encoding="utf-8")
+    return path
+
+
+def test_page_reads_and_prints(open_page, page_path, screenshots):
+    page = open_page(page_path)
+    page.screenshot(path=screenshots / f"{page_path.stem}-{page_path.parent.parent.name}.png", full_page=True)
+    assert page.locator("h1").inner_text().startswith("<script>document.title='taken'</script>")
+    assert page.title() != "taken"
+    box = page.locator(".verdict").bounding_box()
+    assert box["y"] + box["height"] < 800
+    assert page.locator("figure svg").count() >= 2
+    page.emulate_media(media="print")
+    assert page.locator("figure svg").first.is_visible() and not page.locator(".bar").is_visible()
+
+
+def test_narrow_and_dark(open_page, page_path):
+    page = open_page(page_path, viewport={"width": 360, "height": 740}, color_scheme="dark")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 29)"
+
+
+def test_tables_sort_by_the_numbers_they_show(open_page, page_path):
+    page = open_page(page_path)
+    table = page.locator("table.sortable").first
+    heading = table.locator("thead th").nth(1)
+    heading.locator("button").click()
+    assert heading.get_attribute("aria-sort") == "ascending"
+    # Shown numbers, units and dashes included, are in order as numbers.
+    order = page.evaluate(
+        """() => {
+            const cells = [...document.querySelectorAll("table.sortable tbody tr")].map((row) => row.cells[1]);
+            return sortKeys(cells.slice(0, document.querySelector("table.sortable").tBodies[0].rows.length));
+        }"""
+    )
+    assert order == sorted(order)
+
+
+def test_numbers_are_read_from_what_is_shown(open_page, page_path):
+    page = open_page(page_path)
+    shown = ["5910 ± 40", "(−2.684 ± 0.012)·10⁹", "1.04 %", "−0.5", "+0.02%", "stlsq", "(1.5 ± 0.1)·10⁻⁵"]
+    read = page.evaluate("texts => texts.map((text) => shownNumber(text) ?? null)", shown)
+    assert (
+        read[:5] == [5910, -2.684e9, 1.04, -0.5, 0.02]
+        and read[5] is None
+        and read[6] == pytest.approx(1.5e-5)
+    )
+
+
+def test_responses_are_drawn_over_each_other(open_page, page_path):
+    if "verification" not in page_path.name:
+        pytest.skip("only a verification has curves over time")
+    page = open_page(page_path)
+    canvas = page.locator("#loops2d canvas")
+    canvas.scroll_into_view_if_needed()
+    page.wait_for_function("document.querySelector('#loops2d canvas').dataset.shown === '2'")
+    page.locator("#loops2d [data-role=legend] button").last.click()
+    assert canvas.get_attribute("data-shown") == "1"
