@@ -18,10 +18,14 @@ if TYPE_CHECKING:
 
 class _Method(StrEnum):
     stlsq = "stlsq"
+    best_subset = "best_subset"
+    backward = "backward"
     coefficient_stlsq = "coefficient_stlsq"
     sr3 = "sr3"
     ssr = "ssr"
     frols = "frols"
+    ensemble = "ensemble"
+    lasso_lars = "lasso_lars"
 
 
 class _Selection(StrEnum):
