@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
+
+# Every matrix here is small: threads of the linear algebra would only wait for one another.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -10,6 +14,8 @@ def main(arguments: list[str] | None = None) -> None:
 
     0: done. 1: ran, and the answer is a reasoned "no". 2: the input is at fault; one line on stderr says how.
     """
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
     import typer
 
     from sindyjoint.cli.app import app
