@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def write_discovery(
     result: Discovery, folder: str | os.PathLike[str], command_line: str | Sequence[str] | None = None
 ) -> Path:
-    """Write model.json, terms.csv, report.html and figures/*.svg.
+    """Write model.json, terms.csv, report.html and the figures.
 
     Parameters
     ----------
