@@ -24,7 +24,7 @@ def blocks(text, language):
 
 def test_it_builds_without_a_warning(tmp_path):
     pytest.importorskip("sphinx", reason="sphinx is not installed: the guide is not built")
-    for name in ("myst_parser", "furo"):
+    for name in ("myst_parser", "furo", "latex2mathml"):
         pytest.importorskip(name, reason=f"{name} is not installed: the guide is not built")
     built = subprocess.run(
         [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", DOCS, tmp_path / "html"],
@@ -33,6 +33,10 @@ def test_it_builds_without_a_warning(tmp_path):
     )
     assert built.returncode == 0, built.stderr
     page = (tmp_path / "html" / "api.html").read_text(encoding="utf-8")
+    method = (tmp_path / "html" / "guide" / "method.html").read_text(encoding="utf-8")
+    assert "<math" in method and "http" not in re.sub(
+        r"<math[^>]*>", "", "".join(re.findall(r"<script[^>]*>", method))
+    )
     assert 'id="sindyjoint.discover"' in page and "Find which terms the equation of a joint has." in page
 
 
