@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import os
+
+# Before NumPy is imported: two workers with two threads of linear algebra each, on two cores, wait for one another.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+
+# Doctests are looked for in modules; several files of this one name would be taken for the same module.
+collect_ignore_glob = ["*conftest.py"]
 
 
 class Answer(NamedTuple):

@@ -262,7 +262,13 @@ def test_command_against_a_rig(sindyjoint, model_file, tmp_path):
     assert answer.status == 0 and answer.stderr == ""
     assert list(json.loads(answer.stdout)) == KEYS
     files = sorted(path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*"))
-    assert files == ["figures/01-pulse-at-tip.svg", "model.json", "verification.json"]
+    assert files == [
+        "figures/01-pulse-at-tip.svg",
+        "figures/data.json",
+        "model.json",
+        "report.html",
+        "verification.json",
+    ]
     details = json.loads((tmp_path / "out" / "verification.json").read_text())
     assert len(details["runs"][0]["cycles"]["measured"]["period"]) > 150
 
