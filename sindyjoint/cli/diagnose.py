@@ -16,7 +16,7 @@ def diagnose(
     campaign: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[CAMPAIGN]",
+            metavar="CAMPAIGN",
             help="campaign.toml or its folder. Without it: a virtual test with an effect hidden by the seed.",
             show_default=False,
         ),
