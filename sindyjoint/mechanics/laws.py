@@ -168,7 +168,7 @@ class PaperLaw:
 
 
 # Averages over 3, 4, 5 and 6 Hz printed in the last but one row of the paper's Tables 1 and 2. The paper gives no
-# inertia; 0.02 kg·m² is what a 60 mm joint half of about 5 kg would have.
+# inertia; 0.02 kg·m² is an assumption of the virtual tests.
 INTER_PANEL = PaperLaw(6.066e3, -1.927e5, -2.684e9, 48.13, 1.867, name="inter-panel joint")
 PANEL_ROOT = PaperLaw(1.171e4, -6.273e5, -7.425e9, 54.07, 2.191, name="panel root joint")
 
