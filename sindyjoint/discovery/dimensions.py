@@ -43,6 +43,9 @@ VARIABLE_UNITS: dict[str, dict[str, str]] = {
 MOMENT_UNITS = {"rotation": "N*m", "translation": "N"}
 """Unit of what a term adds to the law."""
 
+# A number under a power (10**10, m**9**9, (m^9)^9), or a power of three digits.
+_TOWER = r"\d\s*\)*\s*(?:\*\*|\^)|(?:\*\*|\^)[\s(-]*\d{3}"
+
 
 @lru_cache(maxsize=1)
 def unit_registry() -> Any:
@@ -63,6 +66,11 @@ def parse_unit(text: str) -> Any:
     if not isinstance(text, str) or not re.fullmatch(r"[A-Za-zµ0-9*/^(). -]{1,64}", text.strip()):
         raise UnitError(
             f"unit {str(text)[:64]!r}: a text such as 'N*m/rad' is wanted, '1' for a plain number"
+        )
+    # pint works numbers out while it parses: a tower of powers in a downloaded catalogue would run for ever.
+    if re.search(_TOWER, text):
+        raise UnitError(
+            f"unit {text!r} has a power that no unit has; powers up to 99, of units, one each, are wanted"
         )
     try:
         return unit_registry().parse_units("dimensionless" if text.strip() == "1" else text)

@@ -133,3 +133,14 @@ def test_what_is_no_unit_text_is_refused(text):
 def test_a_unit_that_cannot_be_read_is_refused(text):
     with pytest.raises(UnitError, match="cannot be read .*known are m, kg, s, rad, N, Hz, deg, K"):
         parse_unit(text)
+
+
+@pytest.mark.parametrize("text", ["10**10**10", "9^9^9^9", "m**9**9**9", "m^(9)^9", "m^999", "(m^99)^99"])
+def test_a_tower_of_powers_is_refused_before_it_is_worked_out(text):
+    with pytest.raises(UnitError, match="powers up to 99"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize("text", ["1", "1/s", "N*m*s^2/rad^2", "kg*m**2", "m^-1.5", "N*m/rad^(2)"])
+def test_units_of_catalogues_still_pass(text):
+    assert parse_unit(text) is not None
