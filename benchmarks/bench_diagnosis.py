@@ -1,0 +1,211 @@
+"""Hidden effects named: confusion, calibration, what is left of the gap, and time; and how often advice helps.
+
+python benchmarks/bench_diagnosis.py run --out diagnosis.jsonl --seeds 0 1 2 3 --sizes 0.06 --noises 0.01 --jobs 2
+python benchmarks/bench_diagnosis.py show diagnosis.jsonl
+
+``run`` appends one line per campaign and skips those that the file holds already, so that it can be stopped and
+resumed. Names: effects of tests/diagnosis/hidden_effects.py, ``nothing``, or two joined by ``+``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections import Counter, defaultdict
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import numpy as np  # noqa: E402
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+# What the referee hides, under the name that the catalogue has for it.
+SAME = {"stop": "dead_zone"}
+
+
+def one(name: str, seed: int, size: float, noise: float) -> dict:
+    from sindyjoint.workflows.diagnose import diagnose
+    from tests.diagnosis.hidden_effects import hide
+
+    record = dict(name=name, seed=seed, size=size, noise=noise)
+    try:
+        hidden = hide(name, seed, size, noise)
+        start, cpu = time.perf_counter(), time.process_time()
+        result = diagnose(hidden.campaign)
+    except Exception as error:  # a benchmark goes on, and says what failed
+        return {**record, "error": f"{type(error).__name__}: {error}"}
+    truth = hidden.plan.law
+    true = dict(
+        linear_stiffness=truth.k1, quadratic_stiffness=truth.k2, cubic_stiffness=truth.k3,
+        linear_damping=truth.c1, coulomb_friction=truth.M_F,
+    )  # fmt: skip
+    record.update(
+        seconds=time.perf_counter() - start,
+        cpu=time.process_time() - cpu,
+        drive=hidden.plan.drive,
+        verdict=result.verdict,
+        steps=[
+            dict(
+                effect=s.effect,
+                members=list(s.members),
+                probability=s.probability,
+                rivals=[list(r) for r in s.rivals],
+                parameters=s.parameters,
+            )
+            for s in result.steps
+        ],
+        parameters=list(hidden.parameters),
+        effects=[e.effect.id for e in result.effects],
+        initial=[result.initial.moment, result.initial.response],
+        final=[result.final.moment, result.final.response],
+        floor=[result.noise_floor.moment, result.noise_floor.response],
+        terms={
+            k: 100 * (result.model[k].coefficient / v - 1) for k, v in true.items() if k in result.model.ids
+        },
+    )
+    return record
+
+
+def run(args: argparse.Namespace) -> None:
+    from joblib import Parallel, delayed
+
+    from tests.diagnosis.hidden_effects import CHANNELS, LAWS, OUTSIDE
+
+    names = args.names or [n for n in (*LAWS, *CHANNELS, "nothing") if n not in OUTSIDE]
+    path = Path(args.out)
+    done = set()
+    if path.exists():
+        for line in path.read_text().splitlines():
+            r = json.loads(line)
+            done.add((r["name"], r["seed"], r["size"], r["noise"]))
+    tasks = [
+        task
+        for seed in args.seeds
+        for size in args.sizes
+        for noise in args.noises
+        for task in [(name, seed, size, noise) for name in names]
+        if task not in done
+    ]
+    results = Parallel(n_jobs=args.jobs, return_as="generator_unordered")(delayed(one)(*t) for t in tasks)
+    for record in results:
+        with path.open("a") as file:
+            file.write(json.dumps(record) + "\n")
+        print(line_of(record), flush=True)
+
+
+def line_of(r: dict) -> str:
+    if "error" in r:
+        return f"{r['name']:28s} {r['seed']:4d} {r['size']:.2f} {r['noise']:.3f}  ERROR {r['error'][:90]}"
+    steps = "; ".join(f"{s['effect']} {s['probability']:.2f} [{len(s['members'])}]" for s in r["steps"])
+    ratios = [f / n if n else 0 for f, n in zip(r["final"], r["floor"], strict=True)]
+    return (
+        f"{r['name']:28s} {r['seed']:4d} {r['drive'][0]} {r['size']:.2f} {r['noise']:.3f} {judge(r):9s} {r['verdict']:15s} "
+        f"{ratios[0]:5.2f} {ratios[1]:5.2f} {r['cpu']:5.1f}s  {steps}"
+    )
+
+
+def judge(r: dict) -> str:
+    """Return right, class, missed, extra, wrong: what the answer is worth."""
+    wanted = set() if r["name"] == "nothing" else {SAME.get(n, n) for n in r["name"].split("+")}
+    steps = r["steps"]
+    if not steps:
+        return "right" if not wanted else ("unknown" if r["verdict"] == "unknown" else "missed")
+    if not wanted:
+        return "wrong"
+    first = steps[0]
+    if len(wanted) > 1:
+        found = {m for s in steps for m in s["members"]}
+        return "right" if wanted <= found else "missed"
+    (name,) = wanted
+    if first["effect"] == name:
+        return "right" if len(first["members"]) == 1 else "class"
+    if name in first["members"]:
+        return "class" if len(first["members"]) <= 4 else "wide"
+    return "unknown" if r["verdict"] == "unknown" else "wrong"
+
+
+def calibration(records: list[dict], bins: int = 10) -> tuple[float, list[tuple[float, float, int]]]:
+    """Return the expected calibration error of the probabilities of all candidates of first steps, and the curve."""
+    stated, true = [], []
+    for r in records:
+        if "error" in r or not r["steps"] or "+" in r["name"]:
+            continue
+        name = SAME.get(r["name"], r["name"])
+        s = r["steps"][0]
+        for effect, p in [(s["effect"], s["probability"]), *s["rivals"]]:
+            stated.append(p)
+            true.append(effect == name)
+    p, t = np.array(stated), np.array(true, dtype=float)
+    edges = np.minimum((p * bins).astype(int), bins - 1)
+    curve = [(p[edges == b].mean(), t[edges == b].mean(), int((edges == b).sum())) for b in np.unique(edges)]
+    return sum(abs(a - b) * n for a, b, n in curve) / max(p.size, 1), curve
+
+
+def top_calibration(records: list[dict], bins: int = 10) -> tuple[float, list[tuple[float, float, int]]]:
+    """Return the calibration error of the probability given to the name put first ("nothing" included)."""
+    stated, true = [], []
+    for r in records:
+        if "error" in r or not r["steps"] or "+" in r["name"]:
+            continue
+        stated.append(r["steps"][0]["probability"])
+        true.append(r["steps"][0]["effect"] == SAME.get(r["name"], r["name"]))
+    p, t = np.array(stated), np.array(true, dtype=float)
+    edges = np.minimum((p * bins).astype(int), bins - 1)
+    curve = [(p[edges == b].mean(), t[edges == b].mean(), int((edges == b).sum())) for b in np.unique(edges)]
+    return sum(abs(a - b) * n for a, b, n in curve) / max(p.size, 1), curve
+
+
+def show(args: argparse.Namespace) -> None:
+    records = [json.loads(line) for path in args.paths for line in Path(path).read_text().splitlines()]
+    for size, noise in sorted({(r["size"], r["noise"]) for r in records}):
+        some = [r for r in records if (r["size"], r["noise"]) == (size, noise)]
+        print(f"\n== size {size:.0%}, noise {noise:.1%}: {len(some)} campaigns")
+        table = defaultdict(Counter)
+        for r in some:
+            table[r["name"]]["error" if "error" in r else judge(r)] += 1
+        for name in sorted(table):
+            print(f"  {name:40s}", dict(table[name]))
+        effects = [r for r in some if "error" not in r and r["name"] != "nothing" and "+" not in r["name"]]
+        if effects:
+            good = sum(judge(r) in ("right", "class") for r in effects)
+            sure = sum(
+                judge(r) in ("wrong", "wide") and r["steps"][0]["probability"] > 0.8 for r in effects
+            )
+            print(f"  right or in the class: {good}/{len(effects)} = {good / len(effects):.1%}; wrong at > 0.8: {sure}")
+            for k, what in enumerate(("moment", "response")):
+                ratio = [r["final"][k] / r["floor"][k] for r in effects if r["floor"][k]]
+                print(f"  final {what} gap over floor: median {np.nanmedian(ratio):.2f}, 90 % below {np.nanquantile(ratio, 0.9):.2f}, "
+                      f"≤ 1.2 in {np.mean(np.array(ratio) <= 1.2):.0%}")  # fmt: skip
+            print("  processor time: median %.1f s, longest %.1f s" % (
+                np.median([r["cpu"] for r in effects]), max(r["cpu"] for r in effects)))  # fmt: skip
+            confused = Counter((r["name"], r["steps"][0]["effect"]) for r in effects if r["steps"] and judge(r) in ("wrong", "wide", "unknown"))  # fmt: skip
+            for (name, other), count in confused.most_common():
+                print(f"    {name} called {other}: {count}")
+    for title, function in (("all candidates", calibration), ("the first name", top_calibration)):
+        error, curve = function(records)
+        print(f"\nexpected calibration error, {title}: {error:.3f}")
+        for stated, true, count in curve:
+            print(f"  said {stated:.2f}  true {true:.2f}  ({count})")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(required=True)
+    running = commands.add_parser("run")
+    running.add_argument("--out", required=True)
+    running.add_argument("--names", nargs="*")
+    running.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
+    running.add_argument("--sizes", nargs="+", type=float, default=[0.06])
+    running.add_argument("--noises", nargs="+", type=float, default=[0.01])
+    running.add_argument("--jobs", type=int, default=1)
+    running.set_defaults(do=run)
+    showing = commands.add_parser("show")
+    showing.add_argument("paths", nargs="+")
+    showing.set_defaults(do=show)
+    arguments = parser.parse_args()
+    arguments.do(arguments)
