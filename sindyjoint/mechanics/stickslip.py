@@ -197,7 +197,7 @@ def simulate_many(
         sizes[0] += sizes[1] * e.step
         status[r], reached[r], steps[r] = kernel.integrate(
             address, sets[r], total[r], e.pieces, (e.step, e.periodic, e.smooth, e.scale, e.ramp), y[r], sizes,
-            1.0 / sample_rate, float(rtol), float(max_step), (bounds[r, 0], bounds[r, 1]),
+            np.zeros(11 * n_states + 6), 1.0 / sample_rate, float(rtol), float(max_step), (bounds[r, 0], bounds[r, 1]),
             (angle[r], rate[r], acceleration[r], states[r], stuck[r]),
         )  # fmt: skip
 
