@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     import sympy
 
 Array = NDArray[np.float64]
-Enters = Literal["moment", "time shift", "angle zero"]
+Enters = Literal["moment", "time shift", "angle zero", "angle drift"]
 
 #: Signals that a column may use beside θ, θ̇ and θ̈, with their units.
-SIGNALS = {"frequency": "1/s", "time": "s", "moment_rate": "N*m/s", "moment_slope": "N*m/rad"}
+SIGNALS = {"frequency": "1/s", "time": "s", "elapsed": "s", "moment_rate": "N*m/s", "moment_slope": "N*m/rad"}
 ARGUMENTS = ("theta", "omega", "alpha", *SIGNALS)
 
 
@@ -110,6 +110,11 @@ class Variant:
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
+    def uses(self) -> set[str]:
+        """Names of all that its columns are made of."""
+        return {symbol.name for column in self.columns for symbol in column.expression.free_symbols}
+
+    @property
     def degrees(self) -> int:
         """Numbers that a fit of the variant chooses."""
         return len(self.columns) + len(self.parameters)
@@ -158,7 +163,10 @@ class Variant:
         keep = motion.keep
         states = [z[keep] for z in self.states_along(motion, values)] if self.states else []
         signals = [getattr(motion, name)[keep] for name in ("angle", "rate", "acceleration")]
-        others = [motion.frequency, motion.time[keep], motion.moment_rate[keep], motion.moment_slope[keep]]
+        time = motion.time[keep]
+        others = [
+            motion.frequency, time, motion.began + time, motion.moment_rate[keep], motion.moment_slope[keep]
+        ]  # fmt: skip
         return self._function(*signals, *others, *states, *map(float, values))
 
 
@@ -193,7 +201,7 @@ class MeasuredMotion:
     step : float
         s between samples.
     time : ndarray, shape (n,)
-        Since the start of the run, s.
+        Since the start of the run, s; the mean over its periods where ``repeats``.
     frequency : float
         Hz; zero where the run has none.
     moment_rate, moment_slope : ndarray, shape (n,)
@@ -201,6 +209,8 @@ class MeasuredMotion:
     keep : ndarray of int, shape (m,)
         Samples in which the joint moves.
     repeats : bool
+    began : float
+        Start of the run since that of the campaign's first one, s.
     """
 
     angle: Array
@@ -213,6 +223,7 @@ class MeasuredMotion:
     moment_slope: Array
     keep: NDArray[np.intp]
     repeats: bool
+    began: float = 0.0
 
 
 def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:

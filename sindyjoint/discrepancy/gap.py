@@ -158,7 +158,10 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
         )
     moving = np.bincount(bins, ~states.moving, phases) == 0
     keep = np.flatnonzero(moving & (count > 0))
-    motion = _motion(states, model, angle, rate, acceleration, 1 / (states.frequency * phases), keep, True)
+    # The mean of a phase is that of its instants over all periods: a moment linear in time keeps its value.
+    time = np.interp(np.arange(phases), np.flatnonzero(count), mean(states.time)[count > 0])
+    step = 1 / (states.frequency * phases)
+    motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time)
     inertia = model.joint.inertia
     sigma = np.sqrt(states.noise.moment**2 / filled[keep] + (CHAIN_ERROR * scale) ** 2)
     whitener = _whitener(states, model, motion, sigma, (np.arange(phases)[keep] + 0.5) / phases)
@@ -249,6 +252,7 @@ def _motion(
     step: float,
     keep: NDArray[np.intp],
     repeats: bool,
+    time: Array | None = None,
 ) -> MeasuredMotion:
     stiffness, damping = slopes(model, angle, rate)
     return MeasuredMotion(
@@ -256,12 +260,13 @@ def _motion(
         rate=rate,
         acceleration=acceleration,
         step=step,
-        time=states.time[0] + step * np.arange(angle.size),
+        time=states.time[0] + step * np.arange(angle.size) if time is None else time,
         frequency=states.frequency or 0.0,
         moment_rate=stiffness * rate + damping * acceleration,
         moment_slope=stiffness,
         keep=keep,
         repeats=repeats,
+        began=states.began,
     )
 
 

@@ -21,6 +21,16 @@ Array = NDArray[np.float64]
 # A term is needless when, beside the effects, it neither stands out of its error nor carries a share of the moment.
 NEEDLESS_RATIO = 3.0
 NEEDLESS_SHARE = 0.002
+CLOCK = "clock"  # the state that tells a law the time
+
+
+@dataclass(frozen=True)
+class Instant:
+    """When a law is asked: ``time`` s into a run that ``began`` s after the first; whether time ``runs`` on."""
+
+    time: float = 0.0
+    began: float = 0.0
+    runs: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +201,11 @@ def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
     return replace(fitted, values=values, gain=gain, coefficients=coefficients)
 
 
-def effect_law(effects: Sequence[FittedEffect], frequency: float) -> Any:
+def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:
     """Return the moment that effects add as a law of :mod:`sindyjoint.mechanics`, or None where none adds one.
 
-    Effects of channels and of the inertia are no part of the law; a state that has a limit stops there.
+    Effects of channels and of the inertia are no part of the law; a state that has a limit stops there. Time that
+    runs is a state with the rate one.
     """
     from sympy import Abs, Float, Heaviside, Symbol
 
@@ -202,6 +213,7 @@ def effect_law(effects: Sequence[FittedEffect], frequency: float) -> Any:
     from sindyjoint.mechanics.laws import FormulaLaw
 
     _, omega, _ = variable_symbols()
+    instant, clock = instant or Instant(), Symbol(CLOCK, real=True)
     expression: Any = Float(0)
     rates: dict[str, Any] = {}
     values: dict[str, float] = {}
@@ -219,6 +231,14 @@ def effect_law(effects: Sequence[FittedEffect], frequency: float) -> Any:
                 names[symbol] = states[symbol.name]
             elif symbol.name == "frequency":
                 names[symbol] = Float(frequency)
+            elif symbol.name in ("time", "elapsed"):
+                # The instant is a parameter: another segment of a run needs no compilation of its own.
+                at = f"at_{symbol.name}"
+                values[at] = instant.time + (instant.began if symbol.name == "elapsed" else 0.0)
+                names[symbol] = Symbol(at, real=True)
+                if instant.runs:
+                    names[symbol] += clock
+                    rates[CLOCK] = Float(1)
         for place, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
             values[f"c{index}_{place}"] = float(value)
             expression += Symbol(f"c{index}_{place}", real=True) * column.expression.xreplace(names)
@@ -249,10 +269,19 @@ def corrections(effects: Sequence[FittedEffect]) -> tuple[float, float, float]:
     return shift, zero, inertia
 
 
+def angle_drift(effects: Sequence[FittedEffect]) -> float:
+    """Return the rate at which effects let the zero of the angle move, rad/s."""
+    return sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "angle drift")
+
+
 def law_of(
-    model: JointModel, effects: Sequence[FittedEffect], base: Callable[[JointModel], Law], frequency: float
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    base: Callable[[JointModel], Law],
+    frequency: float,
+    instant: Instant | None = None,
 ) -> Law:
-    """Return the law of a model with effects, for runs of one frequency.
+    """Return the law of a model with effects, for runs of one frequency at one instant.
 
     ``base`` turns a model into a law (``workflows.model_law``).
     """
@@ -261,6 +290,6 @@ def law_of(
     inertia = corrections(effects)[2]
     if inertia and model.joint.inertia is not None:
         model = replace(model, joint=replace(model.joint, inertia=max(model.joint.inertia + inertia, 0.0)))
-    added = effect_law(effects, frequency)
+    added = effect_law(effects, frequency, instant)
     law = base(model)
     return law if added is None else SumLaw(law, added)

@@ -66,6 +66,12 @@ class ForceStates:
         Highest frequency kept in the angle, Hz.
     dropped : float
         Seconds left out at the start as transient (periodic) or at the edges (broadband).
+    repeated : bool
+        Whether the samples are the mean of repeated stretches (the periods of a multisine), and so follow themselves.
+    rate_measured : bool
+        Whether the angular velocity comes from a channel of its own.
+    began : float
+        Start of the run since that of the campaign's first one, s; zero where nobody asked.
     """
 
     run: str
@@ -84,6 +90,9 @@ class ForceStates:
     method: Method
     bandwidth: float
     dropped: float
+    repeated: bool = False
+    rate_measured: bool = False
+    began: float = 0.0
 
     @property
     def n_samples(self) -> int:

@@ -20,10 +20,16 @@ from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_ef
 from sindyjoint.discrepancy.repair import Repaired, held_out_gap, refine_effect, refit
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states
-from sindyjoint.states.rows import group_labels
 from sindyjoint.workflows.advice import advise
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
-from sindyjoint.workflows.diagnosis_start import Work, applicable, first_model, kept_out
+from sindyjoint.workflows.diagnosis_start import (
+    Work,
+    applicable,
+    cut_up,
+    first_model,
+    kept_out,
+    one_after_another,
+)
 from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.gap_response import processing_error, response_gap
 
@@ -98,13 +104,16 @@ def diagnose(
         say("simulating a virtual test with something hidden in it")
         campaign, hidden = hidden_campaign(random_state)
     campaign = kept_out(the_campaign(campaign, random_state), hold_out)
-    candidates = applicable(campaign, load_effects(library) if effects is None else effects)
     say("force states")
     states = campaign_states(campaign, rate_share=RATE_SHARE)
-    runs = campaign.identification_runs
-    drift = find_drift(runs, states)
-    start = first_model(campaign, states, model, base)
-    work = Work.build(campaign, runs, states, group_labels(states), start)
+    whole = campaign.identification_runs
+    states = one_after_another(campaign, states)
+    runs, parts, groups = cut_up(whole, states, RATE_SHARE)
+    candidates = applicable(campaign, load_effects(library) if effects is None else effects, parts)
+    # In segments, drifts of the channels are effects like others.
+    drift = find_drift(whole, states) if len(parts) == len(states) else None
+    start = first_model(campaign, parts, model, base)
+    work = Work.build(campaign, runs, parts, groups, start)
     initial_work = work
     problem = Problem.build(work.rows, work.model)
     steps: list[Step] = []

@@ -10,6 +10,7 @@ import numpy as np
 
 from sindyjoint.discovery.catalogue import as_catalogue
 from sindyjoint.discovery.model import Fitted, JointModel
+from sindyjoint.discrepancy.change import MEMBER, changes, segments
 from sindyjoint.discrepancy.effects import Effect
 from sindyjoint.discrepancy.gap import GapRun, gap_runs
 from sindyjoint.discrepancy.repair import refit
@@ -63,15 +64,45 @@ def kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
     )
 
 
-def applicable(campaign: Campaign, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+def applicable(
+    campaign: Campaign, effects: Sequence[Effect], states: Sequence[ForceStates]
+) -> tuple[Effect, ...]:
     """Return the effects that the campaign can show.
 
     In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a skew of the
-    channels has no meaning.
+    channels has no meaning. Where every run is one mean period, nothing is seen of what changes within a run.
     """
+    timed = any(s.method != "periodic" or MEMBER in s.run for s in states)
+    kept = []
+    for effect in effects:
+        variants = tuple(v for v in effect.variants if timed or not v.uses & {"time", "elapsed"})
+        if variants:
+            kept.append(replace(effect, variants=variants))
     if any(np.ptp(run.moment) > 0 for run in campaign.identification_runs):
-        return tuple(effects)
-    return tuple(e for e in effects if e.id != "inertia_error" and e.enters != "time shift")
+        return tuple(kept)
+    return tuple(e for e in kept if e.id != "inertia_error" and e.enters != "time shift")
+
+
+def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tuple[ForceStates, ...]:
+    """Return the states with the start of their run, as if the runs had followed one another without a break."""
+    ends = np.cumsum([run.duration for run in campaign.runs])
+    starts = {run.name: float(end - run.duration) for run, end in zip(campaign.runs, ends, strict=True)}
+    return tuple(replace(s, began=starts[s.run]) for s in states)
+
+
+def cut_up(
+    runs: Sequence[Run], states: Sequence[ForceStates], rate_share: float | None = None
+) -> tuple[tuple[Run, ...], tuple[ForceStates, ...], tuple[str, ...]]:
+    """Return runs, states and group labels of the segments of runs that change in time; whole runs otherwise."""
+    labels = group_labels(states)
+    if not changes(runs, states):
+        return tuple(runs), tuple(states), tuple(labels)
+    parts = [segments(run, s, rate_share) for run, s in zip(runs, states, strict=True)]
+    return (
+        tuple(each.run for part in parts for each in part),
+        tuple(each.states for part in parts for each in part),
+        tuple(label for label, part in zip(labels, parts, strict=True) for _ in part),
+    )
 
 
 def first_model(

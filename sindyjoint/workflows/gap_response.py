@@ -11,11 +11,12 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.skew import shifted
 from sindyjoint.discrepancy.gap import gap_runs
 from sindyjoint.discrepancy.naming import FittedEffect, Problem
-from sindyjoint.discrepancy.repair import corrections, law_of
+from sindyjoint.discrepancy.repair import Instant, angle_drift, corrections, law_of
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.rows import group_labels
+from sindyjoint.workflows.diagnosis_start import cut_up, one_after_another
 from sindyjoint.workflows.model_law import model_law
 from sindyjoint.workflows.response import SimulatedRun, simulate_run
 
@@ -31,7 +32,13 @@ def simulated(
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         states = shifted(states, -shift)
         states = replace(states, angle=states.angle - zero)
-    law = law_of(model, effects, model_law, states.frequency or 0.0)
+    # What repeats is as it is in its middle; elsewhere time runs on.
+    steady, middle = states.method == "periodic", float(np.mean(states.time))
+    if drift := angle_drift(effects):
+        run = replace(run, angle=run.angle - drift * (middle if steady else run.time), source=None)
+        states = replace(states, angle=states.angle - drift * (middle if steady else states.time))
+    instant = Instant(middle if steady else float(states.time[0]), states.began, not steady)
+    law = law_of(model, effects, model_law, states.frequency or 0.0, instant)
     try:
         return simulate_run(law, run, states)
     except SindyJointError:
@@ -52,9 +59,11 @@ def response_gap(
     through, say) are left out; NaN if it can follow none.
     """
     kept = campaign.validation_runs
-    pairs = [(run, force_states(run)) for run in kept] if kept else list(zip(runs, states, strict=True))
+    if kept:
+        whole = one_after_another(campaign, [force_states(run) for run in kept])
+        runs, states, _ = cut_up(kept, whole)
     gap = own = 0.0
-    for run, state in pairs:
+    for run, state in zip(runs, states, strict=True):
         result = simulated(run, state, model, effects)
         if result is None:
             continue

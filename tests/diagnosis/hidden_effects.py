@@ -104,7 +104,7 @@ def _resonance(theta, omega, direction, state, p, out):
     w = p[1]
     out[0] = p[0] * (theta - state[0])
     out[1] = state[1]
-    out[2] = w * w * (theta - state[0]) - 0.04 * w * state[1]
+    out[2] = w * w * (theta - state[0]) - 2 * p[2] * w * state[1]
 
 
 # name: (law, states, inner parameters drawn from peak angle, peak rate and a generator)
@@ -135,7 +135,11 @@ LAWS = {
     "backlash_play": (_play, 1, lambda a, v, g: (a * g.uniform(0.1, 0.4), a * g.uniform(0.02, 0.1))),
     "maxwell_branch": (_maxwell, 1, lambda a, v, g: (g.uniform(0.015, 0.06),)),
     "ripple": (_ripple, 0, lambda a, v, g: (a * g.uniform(0.02, 0.05),)),
-    "second_resonance": (_resonance, 2, lambda a, v, g: (2 * np.pi * g.uniform(12, 25),)),
+    "second_resonance": (
+        _resonance,
+        2,
+        lambda a, v, g: (2 * np.pi * g.uniform(12, 25), g.uniform(0.02, 0.1)),
+    ),
 }
 CHANNELS = (
     "channel_delay",
@@ -144,8 +148,9 @@ CHANNELS = (
     "angle_drift",
     "inertia_error",
     "frequency_dependent_stiffness",
+    "stiffness_drift",
 )
-OUTSIDE = ("ripple", "second_resonance")
+OUTSIDE = ("ripple", "second_resonance", "stiffness_jump")
 
 
 @dataclass(frozen=True)
@@ -166,7 +171,7 @@ def hide(name, seed, size=0.06, noise=0.01, **fixed):
     plan = random_plan(seed, **fixed)
     if name == "nothing":
         return Hidden(name, 0.0, plan.campaign(noise), plan, ())
-    if name in CHANNELS:
+    if name in CHANNELS or name in DRIFTS:
         return _in_channels(name, plan, size, noise, generator)
     function, states, draw = LAWS[name]
     peak, rate = _peaks(plan)
@@ -225,6 +230,9 @@ def _in_channels(name, plan, size, noise, generator):
             law = FunctionLaw(_stiffness, (amount * (frequency - np.mean(plan.frequencies)),))
             runs += part.campaign(0.0, hidden=law).runs
         clean = replace(clean, runs=tuple(runs))
+    elif name in DRIFTS:
+        clean, amount = _drifting(name, plan, size * rms * sign)
+        sign = 1.0
     runs = []
     for run in clean.runs:
         ramp = np.linspace(0, 2 * np.sqrt(3.0), run.n_samples) * size * rms * sign
@@ -241,3 +249,41 @@ def _in_channels(name, plan, size, noise, generator):
 
 def _stiffness(theta, omega, direction, state, p, out):
     out[0] = p[0] * theta
+
+
+def _warming(theta, omega, direction, state, p, out):
+    """Stiffness that grows with time from p[1] on; the state is a clock."""
+    out[0] = p[0] * (state[0] - p[1]) * theta
+    out[1] = 1.0
+
+
+def _jump(theta, omega, direction, state, p, out):
+    """Stiffness that jumps by p[0] at p[1], half of it on either side of what it was."""
+    out[0] = p[0] * (0.5 if state[0] > p[1] else -0.5) * theta
+    out[1] = 1.0
+
+
+# How a stiffness changes in time: along each run alike, from run to run as well, or at once in the middle of each run.
+DRIFTS = ("stiffness_drift", "stiffness_drift_on", "stiffness_jump")
+
+
+def _drifting(name, plan, moment):
+    """Return the noiseless campaign in which the stiffness carries ``moment`` RMS of change, and the change."""
+    # What softens under a moment swings further: such a joint is tested further from its limit.
+    if plan.drive != "displacement":
+        plan = replace(plan, levels=tuple(0.6 * level for level in plan.levels))
+    peak, _ = _peaks(plan)
+    swing = peak * np.sqrt(np.mean(np.square(plan.levels)) / 2) / max(plan.levels)
+    total = (
+        len(plan.frequencies) * len(plan.levels) * plan.duration if name.endswith("_on") else plan.duration
+    )
+    amount = 2 * moment / swing if name == "stiffness_jump" else moment / swing * np.sqrt(12) / total
+    runs, began = [], 0.0
+    for frequency in plan.frequencies:
+        for level in plan.levels:
+            middle = total / 2 - began
+            law = FunctionLaw(_jump if name == "stiffness_jump" else _warming, (amount, middle), 1)
+            part = replace(plan, frequencies=(frequency,), levels=(level,))
+            runs += part.campaign(0.0, hidden=law).runs
+            began += plan.duration if name.endswith("_on") else 0.0
+    return plan.campaign(0.0).with_runs(tuple(runs)), amount

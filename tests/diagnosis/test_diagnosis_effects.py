@@ -10,7 +10,7 @@ from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitE
 WANTED = """quintic_stiffness bilinear_stiffness dead_zone constant_moment direction_dependent_damping quadratic_damping
 cubic_damping amplitude_dependent_damping position_dependent_friction stribeck_friction dahl_friction
 bouc_wen_hysteresis jenkins_element lugre_friction backlash_play maxwell_branch fractional_damping inertia_error
-channel_delay angle_offset frequency_dependent_stiffness""".split()
+channel_delay angle_offset moment_drift angle_drift stiffness_drift frequency_dependent_stiffness""".split()
 AMPLITUDE, FREQUENCY, N = 1e-3, 4.0, 720
 
 

@@ -1,0 +1,151 @@
+"""Runs that do not repeat because the joint itself changes in time, cut into segments that nearly do.
+
+A mean period shows nothing of a stiffness that drifts: it shows the mean stiffness. Where what repeats changes along
+the runs, each run is cut into segments of whole periods with force states of their own, so that columns with ``time``
+carry what differs between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import SindyJointError
+from sindyjoint.record import Run
+from sindyjoint.states import ForceStates, force_states
+
+Array = NDArray[np.float64]
+
+SEGMENTS = 4
+LEAST_PERIODS = 4  # of a segment
+# The stiffness of segments must differ by this many standard errors, and by this share, in the median run.
+SIGNIFICANT = 6.0
+SHARE = 0.002
+TREND_HARMONICS = 7
+MEMBER = " part "  # between the name of a run and the number of its segment
+
+
+def changes(runs: Sequence[Run], states: Sequence[ForceStates]) -> bool:
+    """Return whether the first-harmonic stiffness of periodic runs changes in time, in most of them.
+
+    Moment over angle at the excitation frequency, period by period. A channel that drifts leaves it as it is: the
+    running mean over a period is taken off both channels first.
+    """
+    pairs = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
+    found = [stiffness_change(run, s) for run, s in pairs]
+    if not found:
+        return False
+    ratio, share = np.median(np.array(found), axis=0)
+    return bool(ratio > SIGNIFICANT and share > SHARE)
+
+
+def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
+    """Return the largest difference of the complex stiffness between quarters of a run: in errors, and as a share."""
+    stiffness = period_stiffness(run, states)
+    if stiffness.size < SEGMENTS * LEAST_PERIODS:
+        return 0.0, 0.0
+    parts = np.array_split(stiffness, SEGMENTS)
+    mean = np.array([np.mean(part) for part in parts])
+    # Scatter within the quarters about a line: the change itself must not count as its own noise.
+    left = np.concatenate([_straightened(part) for part in parts])
+    freedom = left.size - 2 * SEGMENTS
+    error = np.sqrt(np.sum(np.abs(left) ** 2) / (2 * freedom) * 2 / min(p.size for p in parts))
+    spread = float(np.max(np.abs(mean[:, None] - mean[None, :])))
+    scale = float(np.abs(np.mean(stiffness)))
+    return spread / (float(error) + 1e-9 * scale), spread / scale
+
+
+def _straightened(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    place = np.arange(values.size) - (values.size - 1) / 2
+    centred = values - np.mean(values)
+    return centred - place * (place @ centred) / (place @ place)
+
+
+def period_stiffness(run: Run, states: ForceStates) -> NDArray[np.complex128]:
+    """Return the ratio of the first harmonics of moment and angle of each whole period, N·m/rad."""
+    assert states.frequency is not None
+    start = int(round(states.dropped * run.sample_rate))
+    per = run.sample_rate / states.frequency
+    edges = np.round(np.arange(0, states.n_samples / per + 1e-3) * per).astype(int)
+    edges = edges[edges <= states.n_samples]
+    if edges.size < 3:
+        return np.empty(0, dtype=np.complex128)
+    wave = np.exp(-2j * np.pi * states.frequency * np.arange(edges[-1]) / run.sample_rate)
+
+    def harmonic(signal: Array) -> NDArray[Any]:
+        part = signal[start : start + edges[-1]]
+        means = np.add.reduceat(part, edges[:-1]) / np.diff(edges)
+        slow = np.interp(np.arange(part.size), (edges[:-1] + edges[1:]) / 2, means)
+        return np.add.reduceat((part - slow) * wave, edges[:-1])
+
+    # The first and the last period have half a running mean.
+    return (harmonic(run.moment) / harmonic(run.angle))[1:-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A stretch of a run that was made to repeat: its run, straight within the stretch, and its states."""
+
+    run: Run
+    states: ForceStates
+
+
+def segments(run: Run, states: ForceStates, rate_share: float | None = None) -> tuple[Segment, ...]:
+    """Return up to four stretches of whole periods, each with its own mean period and time.
+
+    What changes within a stretch, in proportion to time, is taken off: it then repeats as it is in its middle. A run
+    that is too short for three stretches, or that is not periodic, is returned whole.
+    """
+    whole = (Segment(run, states),)
+    if states.method != "periodic" or states.frequency is None:
+        return whole
+    per = run.sample_rate / states.frequency
+    periods = int(states.n_samples / per + 1e-3)
+    count = min(SEGMENTS, periods // LEAST_PERIODS)
+    if count < 3:
+        return whole
+    start = int(round(states.dropped * run.sample_rate))
+    edges = start + np.round(np.round(np.linspace(0, periods, count + 1)) * per).astype(int)
+    parts = []
+    for index, (low, high) in enumerate(zip(edges[:-1], np.minimum(edges[1:], run.n_samples), strict=True)):
+        straight = _straight(run, low, high, states.frequency, f"{run.name}{MEMBER}{index + 1}")
+        cut = {n: getattr(straight, n)[low:high] for n in ("moment", "angle")}
+        rate = None if straight.rate is None else straight.rate[low:high]
+        try:
+            part = force_states(replace(straight, rate=rate, **cut), "periodic", None, rate_share)
+        except SindyJointError:
+            return whole
+        late = low / run.sample_rate
+        part = replace(part, time=part.time + late, dropped=part.dropped + late, began=states.began)
+        parts.append(Segment(straight, part))
+    return tuple(parts)
+
+
+def _straight(run: Run, low: int, high: int, frequency: float, name: str) -> Run:
+    """Return the run under another name with the trend taken off between two samples."""
+
+    def straight(signal: Array) -> Array:
+        middle = _without_trend(signal[low:high], frequency / run.sample_rate)
+        return np.concatenate([signal[:low], middle, signal[high:]])
+
+    rate = None if run.rate is None else straight(run.rate)
+    moment, angle = straight(run.moment), straight(run.angle)
+    return replace(run, name=name, moment=moment, angle=angle, rate=rate, frequency=frequency, source=None)
+
+
+def _without_trend(signal: Array, cycles: float) -> Array:
+    """Return a signal less what grows in proportion to time, about the middle, in its mean and first harmonics.
+
+    ``cycles`` is the excitation frequency in cycles per sample.
+    """
+    place = np.arange(signal.size)
+    late = (place - place.mean()) / signal.size
+    phase = 2 * np.pi * cycles * np.outer(place, np.arange(1, TREND_HARMONICS + 1))
+    basis = np.column_stack([np.ones(signal.size), np.cos(phase), np.sin(phase)])
+    design = np.hstack([basis, late[:, None] * basis])
+    coefficients, *_ = np.linalg.lstsq(design, signal, rcond=None)
+    return signal - late * (basis @ coefficients[basis.shape[1] :])
