@@ -6,6 +6,8 @@ coordinate rests; a slipping one keeps its direction through a step. Who sticks 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -13,22 +15,32 @@ from sindyjoint.mechanics.kernels import call_law, pointer, shifted
 
 END, CHANGE, NOT_CONVERGED, PAST_LIMIT = range(4)
 
-_compiled = njit(cache=True, nogil=True, error_model="numpy")
+# Width of a friction interval, relative to its bounds, below which there is no friction.
+FRICTIONLESS = 1e-12
+
+# Everything below `march` works on pointers and is called from compiled code only: bounds, strides and wrappers of
+# arrays would take longer to compile than the arithmetic.
+_options = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_inner = njit(**_options, no_cpython_wrapper=True)
 
 
-@_compiled
+def room_for(coordinates, joints, states):
+    """Numbers of working space that `march` wants."""
+    return 2 * coordinates + joints * (joints + 8 + states) + 3 * states + 1
+
+
+@_inner
 def _midpoint_states(address, theta, omega, direction, h, p, n, z, middle, out):
     """Find z_mid = z + h/2·ż(z_mid), each state by Newton with the others as they are; whether that worked."""
-    state, result = pointer(middle), pointer(out)
     for _ in range(15):
         worst = 0.0
         for i in range(n):
-            call_law(address, theta, omega, direction, state, p, result)
+            call_law(address, theta, omega, direction, middle, p, out)
             here, rate = middle[i], out[1 + i]
             residual = here - z[i] - 0.5 * h * rate
             nudge = 1e-7 * (abs(here) + abs(0.5 * h * rate) + 1e-12)
             middle[i] = here + nudge
-            call_law(address, theta, omega, direction, state, p, result)
+            call_law(address, theta, omega, direction, middle, p, out)
             slope = 1.0 - 0.5 * h * (out[1 + i] - rate) / nudge
             middle[i] = here - residual / slope
             worst = max(worst, abs(residual) / (abs(here) + abs(h * rate) + 1e-300))
@@ -37,153 +49,160 @@ def _midpoint_states(address, theta, omega, direction, h, p, n, z, middle, out):
     return False
 
 
-@_compiled
+@_inner
 def _bisected_states(address, theta, omega, direction, h, p, n, z, answer, out):
     """Find y = z + h·ż(y) by bisection and leave it in `answer`; whether that worked.
 
     A slider's rate jumps to zero where it yields. The answer is then the yield itself, which bisection finds as the
     place of the jump (the return mapping of plasticity).
     """
-    state, result = pointer(answer), pointer(out)
     for i in range(n):
         answer[i] = z[i]
     good = True
     for _ in range(3 if n > 1 else 1):
         for i in range(n):
             answer[i] = z[i]
-            call_law(address, theta, omega, direction, state, p, result)
+            call_law(address, theta, omega, direction, answer, p, out)
             low, high = z[i], z[i] + h * out[1 + i]
             for _ in range(60):
                 answer[i] = 0.5 * (low + high)
-                call_law(address, theta, omega, direction, state, p, result)
+                call_law(address, theta, omega, direction, answer, p, out)
                 if (z[i] + h * out[1 + i] - answer[i]) * (high - low) > 0.0:
                     low = answer[i]
                 else:
                     high = answer[i]
             # The far side: a slider that yields is seen to yield in the next step, too.
             answer[i] = high
-            good = good and np.isfinite(high)
+            good = good and math.isfinite(high)
     return good
 
 
-@_compiled
-def end_states(j, theta, omega, direction, h, laws, z, z_mid, z_end, out):
-    """States at the end of a step: 2·z_mid − z, or the yield where a slider yielded on the way."""
-    addresses, parameters, counts = laws
-    address, p, n = addresses[j], shifted(pointer(parameters), j * parameters.shape[1]), counts[j]
-    for i in range(z.shape[1]):
-        z_end[j, i] = 2.0 * z_mid[j, i] - z[j, i]
+@_inner
+def _end_states(law, theta, omega, direction, h, z, z_mid, z_end, out):
+    """Fill the states at the end of a step: 2·z_mid − z, or the yield where a slider yielded on the way."""
+    address, p, n = law
+    for i in range(n):
+        z_end[i] = 2.0 * z_mid[i] - z[i]
     if n == 0 or omega == 0.0:
         return
-    call_law(address, theta, omega, direction, shifted(pointer(z_end), j * z_end.shape[1]), p, pointer(out))
+    call_law(address, theta, omega, direction, z_end, p, out)
     for i in range(n):
-        if out[1 + i] * (z_end[j, i] - z[j, i]) <= 0.0 and z_end[j, i] != z[j, i]:
-            _bisected_states(address, theta, omega, direction, h, p, n, z[j], z_end[j], out)
+        if out[1 + i] * (z_end[i] - z[i]) <= 0.0 and z_end[i] != z[i]:
+            _bisected_states(address, theta, omega, direction, h, p, n, z, z_end, out)
             return
 
 
-@_compiled
-def joint_moment(j, theta, omega, direction, h, laws, z, z_mid, out):
-    """Moment of joint j at the middle of a step, with the states there in z_mid; NaN when there is no answer."""
-    addresses, parameters, counts = laws
-    address, p = addresses[j], shifted(pointer(parameters), j * parameters.shape[1])
-    n = counts[j]
-    if n:
-        good = _midpoint_states(address, theta, omega, direction, h, p, n, z[j], z_mid[j], out)
-        if not good:
-            good = _bisected_states(address, theta, omega, direction, 0.5 * h, p, n, z[j], z_mid[j], out)
-        if not good:
-            return np.nan
-    call_law(address, theta, omega, direction, shifted(pointer(z_mid), j * z_mid.shape[1]), p, pointer(out))
+@_inner
+def _joint_moment(law, theta, omega, direction, h, z, z_mid, out):
+    """Moment of a joint at the middle of a step, with the states there in z_mid; NaN when there is no answer."""
+    address, p, n = law
+    if (
+        n
+        and not _midpoint_states(address, theta, omega, direction, h, p, n, z, z_mid, out)
+        and not _bisected_states(address, theta, omega, direction, 0.5 * h, p, n, z, z_mid, out)
+    ):
+        return np.nan
+    call_law(address, theta, omega, direction, z_mid, p, out)
     return out[0]
 
 
-@_compiled
+@_inner
 def _solve_small(matrix, right, n):
     """Solve matrix·x = right in place by elimination with row exchange; the answer is in `right`."""
     for c in range(n):
         pivot = c
         for r in range(c + 1, n):
-            if abs(matrix[r, c]) > abs(matrix[pivot, c]):
+            if abs(matrix[r * n + c]) > abs(matrix[pivot * n + c]):
                 pivot = r
         if pivot != c:
             for k in range(n):
-                matrix[c, k], matrix[pivot, k] = matrix[pivot, k], matrix[c, k]
-            right[c], right[pivot] = right[pivot], right[c]
+                kept = matrix[c * n + k]
+                matrix[c * n + k] = matrix[pivot * n + k]
+                matrix[pivot * n + k] = kept
+            kept = right[c]
+            right[c] = right[pivot]
+            right[pivot] = kept
         for r in range(c + 1, n):
-            factor = matrix[r, c] / matrix[c, c]
+            factor = matrix[r * n + c] / matrix[c * n + c]
             for k in range(c, n):
-                matrix[r, k] -= factor * matrix[c, k]
+                matrix[r * n + k] -= factor * matrix[c * n + k]
             right[r] -= factor * right[c]
     for c in range(n - 1, -1, -1):
         for k in range(c + 1, n):
-            right[c] -= matrix[c, k] * right[k]
-        right[c] /= matrix[c, c]
+            right[c] -= matrix[c * n + k] * right[k]
+        right[c] /= matrix[c * n + c]
 
 
-@_compiled
-def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, z, q1, v1, z1, work):
-    """One step of the implicit midpoint rule; returns whether Newton converged.
+@_inner
+def _law_of(j, laws):
+    """Address, parameters and number of states of joint j."""
+    addresses, parameters, width, counts = laws
+    return addresses[j], shifted(parameters, j * width), counts[j]
 
-    Parameters
-    ----------
-    inverse : ndarray, shape (n, n)
-        Inverse of M + h/2·C + h²/4·K over the coordinates that move, zero elsewhere.
-    direction : ndarray, shape (joints,)
-        −1, 0 (stuck) or +1.
-    force : ndarray, shape (n,)
-        Mean over the step.
-    work : ndarray, shape (joints, 2)
-        Work done on each joint's elastic part (its moment at rest with its states at zero) and on the rest; added to.
+
+@_inner
+def _step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, room):
+    """One step of the implicit midpoint rule under the step's mean `force`; returns whether Newton converged.
+
+    `work` is filled with the work done on each joint's elastic part (its moment at rest with its states at zero) and
+    on the rest.
     """
-    joints, n = direction.size, q.size
-    a = np.empty(n)
-    right = np.empty(n)
+    n, joints, most = sizes
+    inverse, _, _, damping, stiffness, load = system
+    right, a = room, shifted(room, n)
+    moment, slope, trial = shifted(a, n), shifted(a, n + joints), shifted(a, n + 2 * joints)
+    residual, before, change = shifted(trial, joints), shifted(trial, 2 * joints), shifted(trial, 3 * joints)
+    jacobian, z_mid = shifted(change, joints), shifted(change, joints + joints * joints)
+    keep = shifted(z_mid, joints * most)
+    rest, out = shifted(keep, most), shifted(keep, 2 * most)
     for i in range(n):
-        total = force[i]
+        total = force * load[i]
         for k in range(n):
-            total -= damping[i, k] * v[k] + stiffness[i, k] * (q[k] + 0.5 * h * v[k])
+            total -= damping[i * n + k] * v[k] + stiffness[i * n + k] * (q[k] + 0.5 * h * v[k])
         right[i] = total
     for i in range(n):
         total = 0.0
         for k in range(n):
-            total += inverse[i, k] * right[k]
+            total += inverse[i * n + k] * right[k]
         a[i] = total
-    out = np.empty(z.shape[1] + 1)
-    moment, slope, trial = np.zeros(joints), np.zeros(joints), a[:joints].copy()
-    jacobian, residual = np.empty((joints, joints)), np.empty(joints)
-    z_mid, keep, rest = z.copy(), np.empty(z.shape[1]), np.zeros(z.shape[1])
-    before, change, smallest = trial.copy(), np.zeros(joints), np.inf
-    converged = False
+    for j in range(joints):
+        trial[j] = before[j] = a[j]
+        slope[j] = change[j] = 0.0
+    for i in range(joints * most):
+        z_mid[i] = z[i]
+    smallest, converged = np.inf, False
     for iteration in range(200):
         for j in range(joints):
+            law, z_j, mid_j = _law_of(j, laws), shifted(z, j * most), shifted(z_mid, j * most)
             theta = q[j] + 0.5 * h * v[j] + 0.25 * h * h * trial[j]
             omega = v[j] + 0.5 * h * trial[j]
             nudge = 1e-6 * (abs(trial[j]) + abs(v[j]) / h + 1e-9)
             if direction[j] == 0.0:
                 theta, omega, nudge = q[j], 0.0, 0.0
-            moment[j] = joint_moment(j, theta, omega, direction[j], h, laws, z, z_mid, out)
+            moment[j] = _joint_moment(law, theta, omega, direction[j], h, z_j, mid_j, out)
             if nudge > 0.0:
-                theta += 0.25 * h * h * nudge
-                keep[:] = z_mid[j]
-                ahead = joint_moment(j, theta, omega + 0.5 * h * nudge, direction[j], h, laws, z, z_mid, out)
+                for i in range(most):
+                    keep[i] = mid_j[i]
+                theta, omega = theta + 0.25 * h * h * nudge, omega + 0.5 * h * nudge
+                ahead = _joint_moment(law, theta, omega, direction[j], h, z_j, mid_j, out)
                 slope[j] = (ahead - moment[j]) / nudge
-                z_mid[j] = keep
+                for i in range(most):
+                    mid_j[i] = keep[i]
         largest, done = 0.0, True
         for j in range(joints):
             total, size = trial[j] - a[j], abs(trial[j]) + abs(a[j])
             for k in range(joints):
-                total += inverse[j, k] * moment[k]
-                size += abs(inverse[j, k] * moment[k])
-                jacobian[j, k] = inverse[j, k] * slope[k]
-            jacobian[j, j] += 1.0
+                total += inverse[j * n + k] * moment[k]
+                size += abs(inverse[j * n + k] * moment[k])
+                jacobian[j * joints + k] = inverse[j * n + k] * slope[k]
+            jacobian[j * joints + j] += 1.0
             residual[j] = total
             largest = max(largest, abs(total))
             done = done and abs(total) <= (1e-11 if iteration < 30 else 1e-8) * size
         if done:
             converged = True
             break
-        if largest >= smallest or not np.isfinite(largest):
+        if largest >= smallest or not math.isfinite(largest):
             # Two kinks of a yielding slider throw whole Newton steps to and fro: half of the last one.
             for j in range(joints):
                 change[j] *= 0.5
@@ -197,147 +216,134 @@ def midpoint_step(h, inverse, damping, stiffness, laws, direction, force, q, v, 
     for j in range(joints):
         if direction[j] != 0.0:
             for i in range(n):
-                a[i] -= inverse[i, j] * moment[j]
+                a[i] -= inverse[i * n + j] * moment[j]
     for i in range(n):
         v1[i] = v[i] + h * a[i]
         q1[i] = q[i] + 0.5 * h * (v[i] + v1[i])
     for j in range(joints):
         if direction[j] == 0.0:
             v1[j], q1[j] = 0.0, q[j]
+        law, mid_j = _law_of(j, laws), shifted(z_mid, j * most)
         middle, travel = 0.5 * (q[j] + q1[j]), q1[j] - q[j]
-        end_states(j, middle, travel / h, direction[j], h, laws, z, z_mid, z1, out)
-        if travel != 0.0:
-            p = shifted(pointer(laws[1]), j * laws[1].shape[1])
-            call_law(laws[0][j], middle, 0.0, 0.0, pointer(rest), p, pointer(out))
-            work[j, 0] += out[0] * travel
-            work[j, 1] += (moment[j] - out[0]) * travel
+        _end_states(
+            law, middle, travel / h, direction[j], h, shifted(z, j * most), mid_j, shifted(z1, j * most), out
+        )
+        for i in range(most):
+            rest[i] = 0.0
+        call_law(law[0], middle, 0.0, 0.0, rest, law[1], out)
+        work[2 * j] = out[0] * travel
+        work[2 * j + 1] = (moment[j] - out[0]) * travel
     return converged
 
 
-@_compiled
-def holding_moments(mass, inverse_mass, damping, stiffness, laws, direction, force, q, v, z):
-    """Moment that each joint transfers now: its law's where it slips, the one that holds it where it sticks.
+@_inner
+def _holding_moments(sizes, system, laws, direction, force, q, v, z, moments, room):
+    """Fill what each joint transfers now, and the bounds of its friction interval at rest.
 
-    Parameters
-    ----------
-    inverse_mass : ndarray, shape (n, n)
-        Inverse of the mass over the coordinates that move, zero elsewhere.
-
-    Returns
-    -------
-    ndarray, shape (joints, 3)
-        The moment, and the bounds of the friction interval at rest.
+    A slipping joint transfers its law's moment, a sticking one what holds it.
     """
-    joints, n = direction.size, q.size
-    right, a = np.empty(n), np.zeros(n)
-    answer = np.zeros((joints, 3))
-    out = np.empty(z.shape[1] + 1)
-    result = pointer(out)
+    n, joints, most = sizes
+    _, inverse_mass, mass, damping, stiffness, load = system
+    right, a, out = room, shifted(room, n), shifted(room, 2 * n)
     for i in range(n):
-        total = force[i]
+        total = force * load[i]
         for k in range(n):
-            total -= damping[i, k] * v[k] + stiffness[i, k] * q[k]
+            total -= damping[i * n + k] * v[k] + stiffness[i * n + k] * q[k]
         right[i] = total
     for j in range(joints):
-        row = shifted(pointer(z), j * z.shape[1])
-        p = shifted(pointer(laws[1]), j * laws[1].shape[1])
-        call_law(laws[0][j], q[j], 0.0, -1.0, row, p, result)
-        answer[j, 1] = out[0]
-        call_law(laws[0][j], q[j], 0.0, 1.0, row, p, result)
-        answer[j, 2] = out[0]
+        row, answer = shifted(z, j * most), shifted(moments, 3 * j)
+        address, p, _ = _law_of(j, laws)
+        call_law(address, q[j], 0.0, -1.0, row, p, out)
+        answer[1] = out[0]
+        call_law(address, q[j], 0.0, 1.0, row, p, out)
+        answer[2] = out[0]
         if direction[j] != 0.0:
-            call_law(laws[0][j], q[j], v[j], direction[j], row, p, result)
-            answer[j, 0] = out[0]
+            call_law(address, q[j], v[j], direction[j], row, p, out)
+            answer[0] = out[0]
             right[j] -= out[0]
     for i in range(n):
+        total = 0.0
         for k in range(n):
-            a[i] += inverse_mass[i, k] * right[k]
+            total += inverse_mass[i * n + k] * right[k]
+        a[i] = total
     for j in range(joints):
         if direction[j] == 0.0:
             total = right[j]
             for k in range(n):
-                total -= mass[j, k] * a[k]
-            answer[j, 0] = total
-    return answer
+                total -= mass[j * n + k] * a[k]
+            moments[3 * j] = total
 
 
-@_compiled
-def frictionless(moments):
-    """Whether a joint's friction interval has no width: it may reverse without coming to rest."""
-    return moments[2] - moments[1] <= 1e-12 * (abs(moments[1]) + abs(moments[2]))
-
-
-@_compiled
-def margins(direction, moments, v1, rate_scale):
-    """How far each joint is from changing: its rate along its direction, or its moment's room in the interval."""
-    room = np.empty(direction.size)
-    for j in range(direction.size):
-        if direction[j] == 0.0:
-            low, high = moments[j, 1], moments[j, 2]
-            width = max(0.5 * (high - low), 1e-300)
-            room[j] = min(high - moments[j, 0], moments[j, 0] - low) / width
-        else:
-            room[j] = np.inf if frictionless(moments[j]) else v1[j] * direction[j] / rate_scale
-    return room
-
-
-@_compiled
+@njit(**_options)
 def march(
-    first,
-    last,
-    h,
-    inverse,
-    inverse_mass,
-    mass,
-    damping,
-    stiffness,
-    laws,
-    direction,
-    limits,
-    load,
-    mean_force,
-    force,
-    q,
-    v,
-    z,
-    moments,
-    stuck,
-    work,
+    first, last, h, matrices, load, laws, direction, limits, forces, motion, moments, stuck, work, room
 ):
     """Take whole steps from sample `first` until a joint changes, fails, or `last` is reached.
 
-    `q`, `v`, `z` hold one row per sample; `load` says how the force acts on the coordinates.
+    Where `last` is `first`, no step is taken and the moments of that sample are filled.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (5, n, n)
+        Inverse of M + h/2·C + h²/4·K and of M over the coordinates that move, zero elsewhere; M, C, K.
+    load : ndarray, shape (n,)
+        How the force acts on the coordinates.
+    laws : (addresses, parameters, counts)
+        Of the joints; parameters have shape (joints, width), counts are numbers of internal states.
+    direction : ndarray, shape (joints,)
+        −1, 0 (stuck) or +1; a joint without friction reverses on the way.
+    limits : ndarray, shape (joints, 2)
+    forces : (mean, now)
+        Mean over the step that begins at each sample, and value at the sample just before a jump.
+    motion : (q, v, z)
+        One row per sample; z has shape (samples, joints, states).
+    moments : ndarray, shape (samples, joints, 3)
+        What each joint transfers, and the bounds of its friction interval at rest.
+    stuck : ndarray of bool, shape (samples, joints)
+    work : ndarray, shape (2, joints, 2)
+        The work of the accepted steps is added to the first, that of the last step tried is left in the second.
+    room : ndarray, shape (room_for(…),)
 
     Returns
     -------
     sample reached, reason (a joint changes in the next step, for one), joint
     """
-    joints = direction.size
+    q, v, z = pointer(motion[0]), pointer(motion[1]), pointer(motion[2])
+    n, joints, most = load.size, direction.size, motion[2].shape[2]
+    sizes, square, base = (n, joints, most), n * n, pointer(matrices)
+    system = (base, shifted(base, square), shifted(base, 2 * square), shifted(base, 3 * square),
+              shifted(base, 4 * square), pointer(load))  # fmt: skip
+    table = (pointer(laws[0]), pointer(laws[1]), laws[1].shape[1], pointer(laws[2]))
+    mean_force, force = pointer(forces[0]), pointer(forces[1])
+    side, bound, total, space = pointer(direction), pointer(limits), pointer(work), pointer(room)
+    done, step = shifted(total, 2 * joints), joints * most
+    now = shifted(pointer(moments), 3 * joints * first)
     at = first
-    while at < last:
-        before = work.copy()
-        good = midpoint_step(h, inverse, damping, stiffness, laws, direction, mean_force[at] * load,
-                             q[at], v[at], z[at], q[at + 1], v[at + 1], z[at + 1], work)  # fmt: skip
-        if not good:
-            work[:] = before
+    while True:
+        q0, v0, z0 = shifted(q, at * n), shifted(v, at * n), shifted(z, at * step)
+        if first == last:
+            _holding_moments(sizes, system, table, side, force[at], q0, v0, z0, now, space)
+        if at >= last:
+            return at, END, 0
+        q1, v1, z1, now = shifted(q0, n), shifted(v0, n), shifted(z0, step), shifted(now, 3 * joints)
+        if not _step(h, sizes, system, table, side, mean_force[at], q0, v0, z0, q1, v1, z1, done, space):
             return at, NOT_CONVERGED, 0
         # The force just before the next sample's jump, should there be one, still belongs to this step.
-        now = holding_moments(mass, inverse_mass, damping, stiffness, laws, direction, force[at + 1] * load,
-                              q[at + 1], v[at + 1], z[at + 1])  # fmt: skip
+        _holding_moments(sizes, system, table, side, force[at + 1], q1, v1, z1, now, space)
         for j in range(joints):
-            if direction[j] != 0.0:
-                changed = v[at + 1, j] * direction[j] < 0.0 and not frictionless(now[j])
-            else:
-                changed = not (now[j, 1] <= now[j, 0] <= now[j, 2])
+            held, low, high = now[3 * j], now[3 * j + 1], now[3 * j + 2]
+            changed = side[j] == 0.0 and not low <= held <= high
+            if v1[j] * side[j] < 0.0:
+                # A friction interval without width: the joint may reverse without coming to rest.
+                changed = high - low > FRICTIONLESS * (abs(low) + abs(high))
             if changed:
-                work[:] = before
                 return at, CHANGE, j
-        for j in range(joints):
-            moments[at + 1, j] = now[j, 0]
-            stuck[at + 1, j] = direction[j] == 0.0
-            if v[at + 1, j] * direction[j] < 0.0:
-                direction[j] = -direction[j]
-            if not limits[j, 0] <= q[at + 1, j] <= limits[j, 1]:
-                return at + 1, PAST_LIMIT, j
         at += 1
-    return at, END, 0
+        for j in range(joints):
+            total[2 * j] += done[2 * j]
+            total[2 * j + 1] += done[2 * j + 1]
+            stuck[at, j] = side[j] == 0.0
+            if v1[j] * side[j] < 0.0:
+                side[j] = -side[j]
+            if not bound[2 * j] <= q1[j] <= bound[2 * j + 1]:
+                return at, PAST_LIMIT, j

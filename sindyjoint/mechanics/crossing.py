@@ -1,0 +1,214 @@
+"""Steps of a structure with joints: whole steps in compiled code, and the instants at which joints change."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from sindyjoint.errors import SimulationError
+from sindyjoint.mechanics import transient_kernel as kernel
+from sindyjoint.mechanics.excitation import Excitation
+from sindyjoint.mechanics.laws import as_compiled
+from sindyjoint.mechanics.structure import Structure
+
+Array = NDArray[np.float64]
+
+
+class Stepper:
+    """The matrices of a reduced structure and what follows from them for each set of stuck joints."""
+
+    def __init__(self, structure: Structure, load: Array, step: float):
+        self.structure, self.load, self.step = structure, load, step
+        omega = 2 * np.pi * structure.frequencies(1)[0]
+        self.mass, self.stiffness = structure.mass, structure.stiffness
+        self.damping = structure.loss / omega
+        compiled = [as_compiled(hinge.law) for hinge in structure.hinges]
+        joints = len(compiled)
+        width = max([c.parameters.size for c in compiled], default=0) or 1
+        parameters = np.zeros((joints, width))
+        for row, c in zip(parameters, compiled, strict=True):
+            row[: c.parameters.size] = c.parameters
+        counts = np.array([c.n_states for c in compiled], dtype=np.int64)
+        self.laws = (np.array([c.address for c in compiled], dtype=np.int64), parameters, counts)
+        self.keep_alive = compiled
+        self.n_states = max(1, int(counts.max(initial=0)))
+        self.unbounded = np.tile([-np.inf, np.inf], (joints, 1))
+        self.room = np.zeros(kernel.room_for(len(self.mass), joints, self.n_states))
+        self._whole: dict[bytes, Array] = {}
+
+    def inverse(self, direction: Array, h: float) -> Array:
+        """Inverse of M + h/2·C + h²/4·K over what moves, zero elsewhere."""
+        return _inverse_of_moving(self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness, direction)
+
+    def matrices(self, direction: Array, h: float | None = None) -> Array:
+        """Inverses for a step of h (the whole step without it) and of the mass, mass, damping and stiffness."""
+        key = (direction != 0).tobytes()
+        if h is None and key in self._whole:
+            return self._whole[key]
+        matrices = np.stack([
+            self.inverse(direction, h or self.step), _inverse_of_moving(self.mass, direction), self.mass, self.damping,
+            self.stiffness,
+        ])  # fmt: skip
+        if h is None:
+            self._whole[key] = matrices
+        return matrices
+
+    def march(self, first: int, last: int, direction: Array, limits: Array, forces: tuple[Array, Array],
+              rows: tuple[Array, Array, Array, Array, NDArray[np.bool_]], work: Array,
+              h: float | None = None) -> tuple[int, int, int]:  # fmt: skip
+        """Take whole steps; see :func:`transient_kernel.march`. `rows` are q, v, z, moments and stuck."""
+        return kernel.march(
+            first, last, h or self.step, self.matrices(direction, h), self.load, self.laws, direction, limits, forces,
+            rows[:3], rows[3], rows[4], work, self.room,
+        )  # fmt: skip
+
+    def moments(self, direction: Array, force: float, q: Array, v: Array, z: Array) -> Array:
+        """Moments and friction bounds of the joints now, shape (joints, 3)."""
+        forces, joints = np.array([force]), direction.size
+        answer, stuck = np.empty((1, joints, 3)), np.empty((1, joints), np.bool_)
+        rows = q[None], v[None], z[None], answer, stuck
+        self.march(0, 0, direction, self.unbounded, (forces, forces), rows, np.empty((2, joints, 2)))
+        return answer[0]
+
+
+def _inverse_of_moving(matrix: Array, direction: Array) -> Array:
+    moving = np.ones(len(matrix), dtype=bool)
+    moving[: direction.size] = direction != 0
+    result = np.zeros_like(matrix)
+    index = np.ix_(moving, moving)
+    result[index] = np.linalg.inv(matrix[index])
+    return result
+
+
+def side_of(moment: Array) -> float:
+    """Direction that a joint takes whose holding moment, lower and upper bound are given; 0 where it holds."""
+    value, low, high = moment
+    return 1.0 if value > high else (-1.0 if value < low else 0.0)
+
+
+def margins(direction: Array, moments: Array, v1: Array, rate_scale: float) -> Array:
+    """How far each joint is from changing: its rate along its direction, or its moment's room in the interval."""
+    held, low, high = moments.T
+    width = high - low
+    room = np.minimum(high - held, held - low) / np.maximum(width / 2, 1e-300)
+    frictionless = width <= kernel.FRICTIONLESS * (abs(low) + abs(high))
+    moving = np.where(frictionless, np.inf, v1[: direction.size] * direction / rate_scale)
+    return np.where(direction == 0, room, moving)
+
+
+class Crossing:
+    """One grid step in which joints change: advances from event to event to the end of the step."""
+
+    def __init__(self, stepper: Stepper, excitation: Excitation, time: float, state: tuple, direction: Array,
+                 work: Array, rate_scale: float):  # fmt: skip
+        self.stepper, self.excitation, self.time = stepper, excitation, time
+        self.q, self.v, self.z = (x.copy() for x in state)
+        self.direction, self.work, self.rate_scale = direction, work, rate_scale
+        self.events = 0
+
+    def trial(self, x: float) -> tuple[Array, Array, Array, Array, Array]:
+        """State a time x ahead, room of the joints there, and the work done."""
+        force, now = (
+            self.excitation.mean(self.time, self.time + x),
+            self.excitation(self.time + x * (1 - 1e-9)),
+        )
+        joints = self.direction.size
+        q, v, z = (np.stack([row, row]) for row in (self.q, self.v, self.z))
+        moments, work = np.empty((2, joints, 3)), np.zeros((2, joints, 2))
+        rows = q, v, z, moments, np.empty((2, joints), np.bool_)
+        forces = np.full(2, force), np.full(2, now)
+        s, direction = self.stepper, self.direction.copy()
+        _, reason, _ = s.march(0, 1, direction, s.unbounded, forces, rows, work, x)
+        if reason == kernel.NOT_CONVERGED:
+            raise not_converged(self.time, x)
+        return q[1], v[1], z[1], margins(self.direction, moments[1], v[1], self.rate_scale), work[1]
+
+    def room_now(self) -> Array:
+        """Room of the joints before the step."""
+        s = self.stepper
+        moments = s.moments(self.direction, float(self.excitation(self.time)), self.q, self.v, self.z)
+        return margins(self.direction, moments, self.v, self.rate_scale)
+
+    def decide(self, j: int) -> None:
+        """Let joint j, at rest, hold or break away."""
+        s = self.stepper
+        self.direction[j] = 0.0
+        moments = s.moments(self.direction, float(self.excitation(self.time)), self.q, self.v, self.z)
+        self.direction[j] = side_of(moments[j])
+        self.events += 1
+
+    def accept(self, x: float, trial: tuple) -> None:
+        """Take a trial step."""
+        self.q, self.v, self.z, _, work = trial
+        self.work += work
+        self.time += x
+        # Only a joint without friction gets here against its direction.
+        turned = self.v[: self.direction.size] * self.direction < 0
+        self.direction[turned] *= -1
+
+    def run(self, h: float) -> None:
+        """Advance by h, from event to event."""
+        end = self.time + h
+        held: set[int] = set()
+        for _ in range(200):
+            x = end - self.time
+            if x <= 1e-9 * h:
+                return
+            whole = self.trial(x)
+            wrong = [j for j in np.flatnonzero(whole[3] < 0).tolist() if j not in held]
+            if not wrong:
+                self.accept(x, whole)
+                return
+            now = self.room_now()
+            at_once = [j for j in wrong if now[j] <= 0]
+            if at_once:
+                j = at_once[0]
+                before = self.direction[j]
+                self.decide(j)
+                if before != 0 or self.direction[j] == before:
+                    # It broke away and would turn back at once: its moment touches the bound. It rests this step.
+                    self.direction[j] = 0.0
+                    held.add(j)
+                continue
+
+            def room(fraction: float, wrong: list[int] = wrong, x: float = x, now: Array = now) -> float:
+                return (
+                    float(min(now[wrong]))
+                    if fraction == 0
+                    else float(min(self.trial(fraction * x)[3][wrong]))
+                )
+
+            fraction = float(brentq(room, 0.0, 1.0, xtol=1e-12, rtol=1e-10))
+            cut = self.trial(fraction * x)
+            j = wrong[int(np.argmin(cut[3][wrong]))]
+            if self.direction[j] != 0:
+                cut[1][j] = 0.0
+            self.accept(fraction * x, cut)
+            self._change(j)
+        raise SimulationError(
+            f"a joint changed between stick and slip over 200 times in one step at t = {self.time:.6g} s; "
+            "reduce the step",
+            time=self.time,
+        )
+
+    def _change(self, j: int) -> None:
+        if self.direction[j] != 0:
+            self.decide(j)
+            return
+        s = self.stepper
+        moment, low, high = s.moments(
+            self.direction, float(self.excitation(self.time)), self.q, self.v, self.z
+        )[j]
+        # On the bound itself rounding decides; the nearer bound is the one it breaks.
+        self.direction[j] = 1.0 if moment > 0.5 * (low + high) else -1.0
+        self.events += 1
+
+
+def not_converged(time: float, h: float) -> SimulationError:
+    """Say that Newton found no moment in a step, what that means and what to do."""
+    return SimulationError(
+        f"the joint's moment was not found at t = {time:.6g} s: the step of {h:.3g} s is too large for this law; "
+        "reduce the step",
+        time=time,
+    )
