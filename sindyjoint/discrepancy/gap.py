@@ -18,14 +18,20 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import MeasuredMotion
+from sindyjoint.discrepancy.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.states import ForceStates
 
 Array = NDArray[np.float64]
 
 PHASES = 240
-MOST_ROWS = 4000
 STRETCHES = 5
-FOLLOWED = 20
+# Rows of a run that does not repeat: this many per period of its bandwidth, and of all runs together at most so many.
+ROWS_PER_PERIOD = 5
+MOST_ROWS = 40_000
+STRETCH = 500
+# Internal states follow a motion that is interpolated within this share of its RMS.
+FOLLOWED_ERROR = 1e-4
+MOST_BETWEEN = 8
 # The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
 CHAIN_ERROR = 5e-4
 
@@ -43,10 +49,12 @@ class GapRun:
     motion : MeasuredMotion
     target : ndarray, shape (m,)
         Transfer moment at the kept samples (moment at the sensor where the inertia is identified), N·m.
-    whitener : ndarray, shape (m, m) or (m,)
-        Multiplies rows so that their noise is independent and of unit variance.
+    factor : ndarray, shape (m, m) or (bands + 1, m)
+        Where folded the inverse of the Cholesky factor of the rows' covariance; else that factor, banded, lower.
     sigma : ndarray, shape (m,)
         Standard error of each row's moment by the moment's own noise, N·m.
+    folded : bool
+        Whether the rows are a mean period, whose noise repetition has measured.
     """
 
     name: str
@@ -54,14 +62,18 @@ class GapRun:
     level: str | None
     motion: MeasuredMotion
     target: Array
-    whitener: Array
+    factor: Array
     sigma: Array
+    folded: bool
 
     def white(self, rows: Array) -> Array:
-        """Return rows of columns in units of noise; shape as given, (m,) or (m, k)."""
-        if self.whitener.ndim == 2:
-            return self.whitener @ rows
-        return self.whitener * rows if rows.ndim == 1 else self.whitener[:, None] * rows
+        """Return rows of columns in units of independent noise; shape as given, (m,) or (m, k)."""
+        if self.folded:
+            return self.factor @ rows
+        from scipy.linalg.lapack import dtbtrs
+
+        solution, _ = dtbtrs(self.factor, rows, uplo="L")
+        return solution.reshape(rows.shape)
 
     def row_groups(self, alone: bool) -> NDArray[np.object_]:
         """Return what is held out together, per row: the run's group, or stretches of it where the run is alone."""
@@ -100,9 +112,9 @@ def gap_runs(
     phases : int
         Samples of the mean period.
     """
-    scale = model.fitted.moment_rms
+    scale, most = model.fitted.moment_rms, MOST_ROWS // len(states)
     return tuple(
-        _folded(s, model, g, phases, scale) if s.method == "periodic" else _strided(s, model, g, scale)
+        _folded(s, model, g, phases, scale) if s.method == "periodic" else _strided(s, model, g, scale, most)
         for s, g in zip(states, groups, strict=True)
     )
 
@@ -120,18 +132,6 @@ def reference_scales(runs: Sequence[GapRun]) -> Reference:
     return Reference(
         float(max(np.abs(r.angle).max() for r in runs)), float(max(np.abs(r.rate).max() for r in runs)), None
     )
-
-
-def slopes(model: JointModel, angle: Array, rate: Array) -> tuple[Array, Array]:
-    """Return ∂M/∂θ and ∂M/∂θ̇ of a model's smooth moment along a motion, by central differences.
-
-    The step is a thousandth of the range, and a rate keeps its sign: the friction step is no slope.
-    """
-    small = 1e-3 * model.fitted.angle
-    along = (model.moment(angle + small, rate) - model.moment(angle - small, rate)) / (2 * small)
-    tiny = np.minimum(1e-3 * model.fitted.rate, 0.5 * np.abs(rate)) + 1e-300
-    across = (model.moment(angle, rate + tiny) - model.moment(angle, rate - tiny)) / (2 * tiny)
-    return along, np.where(np.abs(rate) > 1e-9 * model.fitted.rate, across, 0.0)
 
 
 def _folded(states: ForceStates, model: JointModel, group: str, phases: int, scale: float) -> GapRun:
@@ -164,50 +164,22 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time)
     inertia = model.joint.inertia
     sigma = np.sqrt(states.noise.moment**2 / filled[keep] + (CHAIN_ERROR * scale) ** 2)
-    whitener = _whitener(states, model, motion, sigma, (np.arange(phases)[keep] + 0.5) / phases)
+    factor = folded_whitener(states, model, motion, sigma, (np.arange(phases)[keep] + 0.5) / phases)
     target = moment[keep] - (inertia or 0.0) * acceleration[keep]
-    return GapRun(states.run, group, states.level, motion, target, whitener, sigma)
+    return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
 
 
-def _whitener(
-    states: ForceStates, model: JointModel, motion: MeasuredMotion, sigma: Array, phase: Array
-) -> Array:
-    """Return the inverse Cholesky factor of the rows' covariance."""
-    assert states.frequency is not None
-    kept = max(1, int(round(states.bandwidth / states.frequency)))
-    orders = np.arange(0, kept + 9)
-    angular = 2 * np.pi * states.frequency * orders
-    stiffness, damping = (s[motion.keep] for s in slopes(model, motion.angle, motion.rate))
-    cosine, sine = np.cos(2 * np.pi * np.outer(phase, orders)), np.sin(2 * np.pi * np.outer(phase, orders))
-    inertial = model.inertia * angular**2
-    carried = [
-        stiffness[:, None] * cosine - damping[:, None] * angular * sine + inertial * cosine,
-        stiffness[:, None] * sine + damping[:, None] * angular * cosine + inertial * sine,
-    ]
-    error = np.full(orders.size, np.sqrt(2.0 / states.n_samples) * states.noise.angle)
-    error[0] /= np.sqrt(2.0)
-    # A harmonic that was cut is anything below the level at which it would have been kept.
-    error[kept + 1 :] *= 3.0
-    matrix = np.hstack([block * error for block in carried])
-    covariance = matrix @ matrix.T
-    covariance[np.diag_indices_from(covariance)] += sigma**2
-    from scipy.linalg import solve_triangular
+def _strided(states: ForceStates, model: JointModel, group: str, scale: float, most: int) -> GapRun:
+    """Take evenly spaced moving samples of a run that does not repeat, and whiten them.
 
-    lower = np.linalg.cholesky(covariance)
-    return solve_triangular(lower, np.eye(sigma.size), lower=True, check_finite=False)
-
-
-def _strided(states: ForceStates, model: JointModel, group: str, scale: float) -> GapRun:
-    """Take evenly spaced moving samples of a run that does not repeat."""
-    # The motion holds nothing above its bandwidth. Internal states are followed on some twenty samples per period of
-    # it: fewer than measured where the record is dense, more (by Hermite interpolation) where it is not.
-    every = max(1, int(states.sample_rate / (FOLLOWED * states.bandwidth)))
-    between = max(1, int(np.ceil(FOLLOWED * states.bandwidth / states.sample_rate))) if every == 1 else 1
-    moving = np.flatnonzero(states.moving[::every])
-    rows = moving[:: max(1, moving.size // MOST_ROWS)]
+    The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
+    """
+    every = max(1, int(states.sample_rate / (ROWS_PER_PERIOD * states.bandwidth)))
     angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
     step = every / states.sample_rate
+    rows = _stretches(np.flatnonzero(states.moving[::every]), most)
     target = states.moment[::every][rows] - (model.joint.inertia or 0.0) * acceleration[rows]
+    between = _between(angle, acceleration, step)
     if between > 1:
         jerk = np.gradient(acceleration, step)
         angle, rate, acceleration = (
@@ -215,18 +187,29 @@ def _strided(states: ForceStates, model: JointModel, group: str, scale: float) -
             for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
         )
     keep = rows * between
-    motion = _motion(states, model, angle, rate, acceleration, step / between, keep, False)
-    stiffness, damping = (s[keep] for s in slopes(model, motion.angle, motion.rate))
-    noise = states.noise
-    variance = (
-        noise.moment**2
-        + (model.inertia * noise.acceleration) ** 2
-        + (damping * noise.rate) ** 2
-        + (stiffness * noise.angle) ** 2 * min(1.0, 2 * states.bandwidth / states.sample_rate)
-        + (CHAIN_ERROR * scale) ** 2
-    )
-    sigma = np.sqrt(variance)
-    return GapRun(states.run, group, states.level, motion, target, 1 / sigma, sigma)
+    motion = _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
+    white = np.sqrt(states.noise.moment**2 + (CHAIN_ERROR * scale) ** 2)
+    sigma = np.full(rows.size, white)
+    factor = kernel_noise_factor(states, model, motion, rows * every, sigma)
+    return GapRun(states.run, group, states.level, motion, target, factor, sigma, False)
+
+
+def _between(angle: Array, acceleration: Array, step: float) -> int:
+    """Return into how many parts a step is cut so that linear interpolation of the angle errs by 1e-4 of its RMS."""
+    curvature = float(np.sqrt(np.mean(acceleration**2)))
+    spread = float(np.std(angle))
+    wanted = np.sqrt(8 * FOLLOWED_ERROR * spread / curvature) if curvature > 0 else step
+    return int(np.clip(np.ceil(step / wanted), 1, MOST_BETWEEN)) if wanted > 0 else 1
+
+
+def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return at most about ``most`` rows, as whole stretches spread evenly: neighbours carry correlated noise."""
+    count = rows.size // STRETCH
+    keep = max(1, most // STRETCH)
+    if rows.size <= most or count <= keep:
+        return rows
+    chosen = np.unique(np.linspace(0, count - 1, keep).astype(int))
+    return np.concatenate([rows[i * STRETCH : (i + 1) * STRETCH] for i in chosen])
 
 
 def hermite(values: Array, slope: Array, step: float, between: int) -> Array:

@@ -156,7 +156,7 @@ def held_out_gap(
     square, own = left**2, target**2
     starts = [0, *ends[:-1]]
     for run, low, high in zip(runs, starts, ends, strict=True):
-        if run.motion.repeats:
+        if run.folded:
             square[low:high] += noise[run.name] ** 2
     per_run = {
         run.name: float(np.sqrt(np.mean(square[low:high]) / np.mean(own[low:high])))

@@ -129,7 +129,7 @@ def _reversal_spacing(rate: Array) -> float:
 
 
 def broadband_states(
-    run: Run, bandwidth: float | None = None, rate_share: float | None = None
+    run: Run, bandwidth: float | None = None, rate_share: float | None = None, repeated: bool = False
 ) -> ForceStates:
     """Return the force states of a run that does not repeat.
 
@@ -144,6 +144,8 @@ def broadband_states(
     rate_share : float
         Share of the peak rate below which samples count as reversal. Default: 0.02,
         or 0.1 where the joint dwells at rest.
+    repeated : bool
+        The run is one period of a motion that repeats: its end is followed by its beginning, and nothing is dropped.
 
     Raises
     ------
@@ -165,16 +167,21 @@ def broadband_states(
                 f"{run.label}: {run.n_samples} samples are too few to differentiate; at least "
                 f"{3 * low.size} are wanted"
             )
-    middle = slice(half, run.n_samples - half)
-    angle = fftconvolve(run.angle - run.angle[0], low, mode="valid") + run.angle[0]
+    edge = 0 if repeated else half
+    middle = slice(edge, run.n_samples - edge)
+
+    def smooth(signal: Array, kernel: Array) -> Array:
+        if repeated:
+            signal = np.concatenate([signal[-half:], signal, signal[:half]])
+        return fftconvolve(signal, kernel, mode="valid")
+
+    angle = smooth(run.angle - run.angle[0], low) + run.angle[0]
     if run.rate is None:
         # Centred first: a large offset times the kernel's rounding would show in the second derivative.
-        rate = fftconvolve(run.angle - np.mean(run.angle), first, mode="valid")
-        acceleration = fftconvolve(run.angle - np.mean(run.angle), second, mode="valid")
+        rate, acceleration = (smooth(run.angle - np.mean(run.angle), k) for k in (first, second))
         rate_noise, acceleration_noise = (angle_noise * float(np.linalg.norm(k)) for k in (first, second))
     else:
-        rate = fftconvolve(run.rate, low, mode="valid")
-        acceleration = fftconvolve(run.rate, first, mode="valid")
+        rate, acceleration = smooth(run.rate, low), smooth(run.rate, first)
         measured = signal_bandwidth(run.rate, run.sample_rate)[1]
         rate_noise, acceleration_noise = (measured * float(np.linalg.norm(k)) for k in (low, first))
     share, guard_periods = STICKING if dwells(rate) else PASSING
@@ -202,5 +209,7 @@ def broadband_states(
         ),
         method="broadband",
         bandwidth=cutoff,
-        dropped=half / run.sample_rate,
+        dropped=edge / run.sample_rate,
+        repeated=repeated,
+        rate_measured=run.rate is not None,
     )

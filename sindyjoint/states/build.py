@@ -13,6 +13,7 @@ from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states
 from sindyjoint.states.periodic import MINIMUM_PERIODS, periodic_states
 from sindyjoint.states.record import ForceStates
+from sindyjoint.states.repetition import mean_period, repetition
 
 Array = NDArray[np.float64]
 Choice = Literal["auto", "periodic", "broadband"]
@@ -32,7 +33,7 @@ def force_states(
     run : Run
     method : {"auto", "periodic", "broadband"}
         ``"auto"``: periodic where the run repeats at its declared (or, without one, its estimated) frequency for
-        at least three steady periods, otherwise broadband.
+        at least three steady periods, otherwise broadband; a multisine that repeats three times is averaged first.
     bandwidth : float, optional
         Highest frequency kept in the angle, Hz. Default: where the angle sinks into its noise.
     rate_share : float
@@ -52,6 +53,8 @@ def force_states(
         if run.frequency is None:
             run = replace(run, frequency=estimate_frequency(run))
         states = periodic_states(run, bandwidth, rate_share)
+    elif method == "auto" and (period := repetition(run)) is not None:
+        states = _averaged(run, period, bandwidth, rate_share)
     else:
         states = broadband_states(run, bandwidth, rate_share)
     count = int(np.count_nonzero(states.moving))
@@ -62,6 +65,14 @@ def force_states(
             f"({states.noise.rate:.2g} rad/s); a larger excitation or a less noisy angle channel is wanted"
         )
     return states
+
+
+def _averaged(run: Run, period: int, bandwidth: float | None, rate_share: float | None) -> ForceStates:
+    """Return the broadband states of a run's mean period, placed where the averaged periods begin."""
+    mean, first = mean_period(run, period)
+    states = broadband_states(mean, bandwidth, rate_share, repeated=True)
+    start = first / run.sample_rate
+    return replace(states, time=states.time + start, dropped=start)
 
 
 def campaign_states(

@@ -129,7 +129,7 @@ def diagnose(
     say("advice")
     verdict, reason = _verdict(problem, steps, left, drift)
     steps = _humble(steps, verdict)
-    advice = advise(work.rows, work.model, repaired.effects, steps, candidates)
+    advice = advise(work.rows, work.states, work.model, repaired.effects, steps, candidates)
     final = steps[-1].gap_after if steps else initial
     noise = _noise_floor(initial_work)
     processing = processing_error(initial_work.campaign, initial_work.runs, initial_work.model)
@@ -327,7 +327,7 @@ def _verdict(
     problem: Problem, steps: Sequence[Step], left: float, drift: ChannelDrift | None
 ) -> tuple[str, str]:
     """Return the verdict and its reason."""
-    repeats = all(run.motion.repeats for run in problem.runs)
+    repeats = all(run.folded for run in problem.runs)
     degrees = problem.degrees
     excess = problem.chi_square / degrees
     if repeats:

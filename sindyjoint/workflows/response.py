@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -224,8 +224,6 @@ def settling(states: ForceStates) -> int:
 
 def _cut(states: ForceStates, skip: int) -> ForceStates:
     """Return the states from a sample on."""
-    from dataclasses import replace
-
     if not skip:
         return states
     names = ("time", "angle", "rate", "acceleration", "moment", "moving", "block")
@@ -271,6 +269,13 @@ def _moved(
     moment = run.moment[span]
     if "limits" not in options:
         options["limits"] = angle_limits(law, states, drive)
+    if states.repeated:
+        # Internal states of the law are not known at the start; one period before, they find their way.
+        periods = repeated(states.moment, states.n_samples / run.sample_rate)
+        start = (states.angle[0], states.rate[0])
+        duration = 2 * states.n_samples / run.sample_rate
+        both = simulate(law, periods, duration, run.sample_rate, initial=start, **options)
+        return replace(both, angle=both.angle[-states.n_samples :], rate=both.rate[-states.n_samples :])
     if drive == "windows":
         start = np.column_stack([states.angle, states.rate])
         return simulate_windows(law, moment, run.sample_rate, window, start, interpolation="cubic", **options)

@@ -1,0 +1,87 @@
+"""Runs whose excitation repeats though they are no sinusoid: the periods of a multisine are averaged into one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.record import Run
+
+Array = NDArray[np.float64]
+
+# Two stretches are the same excitation when they differ by less than this share of their RMS (twice 5 % noise, and √2).
+SAME = 0.15
+FEWEST_PERIODS = 3
+SHORTEST = 256  # samples of a period
+# A first period that differs from the others by this much more than they do among one another holds a transient.
+TRANSIENT = 1.5
+
+
+def repetition(run: Run) -> int | None:
+    """Return the number of samples after which a run repeats itself, or None where it does not.
+
+    The shortest lag at which angle and moment both come back within 15 % of their RMS, for at least three periods.
+    Only whole numbers of samples are found, as signal generators make them.
+
+    Parameters
+    ----------
+    run : Run
+    """
+    late = run.n_samples // FEWEST_PERIODS
+    if late < SHORTEST:
+        return None
+    angle, moment = (signal - np.mean(signal) for signal in (run.angle, run.moment))
+    if not np.any(moment) or not np.any(angle):
+        return None
+    likeness = np.minimum(_autocorrelation(angle), _autocorrelation(moment))
+    near = likeness[SHORTEST : late + 1]
+    passing = np.flatnonzero(near > 1 - SAME**2)
+    if not passing.size:
+        return None
+    top = int(passing[0])
+    while top + 1 < near.size and near[top + 1] > near[top]:
+        top += 1
+    lag = SHORTEST + top
+    change = [signal[lag:] - signal[:-lag] for signal in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])]
+    alike = all(
+        np.sqrt(np.mean(c**2)) <= SAME * np.sqrt(2) * np.std(s)
+        for c, s in zip(change, (angle, moment), strict=True)
+    )
+    return lag if alike else None
+
+
+def mean_period(run: Run, period: int) -> tuple[Run, int]:
+    """Return one mean period of a run that repeats, and the first sample of the periods that it is the mean of.
+
+    A first period that differs more from the others than they do among one another is left out.
+
+    Parameters
+    ----------
+    run : Run
+    period : int
+        Samples.
+    """
+    count = run.n_samples // period
+    stacks = {
+        name: getattr(run, name)[: count * period].reshape(count, period)
+        for name in ("angle", "moment", "rate")
+        if getattr(run, name) is not None
+    }
+    angle = stacks["angle"]
+    away = np.sqrt(np.mean((angle[:-1] - angle[-1]) ** 2, axis=1))
+    skipped = 1 if count > FEWEST_PERIODS - 1 and away[0] > TRANSIENT * np.median(away[1:]) else 0
+    mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
+    return replace(run, source=None, **mean), skipped * period
+
+
+def _autocorrelation(signal: Array) -> Array:
+    """Return the normalised correlation of a signal with itself at every lag, each over the samples that overlap."""
+    from scipy.signal import fftconvolve
+
+    n = signal.size
+    product = fftconvolve(signal, signal[::-1])[n - 1 :]
+    square = np.cumsum(signal**2)
+    head, tail = square[::-1], square[-1] - np.concatenate([[0.0], square[:-1]])
+    return product / np.maximum(np.sqrt(head * tail), 1e-300)
