@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
 from sindyjoint.files.manifest import _first_complaint, _Table
@@ -92,6 +92,7 @@ class PulseTable(_Table):
     duration: str | None = None
     file: str | None = None
     time: ColumnTable | None = None
+    uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Relative standard error of the force.")
 
     @model_validator(mode="after")
     def _shape_or_file(self) -> PulseTable:
@@ -138,7 +139,14 @@ class RigFile(_Table):
     chain: list[PartTable] = Field(min_length=1)
     pulse: PulseTable
     output: OutputTable = OutputTable()
-    measured: MeasuredTable | None = None
+    measured: list[MeasuredTable] = Field(
+        default=[], description="One record, or several of the same pulse, the main one first."
+    )
+
+    @field_validator("measured", mode="before")
+    @classmethod
+    def _one_or_several(cls, given: Any) -> Any:
+        return [given] if isinstance(given, dict) else given
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +189,10 @@ class Rig:
     modes : int
     measured : MeasuredResponse or None
         The response that the file names.
+    also_measured : tuple of MeasuredResponse
+        Further records of the same pulse, at other points.
+    pulse_uncertainty : float
+        Relative standard error of the force.
     """
 
     name: str
@@ -195,6 +207,8 @@ class Rig:
     step: float
     modes: int
     measured: MeasuredResponse | None = None
+    also_measured: tuple[MeasuredResponse, ...] = ()
+    pulse_uncertainty: float = 0.0
 
     def structure(self) -> Structure:
         """Assemble the chain."""
@@ -265,16 +279,18 @@ def _rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
     )
     where = f"{path}: [output]"
+    records = tuple(_measured(table, path) for table in given.measured)
     rig = Rig(
         name=given.name, description=given.description, items=items, clamp_stiffness=stiffness,
         excitation=_excitation(given.pulse, path), at=given.pulse.point, points=tuple(given.output.points),
         duration=parse_quantity(given.output.duration, "s", f"{where} duration"),
         sample_rate=parse_quantity(given.output.sample_rate, "Hz", f"{where} sample_rate"),
         step=parse_quantity(given.output.step, "s", f"{where} step"), modes=given.output.modes,
-        measured=None if given.measured is None else _measured(given.measured, path),
+        measured=records[0] if records else None, also_measured=records[1:],
+        pulse_uncertainty=given.pulse.uncertainty,
     )  # fmt: skip
     structure = rig.structure()
-    for name in (rig.at, *rig.points, *((given.measured.point,) if given.measured else ())):
+    for name in (rig.at, *rig.points, *(record.point for record in records)):
         structure.point(name)
     return rig
 
