@@ -35,18 +35,22 @@ def best(function, repeats=5, clock=time.perf_counter):
     return min(times)
 
 
-def first_use():
-    """Seconds of a first simulation in a new process, compiled anew and from the cache."""
-    code = (
-        "import time; t = time.perf_counter()\n"
+FIRST_USES = {
+    "single joint": (
         "from sindyjoint.mechanics.excitation import harmonic\n"
         "from sindyjoint.mechanics.laws import INTER_PANEL\n"
         "from sindyjoint.mechanics.stickslip import simulate\n"
         "simulate(INTER_PANEL, harmonic(5.0, 4.0), 10.0, 1000.0)\n"
-        "print(time.perf_counter() - t)\n"
-    )
+    ),
+    "pulse rig": "from sindyjoint.mechanics.rigs import load_rig\nload_rig('pulse-rig').respond()\n",
+}
+
+
+def first_use(code):
+    """Processor seconds of a first simulation in a new process, imports included: compiled anew, from the cache."""
+    code = f"import time\n{code}print(time.process_time())\n"
     with tempfile.TemporaryDirectory() as cache:
-        environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+        environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "OMP_NUM_THREADS": "1"}
         run = [sys.executable, "-c", code]
         return [float(subprocess.check_output(run, env=environment, text=True)) for _ in range(2)]
 
@@ -114,7 +118,10 @@ def structures():
 
 
 if __name__ == "__main__":
-    cold, cached = first_use()
-    print(f"first simulation in a new process: {cold:.1f} s compiled anew, {cached:.1f} s from the cache")
+    for name, code in FIRST_USES.items():
+        cold, cached = first_use(code)
+        print(
+            f"first use in a new process, {name}: {cold:.1f} s compiled anew, {cached:.1f} s from the cache"
+        )
     single_joint()
     structures()

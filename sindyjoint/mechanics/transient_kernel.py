@@ -108,20 +108,11 @@ def _joint_moment(law, theta, omega, direction, h, z, z_mid, out):
 
 @_inner
 def _solve_small(matrix, right, n):
-    """Solve matrix·x = right in place by elimination with row exchange; the answer is in `right`."""
+    """Solve matrix·x = right in place by elimination; the answer is in `right`.
+
+    Without exchange of rows: the matrix is the identity plus a positive definite one times the joints' slopes.
+    """
     for c in range(n):
-        pivot = c
-        for r in range(c + 1, n):
-            if abs(matrix[r * n + c]) > abs(matrix[pivot * n + c]):
-                pivot = r
-        if pivot != c:
-            for k in range(n):
-                kept = matrix[c * n + k]
-                matrix[c * n + k] = matrix[pivot * n + k]
-                matrix[pivot * n + k] = kept
-            kept = right[c]
-            right[c] = right[pivot]
-            right[pivot] = kept
         for r in range(c + 1, n):
             factor = matrix[r * n + c] / matrix[c * n + c]
             for k in range(c, n):
