@@ -100,11 +100,27 @@ def _ripple(theta, omega, direction, state, p, out):
 
 
 def _resonance(theta, omega, direction, state, p, out):
-    """A second oscillator behind the joint: its spring's moment comes back at its own frequency."""
-    w = p[1]
-    out[0] = p[0] * (theta - state[0])
-    out[1] = state[1]
-    out[2] = w * w * (theta - state[0]) - 2 * p[2] * w * state[1]
+    """A second oscillator behind the joint, q'' = w²(θ − q) − 2ζw q': passive, damped against the ground.
+
+    The states are q + q'/w and q'/w, so that both begin to move with the joint: the simulator measures errors by the
+    largest value so far, and q itself starts with the fourth power of time.
+    """
+    w, swing = p[1], state[1]
+    q = state[0] - swing
+    rate = w * (theta - q) - 2 * p[2] * w * swing
+    out[0] = p[0] * (theta - q)
+    out[1] = w * swing + rate
+    out[2] = rate
+
+
+def _cogging(theta, omega, direction, state, p, out):
+    """Friction that comes and goes along the angle."""
+    out[0] = p[0] * np.cos(theta / p[1]) * direction
+
+
+def _modulus(theta, omega, direction, state, p, out):
+    """Damping with |θ|: between two effects of the catalogue."""
+    out[0] = p[0] * abs(theta) * omega
 
 
 # name: (law, states, inner parameters drawn from peak angle, peak rate and a generator)
@@ -135,6 +151,8 @@ LAWS = {
     "backlash_play": (_play, 1, lambda a, v, g: (a * g.uniform(0.1, 0.4), a * g.uniform(0.02, 0.1))),
     "maxwell_branch": (_maxwell, 1, lambda a, v, g: (g.uniform(0.015, 0.06),)),
     "ripple": (_ripple, 0, lambda a, v, g: (a * g.uniform(0.02, 0.05),)),
+    "friction_ripple": (_cogging, 0, lambda a, v, g: (a * g.uniform(0.03, 0.08),)),
+    "modulus_damping": (_modulus, 0, lambda a, v, g: ()),
     "second_resonance": (
         _resonance,
         2,
@@ -150,7 +168,7 @@ CHANNELS = (
     "frequency_dependent_stiffness",
     "stiffness_drift",
 )
-OUTSIDE = ("ripple", "second_resonance", "stiffness_jump")
+OUTSIDE = ("ripple", "second_resonance", "friction_ripple", "modulus_damping", "stiffness_jump")
 
 
 @dataclass(frozen=True)
