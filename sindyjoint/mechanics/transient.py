@@ -238,12 +238,11 @@ def _past_limit(name: str, bounds: Array, time: float) -> SimulationError:
 def _collected(stepper: Stepper, points: Sequence[str], parts: int, record: _Record, events: int) -> Response:
     structure, joints = stepper.structure, stepper.structure.n_joints
     middle = (record.v[1:] + record.v[:-1]) / 2
-    lost = float(np.einsum("ti,ij,tj->", middle, stepper.damping, middle, optimize=True)) * stepper.step
+    lost = float(np.sum((middle @ stepper.damping) * middle)) * stepper.step
     keep = slice(None, None, parts)
     q, v = record.q[keep], record.v[keep]
     energy = 0.5 * (
-        np.einsum("ti,ij,tj->t", v, structure.mass, v, optimize=True)
-        + np.einsum("ti,ij,tj->t", q, structure.stiffness, q, optimize=True)
+        np.einsum("ti,ti->t", v @ structure.mass, v) + np.einsum("ti,ti->t", q @ structure.stiffness, q)
     )
     for j, hinge in enumerate(structure.hinges):
         energy += _elastic_energy(hinge.law, q[:, j])

@@ -285,6 +285,9 @@ def test_command_against_a_campaign_on_disk(sindyjoint, model_file, campaign, tm
     assert answer.status == 0 and "passed:" in answer.stdout and "5Hz-0.85" in answer.stdout
 
 
+PULSE_FILE = 'file = "hammer.csv"\ntime = {{ column = "t", unit = "ms" }}\nforce = {{ column = "F", unit = "{force}" }}'
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -292,7 +295,27 @@ def test_command_against_a_campaign_on_disk(sindyjoint, model_file, campaign, tm
         (('height = "20 mm"', 'height = "-20 mm"'), "height is -0.02; a number above zero is wanted"),
         (('law = "inter-panel"', 'law = "elbow"'), "joint 'elbow' is not known; wanted: inter-panel"),
         (('step = "0.5 ms"', 'step = "50 ms"'), "too large for the first mode"),
-        (('force = "65 N"', 'force = "65 kg"'), "force"),
+        (('force = "65 N"', 'force = "65 kg"'), "[pulse] force: "),
+        (
+            ('youngs_modulus = "70 GPa"', 'youngs_modulus = "-70 GPa"'),
+            "youngs_modulus is -7e+10; a number above zero is wanted",
+        ),
+        (
+            ("[pulse]", '[base]\nclamp_stiffness = "-1e5 N*m/rad"\n\n[pulse]'),
+            "clamp_stiffness is -100000.0; a number above zero, or inf, is wanted",
+        ),
+        (
+            ("[[chain]]\nmass", '[[chain]]\njoint = "end"\nlaw = "inter-panel"\n\n[[chain]]\nmass'),
+            "the chain is disconnected: joint 'end' is followed by 'lumped mass'; a beam is wanted behind it",
+        ),
+        (
+            ('shape = "rectangular"\nforce = "65 N"\nduration = "5 ms"', PULSE_FILE.format(force="mm")),
+            "hammer.csv: force: unit 'mm' is not a force",
+        ),
+        (
+            ('shape = "rectangular"\nforce = "65 N"\nduration = "5 ms"', PULSE_FILE.format(force="kN")),
+            "left its angle range",
+        ),
         (('point = "tip"', 'point = "tip top"'), "point 'tip top' is not in the chain; wanted:"),
     ],
 )
@@ -301,6 +324,7 @@ def test_bad_rigs_end_in_one_line(sindyjoint, model_file, tmp_path, change, mess
     assert change[0] in text
     path = tmp_path / "bad.toml"
     path.write_text(text.replace(*change))
+    (tmp_path / "hammer.csv").write_text("t,F\n0,65\n1,65\n2,65\n3,65\n4,65\n5,0\n")
     answer = sindyjoint("verify", model_file, path, "--out", tmp_path / "out")
     assert answer.status == 2 and answer.stdout == ""
     assert answer.stderr.count("\n") == 1 and message in answer.stderr
