@@ -58,11 +58,11 @@ def diagnose(
         check_output(out)
     with Progress(quiet) as progress:
         from sindyjoint.workflows.diagnose import diagnose as run
-        from sindyjoint.workflows.verify import load_model
+        from sindyjoint.workflows.model_file import read_model
 
         result = run(
             campaign,
-            None if model is None else load_model(model),
+            None if model is None else read_model(model),
             base=base or "paper",
             library=tuple(library or ()),
             max_effects=max_effects,

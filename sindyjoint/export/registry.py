@@ -1,15 +1,13 @@
-"""Targets by name, and models from files."""
+"""Targets by name."""
 
 from __future__ import annotations
 
-import os
 from difflib import get_close_matches
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
+from sindyjoint.errors import UnknownNameError
 from sindyjoint.export.base import Export, check_exportable
 
 TARGETS = {
@@ -62,34 +60,3 @@ def export_model(model: JointModel, target: str, **options: Any) -> Export:
         raise UnknownNameError(f"target {target!r} is not known{hint} Known are {', '.join(TARGETS)}")
     check_exportable(model)
     return import_module(f"sindyjoint.export.{target}").export(model, **options)
-
-
-def read_model(path: str | os.PathLike[str]) -> JointModel:
-    """Read a model from ``model.json``, or from a folder of results that holds one.
-
-    Raises
-    ------
-    MissingInputError
-        If there is none.
-    InputError
-        If the file is no joint model; the message names file and field.
-    """
-    file = Path(path)
-    if file.is_dir():
-        file = file / "model.json"
-    if not file.is_file():
-        raise MissingInputError(
-            f"{str(path)!r}: no model is here; a model.json, or the folder that 'sindyjoint discover --out' wrote, "
-            "is wanted"
-        )
-    try:
-        return JointModel.from_json(file.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
-    except (ValueError, AttributeError, RecursionError) as error:
-        text = (
-            str(error)
-            if isinstance(error, InputError)
-            else f"not a joint model: {type(error).__name__}: {error}"
-        )
-        raise InputError(f"{file}: {text}") from error

@@ -11,6 +11,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.record import Campaign
+from sindyjoint.workflows.model_file import read_model
 from sindyjoint.workflows.response import WINDOW
 from sindyjoint.workflows.verification import Verification
 from sindyjoint.workflows.verify_campaign import verify_campaign
@@ -18,27 +19,6 @@ from sindyjoint.workflows.verify_rig import MODEL_PLACE, verify_rig
 
 TOLERANCE = 0.05
 DRAWS = 20
-
-
-def load_model(path: str | Path) -> JointModel:
-    """Read a model from ``model.json`` or from a folder that holds one.
-
-    Raises
-    ------
-    MissingInputError, InputError
-        In one line that names the file.
-    """
-    file = Path(path) / "model.json" if Path(path).is_dir() else Path(path)
-    if not file.exists():
-        raise MissingInputError(
-            f"{file}: no such file; a model.json, or a folder with one as 'discover --out' leaves it, is wanted"
-        )
-    try:
-        return JointModel.from_json(file.read_text(encoding="utf-8"))
-    except (InputError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: {error}") from error
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from error
 
 
 def verify(
@@ -90,7 +70,7 @@ def verify(
     if draws < 0:
         raise InputError(f"draws is {draws!r}; a number that is not negative is wanted")
     if not isinstance(model, JointModel):
-        model = load_model(model)
+        model = read_model(model)
     if not model.terms:
         raise InputError("the model has no terms: there is nothing to simulate; run discover first")
     generator = np.random.default_rng(random_state)
