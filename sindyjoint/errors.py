@@ -48,6 +48,10 @@ class MissingExtraError(SindyJointError, ImportError):
     """An optional dependency that this call needs is not installed."""
 
 
+class WorkerError(SindyJointError, RuntimeError):
+    """A task whose worker processes died, one after the other."""
+
+
 class SimulationError(SindyJointError, ArithmeticError):
     """A simulation that left the range where its law holds; carries the time at which it did."""
 

@@ -14,6 +14,7 @@ ALLOWED = {
     "errors": set(),
     "rounding": set(),
     "record": {"errors"},
+    "parallel": {"errors"},
     "rig": {"errors", "record"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
     "files": BASE | {"rig"},
@@ -22,9 +23,18 @@ ALLOWED = {
     "mechanics": DOOR,  # rigs are read from files
     "discovery": BASE | {"states", "surface"},
     "discrepancy": BASE | {"states", "surface", "mechanics", "discovery"},
-    "workflows": DOOR | {"paper", "states", "surface", "mechanics", "discovery", "discrepancy"},
+    "workflows": DOOR | {"parallel", "paper", "states", "surface", "mechanics", "discovery", "discrepancy"},
 }
-BELOW_TOP = DOOR | {"paper", "states", "surface", "mechanics", "discovery", "discrepancy", "workflows"}
+BELOW_TOP = DOOR | {
+    "parallel",
+    "paper",
+    "states",
+    "surface",
+    "mechanics",
+    "discovery",
+    "discrepancy",
+    "workflows",
+}
 ALLOWED |= {
     "reporting": BELOW_TOP,
     "export": BELOW_TOP,

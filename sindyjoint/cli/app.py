@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli import libraries, reproduce
+from sindyjoint.cli.batch import batch
 from sindyjoint.cli.compare import compare
 from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
@@ -45,6 +46,7 @@ def options(
 
 app.command("discover")(discover)
 app.command("compare")(compare)
+app.command("batch")(batch)
 app.command("simulate")(simulate)
 app.command("verify")(verify)
 app.add_typer(reproduce.app, name="reproduce")

@@ -164,7 +164,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         InputError
             For data or parameters that cannot be used.
         """
-        self._check_parameters()
+        self.check_parameters()
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
         if X.shape[1] not in (2, 3):
             raise InputError(
@@ -202,7 +202,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         terms = [term for term in self.terms_ if term.id in self.selected_]
         return state_columns(terms, X) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
 
-    def _check_parameters(self) -> None:
+    def check_parameters(self) -> None:
         if self.method not in METHODS:
             raise UnknownNameError(f"method is {self.method!r}; one of {', '.join(METHODS)} is wanted")
         if self.selection not in SELECTIONS:

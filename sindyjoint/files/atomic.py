@@ -6,6 +6,7 @@ in one step (``os.replace``). A folder of results is built aside and moved in wh
 
 from __future__ import annotations
 
+import glob
 import os
 import shutil
 import uuid
@@ -166,3 +167,44 @@ def _move_in(stage: Path, target: Path) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
     for path in files:
         os.replace(path, target / path.relative_to(stage))
+
+
+@contextmanager
+def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a folder to fill that takes the place of ``path``, old contents and all, when the block ends well.
+
+    It appears in one step: whoever looks sees the old folder, or the new one, or for an instant none, but never a
+    part. What an earlier attempt that was killed left beside it is removed.
+
+    Yields
+    ------
+    Path
+        A temporary folder beside ``path``.
+
+    Raises
+    ------
+    OutputError
+        When ``path`` cannot be a folder of results.
+    """
+    target = check_output(path)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        for left in target.parent.glob(f".{glob.escape(target.name[:80])}.*.part"):
+            shutil.rmtree(left, ignore_errors=True)
+        stage = _aside(target)
+        stage.mkdir()
+    except OSError as error:
+        raise _cannot(target, error) from error
+    old = _aside(target)
+    try:
+        yield stage
+        if target.exists():
+            os.replace(target, old)
+        os.replace(stage, target)
+    except OSError as error:
+        if isinstance(error, OutputError) or not _concerns(error, stage):
+            raise
+        raise _cannot(target, error) from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)

@@ -13,6 +13,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.packing import pack, unpack
+from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.diagnosis import Diagnosis
 from sindyjoint.workflows.verification import Band, RunVerification, Verification
@@ -32,14 +33,19 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "ReportData": ReportData.from_dict,
     "Verification": lambda data: unpack(Verification, data, model=JointModel.from_dict),
     "Diagnosis": lambda data: unpack(Diagnosis, data, model=JointModel.from_dict, effects=lambda _: ()),
+    "Batch": lambda data: unpack(Batch, data),
     "Comparison": lambda data: unpack(Comparison, data, discovery=_nothing, left_out=lambda _: {}),
 }
 
 
-def saved_text(result: ReportData | Verification | Diagnosis | Comparison) -> str:
+def saved_text(result: ReportData | Verification | Diagnosis | Comparison | Batch) -> str:
     """Return a result as the text of ``figures/data.json``."""
     if isinstance(result, ReportData):
         record = result.to_dict()
+    elif isinstance(result, Batch):
+        # Each campaign's own result lies in its own folder.
+        records = tuple(replace(record, result=None) for record in result.records)
+        record = {"kind": "Batch", **pack(replace(result, records=records))}
     elif isinstance(result, Comparison):
         record = {"kind": "Comparison", **pack(result, skip=("discovery", "left_out"))}
     else:
@@ -72,7 +78,7 @@ def load_results(path: str | os.PathLike[str]) -> Any:
 
     Returns
     -------
-    ReportData, Verification, Diagnosis or Comparison
+    ReportData, Verification, Diagnosis, Comparison or Batch
 
     Raises
     ------

@@ -9,11 +9,12 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from sindyjoint.reporting import comparison, diagnosis, verification
+from sindyjoint.reporting import batch_figures, comparison, diagnosis, verification
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.figures import evidence, loops, maps, residuals
 from sindyjoint.reporting.figures.places import where
 from sindyjoint.reporting.style import plain, shortened
+from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.diagnosis import Diagnosis
 from sindyjoint.workflows.verification import Verification
@@ -258,7 +259,31 @@ COMPARISON: dict[str, Kind] = {
 }
 
 
-OTHERS = (Verification, Diagnosis, Comparison)
+BATCH: dict[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "joints",
+            "Coefficients of every joint",
+            "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie. "
+            "Diamonds: joints that stand out.",
+            lambda result: [partial(batch_figures.joints, term=term) for term in result.common[:MOST_PANELS]],
+        ),
+        Kind(
+            "trends",
+            "Trends",
+            "Coefficients over what the manifests declare, where a trend stands at 5 % over all that was looked for. "
+            "Line: the robust fit, with the 95 % interval of its slope.",
+            lambda result: [
+                partial(batch_figures.trend, trend=trend)
+                for trend in [t for t in result.population.trends if t.significant][:MOST_PANELS]
+            ],
+        ),
+    )
+}
+
+
+OTHERS = (Verification, Diagnosis, Comparison, Batch)
 
 
 def kinds_of(result: Any) -> dict[str, Kind]:
@@ -267,4 +292,6 @@ def kinds_of(result: Any) -> dict[str, Kind]:
         return VERIFICATION
     if isinstance(result, Diagnosis):
         return DIAGNOSIS
+    if isinstance(result, Batch):
+        return BATCH
     return COMPARISON if isinstance(result, Comparison) else DISCOVERY

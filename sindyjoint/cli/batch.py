@@ -1,0 +1,121 @@
+"""``sindyjoint batch``: many campaigns, one table and one page over all of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sindyjoint.cli.discover import _Method, _Selection, _States
+from sindyjoint.cli.progress import Progress
+
+JobsOption = Annotated[
+    int, typer.Option("--jobs", "-j", help="Processes of this machine; -1: one for each core.")
+]
+WorkersOption = Annotated[
+    int | None, typer.Option(min=1, help="Start a Dask cluster of so many processes on this machine.")
+]
+ClusterOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Address of a running Dask scheduler to work on.")
+]
+
+
+def batch(
+    campaigns: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FOLDER|GLOB", help="Folder to search for campaign.toml, or a pattern of such."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for the table, the page, and a folder per campaign.")
+    ],
+    library: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--library", "-l", help="Candidate terms: name or path of a catalogue. Repeatable. [extended]"
+        ),
+    ] = None,
+    reports: Annotated[
+        bool,
+        typer.Option("--reports", help="A full report for each campaign, too; takes three times as long."),
+    ] = False,
+    jobs: JobsOption = 1,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    method: Annotated[_Method, typer.Option(help="How the path of models is made.")] = _Method.stlsq,
+    selection: Annotated[_Selection, typer.Option(help="How one model is chosen.")] = _Selection.evidence,
+    threshold: Annotated[
+        float | None, typer.Option(help="Least share of the moment that a term carries alone.")
+    ] = None,
+    force: Annotated[
+        list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")
+    ] = None,
+    forbid: Annotated[
+        list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
+    ] = None,
+    states: Annotated[_States, typer.Option(help="How rates are made of angles.")] = _States.auto,
+    bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None,
+    align: Annotated[
+        bool, typer.Option("--align", help="Remove the time skew between the channels.")
+    ] = False,
+    random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+) -> None:
+    """Discover the joints of many campaigns; hold them against each other: outliers, trends.
+
+    Results are written as they come. Run again after an interruption, it keeps what is done and unchanged.
+
+    Exit status 0: a model was found in every campaign; 1: in some none was, or some are broken; 2: the input is at
+    fault.
+
+    Example: sindyjoint batch qualification --out results --jobs 2
+    """
+    from sindyjoint.files.atomic import check_output
+
+    check_output(out)
+    with Progress(quiet) as progress:
+        from sindyjoint.reporting.batch import campaign_files, show_batch, write_batch
+        from sindyjoint.workflows.batch import batch as run
+        from sindyjoint.workflows.batch_record import CampaignRecord
+
+        def tell(record: CampaignRecord) -> None:
+            if record.status == "broken" and not quiet:
+                typer.echo(f"sindyjoint: {record.id}: {record.reason}", err=True)
+
+        try:
+            result = run(
+                campaigns,
+                out,
+                library or "extended",
+                jobs=jobs,
+                workers=workers,
+                cluster=cluster,
+                write=campaign_files if reports else None,
+                progress=progress.say,
+                on_record=tell,
+                states=states.value,
+                bandwidth=bandwidth,
+                align=align,
+                random_state=random_state,
+                method=method.value,
+                selection=selection.value,
+                threshold=threshold,
+                forced=tuple(force or ()),
+                forbidden=tuple(forbid or ()),
+            )
+        except KeyboardInterrupt:
+            typer.echo("sindyjoint: interrupted; the same command goes on where this one stopped", err=True)
+            raise typer.Exit(130) from None
+        progress.say("writing the page")
+        write_batch(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+    if as_json:
+        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
+    else:
+        show_batch(result)
+        typer.echo(f"\nreport: {out / 'report.html'}")
+    raise typer.Exit(0 if result.complete else 1)

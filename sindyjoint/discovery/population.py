@@ -1,0 +1,335 @@
+"""A coefficient over many joints: how they scatter, which of them stand out, and whether there is a trend.
+
+Joints are a sample: each has a coefficient of its own, and its estimate an error of known size on top,
+y_i = μ + u_i + e_i with u_i ~ (0, τ²) and e_i ~ (0, s_i²). A joint is an outlier where y_i leaves the distribution of
+the others by more than both variances explain. Everything is robust: a fifth of bad joints neither hides itself nor
+makes good ones look bad.
+
+References: Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993 (modified z-score, the median and 1.4826 MAD,
+here with each estimate's own error in the scale); Rousseeuw and Leroy, Robust Regression and Outlier Detection, 1987,
+chapter 1 (reweighting after rejection); Paule and Mandel, J. Res. NBS 87, 1982 (τ); Huber, Robust Statistics, 1981;
+Long and Ervin, The American Statistician 54, 2000 (HC3); Holm, Scand. J. Statist. 6, 1979.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import InputError
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.05
+# With fewer joints neither a scatter nor a trend can be told from chance.
+FEWEST_JOINTS = 5
+# Joints that the robust distribution makes less likely than three standard deviations do not join the first estimate.
+REJECTED = 0.0027
+EFFICIENCY = 0.37
+ROUNDING = 1e-12
+ROUNDS = 20
+# Beyond so many standard deviations: only these are judged with themselves left out; nearer ones cannot be outliers.
+SUSPECT = 2.0
+MEDIAN_CHI_SQUARE = 0.454936  # of one degree of freedom
+HUBER = 1.345
+# Beyond so many joints the degrees of freedom of a slope's error do not matter.
+MANY = 400
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A coefficient's change with something that is known of every joint.
+
+    Parameters
+    ----------
+    coefficient, covariate : str
+    slope, slope_error : float
+        Per unit of the covariate; HC3 standard error.
+    p_value, p_adjusted : float
+        Of no trend, two-sided; and by Holm over all coefficients and covariates.
+    change : float
+        Over the range of the covariate, relative to the mean, signed.
+    joints : int
+    """
+
+    coefficient: str
+    covariate: str
+    slope: float
+    slope_error: float
+    p_value: float
+    p_adjusted: float
+    change: float
+    joints: int
+
+    @property
+    def significant(self) -> bool:
+        """Whether it stands at 5 % over all that was looked for."""
+        return self.p_adjusted < LEVEL
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How one coefficient scatters over the joints.
+
+    Parameters
+    ----------
+    coefficient : str
+    mean, mean_error : float
+        Of the joints that were not rejected; at the mean of the covariate where there is a trend.
+    spread : float
+        τ, standard deviation between joints beyond the estimates' own errors.
+    scores : tuple of float
+        Modified z-score of each joint; NaN where it has no value.
+    p_adjusted : tuple of float
+        Of "drawn from the same distribution", by Holm over all joints and coefficients.
+    covariate : str or None
+        With which there is a significant trend, about which the scatter is meant.
+    """
+
+    coefficient: str
+    mean: float
+    mean_error: float
+    spread: float
+    scores: tuple[float, ...]
+    p_adjusted: tuple[float, ...]
+    covariate: str | None = None
+
+    @property
+    def outliers(self) -> tuple[int, ...]:
+        """Numbers of the joints that stand out at 5 % over all."""
+        return tuple(i for i, p in enumerate(self.p_adjusted) if p < LEVEL)
+
+
+@dataclass(frozen=True)
+class Population:
+    """All coefficients over all joints.
+
+    Parameters
+    ----------
+    scatters : tuple of Scatter
+    trends : tuple of Trend
+    """
+
+    scatters: tuple[Scatter, ...]
+    trends: tuple[Trend, ...]
+
+
+def population(
+    values: Mapping[str, ArrayLike],
+    errors: Mapping[str, ArrayLike],
+    covariates: Mapping[str, ArrayLike] | None = None,
+) -> Population:
+    """Return scatter, outliers and trends of coefficients over joints.
+
+    Parameters
+    ----------
+    values, errors : mapping of str to array_like, shape (joints,)
+        Estimates of each coefficient and their standard errors; NaN where a joint has none.
+    covariates : mapping of str to array_like, shape (joints,), optional
+        What may explain them, such as the temperature; NaN where it is not known.
+
+    Raises
+    ------
+    InputError
+        For shapes that differ, or standard errors that are negative.
+    """
+    data = {name: _checked(name, values[name], errors[name]) for name in values}
+    known = {name: np.asarray(x, dtype=float) for name, x in (covariates or {}).items()}
+    trends = _trends(data, known)
+    scatters, left = [], []
+    for name, (y, s) in data.items():
+        found = [t for t in trends if t.coefficient == name and t.significant]
+        best = min(found, key=lambda t: t.p_value, default=None)
+        if best is not None:
+            x = known[best.covariate]
+            # A joint whose covariate is not known cannot be judged about the trend.
+            y = y - best.slope * (x - np.nanmean(x))
+        distribution = _robust(y, s, LEVEL / max(len(data), 1))
+        scatters.append((name, best, distribution))
+        left.append(distribution[4])
+    adjusted = holm(np.concatenate(left)) if left else np.empty(0)
+    parts = np.split(adjusted, np.cumsum([p.size for p in left])[:-1]) if left else []
+    return Population(
+        tuple(
+            Scatter(name, mean, error, tau, tuple(map(float, scores)), tuple(map(float, p)),
+                    best.covariate if best is not None else None)
+            for (name, best, (mean, error, tau, scores, _)), p in zip(scatters, parts, strict=True)
+        ),
+        trends,
+    )  # fmt: skip
+
+
+def _checked(name: str, values: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:
+    y, s = np.array(values, dtype=float), np.array(errors, dtype=float)
+    if y.shape != s.shape or y.ndim != 1 or np.any(s < 0):
+        raise InputError(f"{name}: values of shape {y.shape} with as many errors, none negative, are wanted")
+    y[~np.isfinite(s)] = np.nan
+    return y, s
+
+
+def _robust(y: Array, s: Array, level: float) -> tuple[float, float, float, Array, Array]:
+    """Return mean, its error, τ, modified z-scores and p-values of the joints; ``level`` for all of them together."""
+    here = np.flatnonzero(np.isfinite(y))
+    scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
+    if here.size < FEWEST_JOINTS:
+        mean = float(np.mean(y[here])) if here.size else float("nan")
+        return mean, float("nan"), float("nan"), scores, p
+    v, e = y[here], s[here]
+    centre = float(np.median(v))
+    first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
+    # The median and its deviations know as much of a normal sample as 37 % of it would by mean and variance.
+    kept = _two_sided(first, EFFICIENCY * (v.size - 1)) > REJECTED
+    for _ in range(ROUNDS):
+        mean, error, tau = random_effects(v[kept], e[kept])
+        z, p_here = _judged(v, e, kept)
+        # Whoever the others' distribution does not rule out joins them: rejecting more would make it too narrow.
+        joined = p_here > level / v.size
+        if np.array_equal(joined, kept) or joined.sum() < FEWEST_JOINTS - 1:
+            break
+        kept = joined
+    scores[here], p[here] = z, p_here
+    return mean, error, tau, scores, p
+
+
+def _judged(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return z-scores and p-values of joints against those that were kept, each without itself."""
+    mean, error, tau = random_effects(v[kept], e[kept])
+    # Equal numbers differ by their rounding at most.
+    least = ROUNDING * float(np.max(np.abs(v))) + np.finfo(float).tiny
+    z = (v - mean) / np.maximum(np.sqrt(tau**2 + e**2 + error**2), least)
+    p = _two_sided(z, max(kept.sum() - 2, 1))
+    for i in np.flatnonzero(kept & (np.abs(z) > SUSPECT)):
+        # Its own pull on mean and τ would hide it.
+        others = kept.copy()
+        others[i] = False
+        m, m_error, m_tau = random_effects(v[others], e[others])
+        z[i] = (v[i] - m) / max(float(np.sqrt(m_tau**2 + e[i] ** 2 + m_error**2)), least)
+        p[i] = _two_sided(z[i : i + 1], max(others.sum() - 2, 1))[0]
+    return z, p
+
+
+def median_spread(deviation: Array, errors: Array) -> float:
+    """Return the τ under which the median of d²/(τ² + s²) is that of χ² of one degree.
+
+    With errors of zero this is 1.4826 times the median absolute deviation.
+    """
+    return _root(
+        lambda t: float(np.median(deviation**2 / (t + errors**2))) - MEDIAN_CHI_SQUARE, deviation, errors
+    )
+
+
+def random_effects(y: Array, s: Array) -> tuple[float, float, float]:
+    """Return mean, its standard error and τ, such that Σ (y − μ)²/(τ² + s²) = n − 1 (Paule and Mandel)."""
+
+    def excess(t: float) -> float:
+        w = 1 / (t + s**2)
+        return float(w @ (y - w @ y / w.sum()) ** 2) - (y.size - 1)
+
+    tau = _root(excess, y - np.mean(y), s)
+    # Equal estimates without errors: any equal weights will do.
+    variance = np.maximum(tau**2 + s**2, 1e-60)
+    w = 1 / variance
+    return float(w @ y / w.sum()), float(w.sum() ** -0.5), tau
+
+
+def _root(excess: Callable[[float], float], deviation: Array, errors: Array) -> float:
+    """Return the root of the τ² at which a falling function is zero; zero where it is not positive anywhere."""
+    from scipy.optimize import brentq
+
+    top = 4.0 * float(np.max(deviation**2)) * max(deviation.size, 4)
+    low = 1e-18 * top
+    if top == 0 or excess(low) <= 0:
+        return 0.0
+    while excess(top) > 0:
+        top *= 4
+    return float(np.sqrt(brentq(excess, low, top, xtol=1e-15 * top, rtol=1e-12)))
+
+
+def _trends(data: Mapping[str, tuple[Array, Array]], covariates: Mapping[str, Array]) -> tuple[Trend, ...]:
+    found = []
+    for name, (y, s) in data.items():
+        for covariate, x in covariates.items():
+            use = np.isfinite(y) & np.isfinite(x)
+            if use.sum() < FEWEST_JOINTS + 1 or np.unique(x[use]).size < 3:
+                continue
+            slope, error, level, degrees = robust_line(x[use], y[use], s[use])
+            p = float(_two_sided(np.array([slope / error]), degrees)[0]) if error > 0 else 1.0
+            change = slope * float(np.ptp(x[use])) / level if level else float("nan")
+            found.append(Trend(name, covariate, slope, error, p, p, change, int(use.sum())))
+    adjusted = holm(np.array([t.p_value for t in found]))
+    return tuple(
+        Trend(t.coefficient, t.covariate, t.slope, t.slope_error, t.p_value, float(p), t.change, t.joints)
+        for t, p in zip(found, adjusted, strict=True)
+    )
+
+
+def robust_line(x: Array, y: Array, s: Array) -> tuple[float, float, float, float]:
+    """Return slope, its HC3 standard error, level at the mean of x, and degrees, by Huber's weights and 1/(τ² + s²).
+
+    Parameters
+    ----------
+    x, y, s : ndarray, shape (n,)
+        Covariate, estimates, their standard errors.
+    """
+    design = np.column_stack([np.ones(x.size), x - np.mean(x)])
+    residual = y - np.median(y)
+    weight, estimate = np.ones(x.size), np.zeros(2)
+    for _ in range(50):
+        scale = np.hypot(median_spread(residual - np.median(residual), s), s)
+        scale = np.maximum(scale, 1e-12 * np.max(np.abs(y)) + np.finfo(float).tiny)
+        z = np.abs(residual) / scale
+        weight = np.minimum(1.0, HUBER / np.maximum(z, HUBER)) / scale**2
+        last = estimate
+        bread = np.linalg.inv(design.T @ (weight[:, None] * design))
+        estimate = bread @ (design.T @ (weight * y))
+        residual = y - design @ estimate
+        if np.all(np.abs(estimate - last) <= 1e-10 * (np.abs(estimate) + np.abs(last))):
+            break
+    leverage = np.einsum("ij,jk,ik,i->i", design, bread, design, weight)
+    # How the estimate moves is told by the slope of Huber's function: one within its bend, none beyond.
+    within = np.where(np.abs(residual) <= HUBER * scale, 1 / scale**2, 0.0)
+    bread = np.linalg.pinv(design.T @ (within[:, None] * design))
+    pull = design * (weight * residual / np.maximum(1 - leverage, 1e-3))[:, None]
+    covariance = bread @ (pull.T @ pull) @ bread
+    degrees = _degrees(design, bread, weight, leverage)
+    return float(estimate[1]), float(np.sqrt(covariance[1, 1])), float(estimate[0]), degrees
+
+
+def _degrees(design: Array, bread: Array, weight: Array, leverage: Array) -> float:
+    """Return Satterthwaite's degrees of freedom of the slope's HC3 variance (Bell and McCaffrey 2002)."""
+    n = design.shape[0]
+    if n > MANY:
+        return n - 2.0
+    root = np.sqrt(weight)
+    scaled = root[:, None] * design
+    away = np.eye(n) - scaled @ np.linalg.solve(scaled.T @ scaled, scaled.T)
+    pull = (bread[1] @ design.T) * root / np.maximum(1 - leverage, 1e-3)
+    moved = pull[:, None] * away
+    spectrum = moved.T @ moved
+    return float(np.trace(spectrum) ** 2 / np.sum(spectrum**2))
+
+
+def holm(p: ArrayLike) -> Array:
+    """Return p-values adjusted for being several, by Holm's steps; NaN stays and does not count.
+
+    Examples
+    --------
+    >>> holm([0.01, 0.04, 0.5]).tolist()
+    [0.03, 0.08, 0.5]
+    """
+    values = np.asarray(p, dtype=float)
+    adjusted = values.copy()
+    here = np.flatnonzero(np.isfinite(values))
+    order = here[np.argsort(values[here])]
+    steps = values[order] * np.arange(order.size, 0, -1)
+    adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))
+    return adjusted
+
+
+def _two_sided(z: Array, degrees: float) -> Array:
+    from scipy.special import stdtr
+
+    return np.asarray(2 * stdtr(degrees, -np.abs(z)), dtype=float)

@@ -1,0 +1,239 @@
+"""Tasks on one process, on several of this machine (joblib), or on a Dask cluster: the same result to the last bit.
+
+A task is a picklable function of one picklable argument and knows its own seed; results come back with the task's
+number, so what is merged in that order does not depend on who worked when. Linear algebra runs on one thread within a
+task: threads would change the order of sums, and the tasks already keep every core busy.
+
+A worker that dies (killed, out of memory) costs no result: its task is done again. A task that takes three workers
+down with it is given up and reported as :class:`Lost`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+from sindyjoint.errors import InputError, MissingExtraError, WorkerError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+# As Dask's allowed-failures: so many workers may die on one task before it is given up.
+ATTEMPTS = 3
+
+
+@dataclass(frozen=True)
+class Lost:
+    """What stands for the result of a task whose workers died.
+
+    Parameters
+    ----------
+    reason : str
+    """
+
+    reason: str = f"{ATTEMPTS} workers died on it, one after the other (killed, or out of memory)"
+
+
+class Executor(Protocol):
+    """Whatever runs tasks."""
+
+    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+        """Yield the number and the result of each task as it ends, in any order.
+
+        An exception of a task is raised here.
+        """
+
+
+def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
+    """Return the results of all tasks in the order of the tasks.
+
+    Parameters
+    ----------
+    executor : Executor
+    function : callable
+        Of one task; defined at the top of a module, so that it can be sent to another process.
+    tasks : sequence
+
+    Raises
+    ------
+    WorkerError
+        If a task was lost; whatever a task raises.
+    """
+    results: dict[int, R] = {}
+    for number, result in executor.completed(function, tasks):
+        if isinstance(result, Lost):
+            raise WorkerError(
+                f"task {number + 1} of {len(tasks)} was given up: {result.reason}; give it more memory"
+            )
+        results[number] = result
+    return [results[number] for number in range(len(tasks))]
+
+
+@contextmanager
+def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = None) -> Iterator[Executor]:
+    """Give what runs tasks, and end its processes afterwards.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes of this machine by joblib; 1: this process, -1: one for each core.
+    workers : int, optional
+        Start a Dask cluster of so many worker processes on this machine.
+    cluster : str, optional
+        Address of a running Dask scheduler, such as ``"tcp://10.0.0.7:8786"``; its workers need this package and the
+        same file system.
+
+    Raises
+    ------
+    InputError
+        For more than one of these, numbers that cannot be, or a cluster that does not answer.
+    MissingExtraError
+        Without Dask distributed.
+    """
+    given = [name for name, on in (("jobs", jobs != 1), ("workers", workers is not None),
+                                   ("cluster", cluster is not None)) if on]  # fmt: skip
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)} were given; one way to run the tasks is wanted")
+    if jobs != -1 and jobs < 1:
+        raise InputError(f"jobs is {jobs}; a positive number, or -1 for one per core, is wanted")
+    if workers is not None and workers < 1:
+        raise InputError(f"workers is {workers}; a positive number is wanted")
+    if workers is not None or cluster is not None:
+        with _dask(workers, cluster) as client:
+            yield _Dask(client)
+    elif jobs == 1:
+        yield _Serial()
+    else:
+        with _processes():
+            yield _Joblib(jobs)
+
+
+class _Serial:
+    """One task after the other, here."""
+
+    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+        for number, task in enumerate(tasks):
+            yield number, _run(function, task)
+
+
+class _Joblib:
+    """Processes of this machine."""
+
+    def __init__(self, jobs: int):
+        self.jobs = jobs
+
+    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+        from concurrent.futures.process import BrokenProcessPool
+
+        waiting = list(range(len(tasks)))
+        while waiting:
+            try:
+                for number, result in self._pool(function, tasks, waiting, self.jobs):
+                    waiting.remove(number)
+                    yield number, result
+            except BrokenProcessPool:
+                # One of the tasks that were under way ended its process: each of them tries again by itself, so that
+                # one that does it every time takes no other down.
+                for number in waiting[: 2 * self.jobs if self.jobs > 0 else len(waiting)]:
+                    waiting.remove(number)
+                    yield number, self._alone(function, tasks, number)
+
+    def _alone(self, function: Callable[[T], R], tasks: Sequence[T], number: int) -> R | Lost:
+        from concurrent.futures.process import BrokenProcessPool
+
+        for _ in range(ATTEMPTS - 1):
+            # Two, for with one joblib would run it in this very process.
+            with suppress(BrokenProcessPool):
+                return next(self._pool(function, tasks, [number], 2))[1]
+        return Lost()
+
+    @staticmethod
+    def _pool(
+        function: Callable[[T], R], tasks: Sequence[T], numbers: Sequence[int], jobs: int
+    ) -> Iterator[tuple[int, R]]:
+        from joblib import Parallel, delayed
+
+        pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
+        return iter(pool(delayed(_numbered)(function, number, tasks[number]) for number in list(numbers)))
+
+
+class _Dask:
+    """Workers of a Dask cluster; its scheduler sends the task of a dead worker to another one."""
+
+    def __init__(self, client: Any):
+        self.client = client
+
+    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+        from distributed import KilledWorker, as_completed
+
+        futures = [self.client.submit(_run, function, task, pure=False) for task in tasks]
+        number_of = {future.key: number for number, future in enumerate(futures)}
+        try:
+            for future in as_completed(futures, loop=self.client.loop):
+                number = number_of[future.key]
+                try:
+                    yield number, future.result()
+                except KilledWorker:
+                    yield number, Lost()
+                future.release()
+        finally:
+            self.client.cancel(futures, force=True)
+
+
+def _numbered(function: Callable[[T], R], number: int, task: T) -> tuple[int, R]:
+    return number, _run(function, task)
+
+
+def _run(function: Callable[[T], R], task: T) -> R:
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return function(task)
+
+
+@contextmanager
+def _processes() -> Iterator[None]:
+    """End joblib's processes when the block ends; at once after an interruption."""
+    from joblib.externals.loky import get_reusable_executor
+
+    try:
+        yield
+    except BaseException:
+        get_reusable_executor().shutdown(wait=False, kill_workers=True)
+        raise
+    get_reusable_executor().shutdown(wait=True)
+
+
+@contextmanager
+def _dask(workers: int | None, address: str | None) -> Iterator[Any]:
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise MissingExtraError(
+            'workers and clusters need Dask; run: pip install "sindyjoint[cluster]"'
+        ) from error
+    if address is not None:
+        try:
+            client = Client(address, timeout="10s", set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise InputError(
+                f"no Dask scheduler answers at {address!r} ({reason:.100}); start one with 'dask scheduler'"
+            ) from error
+        with client:
+            yield client
+        return
+    quiet = 60  # above CRITICAL: a killed worker is reported by its task, if at all
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=quiet,
+        ) as local,
+        Client(local, set_as_default=False) as client,
+    ):
+        yield client

@@ -1,0 +1,95 @@
+"""Pictures of a batch: every joint's coefficients, and their trends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, prefixed, shortened
+from sindyjoint.workflows.batch_summary import TEMPERATURE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from sindyjoint.discovery.population import Scatter, Trend
+    from sindyjoint.workflows.batch_summary import Batch
+
+# More names than these cannot be read below an axis.
+NAMED = 24
+KELVIN = 273.15
+NORMAL95 = 1.96
+
+
+def joints(result: Batch, ax: Axes, term: str) -> Axes:
+    """Draw one coefficient of every joint."""
+    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    values, errors = result.values[term], result.errors[term]
+    factor, unit = _scale(values, result.units[term])
+    out = np.zeros(values.size, dtype=bool)
+    out[list(scatter.outliers)] = True
+    here = np.isfinite(values)
+    x = np.arange(values.size)
+    _distribution(ax, scatter, factor)
+    for keep, colour, marker in ((here & ~out, PALETTE[0], "o"), (here & out, ACCENT, "D")):
+        if keep.any():
+            ax.errorbar(x[keep], factor * values[keep], yerr=factor * NORMAL95 * errors[keep], fmt=marker,
+                        color=colour, markersize=3.5, elinewidth=0.9)  # fmt: skip
+    ids = [record.id for record in result.records]
+    for i in np.flatnonzero(here & out):
+        # Towards the middle, so that it stays on the paper.
+        right = x[i] < 0.6 * values.size
+        ax.annotate(
+            plain(shortened(ids[i], 18)), (x[i], factor * values[i]), xytext=(5 if right else -5, 2),
+            textcoords="offset points", ha="left" if right else "right", color=ACCENT, fontsize=7,
+        )  # fmt: skip
+    if len(ids) <= NAMED:
+        ax.set_xticks(x, [plain(shortened(name, 14)) for name in ids], rotation=90)
+    else:
+        ax.set_xlabel("campaign, in the order of the table")
+    ax.set_xlim(-0.7, values.size - 0.3)
+    ax.set_title(term.replace("_", " "))
+    ax.set_ylabel(unit)
+    return ax
+
+
+def _distribution(ax: Axes, scatter: Scatter, factor: float) -> None:
+    if np.isfinite(scatter.mean):
+        ax.axhline(factor * scatter.mean, color=INK, linewidth=0.9)
+    if np.isfinite(scatter.spread) and scatter.covariate is None:
+        half = NORMAL95 * np.hypot(scatter.spread, scatter.mean_error)
+        ax.axhspan(factor * (scatter.mean - half), factor * (scatter.mean + half), color=RULE, linewidth=0)
+
+
+def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
+    """Draw one coefficient over a covariate with its line."""
+    term = trend.coefficient
+    values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
+    factor, unit = _scale(values, result.units[term])
+    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    use = np.isfinite(values) & np.isfinite(x)
+    shift = KELVIN if trend.covariate == TEMPERATURE else 0.0
+    out = np.zeros(values.size, dtype=bool)
+    out[list(scatter.outliers)] = True
+    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
+        if keep.any():
+            ax.errorbar(x[keep] - shift, factor * values[keep], yerr=factor * NORMAL95 * errors[keep], fmt=marker,
+                        color=colour, markersize=3.5, elinewidth=0.9)  # fmt: skip
+    centre = float(np.mean(x[use]))
+    level = float(np.median(values[use] - trend.slope * (x[use] - centre)))
+    line = np.linspace(x[use].min(), x[use].max(), 101)
+    middle = level + trend.slope * (line - centre)
+    half = NORMAL95 * trend.slope_error * np.abs(line - centre)
+    ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
+    ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
+    ax.set_xlabel("temperature (°C)" if trend.covariate == TEMPERATURE else plain(trend.covariate))
+    ax.set_ylabel(f"{term.replace('_', ' ')} ({unit})")
+    ax.set_title(
+        f"{trend.change:+.1%} over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"), color=MUTED
+    )
+    return ax
+
+
+def _scale(values: np.ndarray, unit: str) -> tuple[float, str]:
+    here = np.abs(values[np.isfinite(values)])
+    return prefixed(float(here.max()) if here.size else 1.0, unit)

@@ -1,0 +1,294 @@
+"""Many campaigns: each discovered by itself and written as it is done, then all of them held against each other."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from sindyjoint.errors import InputError, MissingInputError, SindyJointError
+from sindyjoint.files.atomic import check_output, prepare_output, whole_folder
+from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.parallel import Lost, executor
+from sindyjoint.workflows.batch_record import (
+    FACTORS_FILE,
+    RECORD_FILE,
+    CampaignRecord,
+    broken,
+    fingerprint,
+    hashes,
+    kept_record,
+)
+from sindyjoint.workflows.batch_summary import Batch, summarised
+from sindyjoint.workflows.discover import Discovery, discover
+
+CAMPAIGNS = "campaigns"
+Writer = Callable[[Discovery, Path], None]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One campaign to do.
+
+    Parameters
+    ----------
+    id : str
+        Of its folder of results.
+    label : str
+        Its manifest as records name it.
+    manifest, folder : Path
+        What to read, and where to write.
+    library : as for :func:`~sindyjoint.workflows.discover.discover`
+    options : mapping
+        Further arguments of ``discover``.
+    write : callable
+        Fills a folder with a result.
+    """
+
+    id: str
+    label: str
+    manifest: Path
+    folder: Path
+    library: Any
+    options: Mapping[str, Any] = field(default_factory=dict)
+    write: Writer | None = None
+
+
+def batch(
+    campaigns: str | Path | Sequence[str | Path],
+    out: str | Path,
+    library: Any = "extended",
+    *,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
+    write: Writer | None = None,
+    progress: Callable[[str], None] | None = None,
+    on_record: Callable[[CampaignRecord], None] | None = None,
+    **options: Any,
+) -> Batch:
+    """Discover the joints of many campaigns and compare them.
+
+    Each campaign has a folder ``out/campaigns/ID`` that appears whole when it is done: the model, its factors, and a
+    record with a hash of what it was made from. A second call on the same folder keeps what is done and unchanged,
+    so a batch that was interrupted, or killed, goes on where it was. A campaign that cannot be used is recorded as
+    broken and stops nothing.
+
+    Parameters
+    ----------
+    campaigns : path, pattern, or sequence of these
+        A folder is searched for every ``campaign.toml`` below it; a pattern such as ``"tests/*-cold"`` names
+        folders or manifests.
+    out : path
+        Folder of results.
+    library : str, Path, Catalogue, or sequence of these
+    jobs, workers, cluster
+        Where to run; see :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
+    write : callable, optional
+        ``write(discovery, folder)`` puts further files into a campaign's folder.
+    progress : callable, optional
+        Called with one line as each campaign ends.
+    on_record : callable, optional
+        Called with each :class:`~sindyjoint.workflows.batch_record.CampaignRecord` as it ends.
+    **options
+        Of :func:`~sindyjoint.workflows.discover.discover`. The seed is each campaign's own.
+
+    Returns
+    -------
+    Batch
+
+    Raises
+    ------
+    MissingInputError
+        If there is no campaign.
+    InputError, UnknownNameError, OutputError
+        For options that no campaign can be discovered with, or a folder that cannot be written.
+    """
+    check_output(out)
+    tasks = find_tasks(campaigns, Path(out), library, options, write)
+    _check_options(library, options)
+    folder = prepare_output(Path(out) / CAMPAIGNS)
+    records: dict[int, CampaignRecord] = {}
+    kept = 0
+    with executor(jobs, workers, cluster) as workers_here:
+        for number, answer in workers_here.completed(run_task, tasks):
+            if isinstance(answer, Lost):
+                record, fresh = _recorded_lost(tasks[number], answer), True
+            else:
+                record, fresh = answer
+            kept += not fresh
+            records[number] = record
+            if on_record is not None:
+                on_record(record)
+            if progress is not None:
+                progress(f"{len(records)} of {len(tasks)}: {record.id}: {record.status}")
+    return summarised(tuple(records[number] for number in range(len(tasks))), folder, kept)
+
+
+def find_tasks(
+    campaigns: str | Path | Sequence[str | Path],
+    out: Path,
+    library: Any,
+    options: Mapping[str, Any],
+    write: Writer | None = None,
+) -> list[Task]:
+    """Return the campaigns of a batch in the order of their names.
+
+    Raises
+    ------
+    MissingInputError
+        If nothing is there.
+    """
+    given = [campaigns] if isinstance(campaigns, str | Path) else list(campaigns)
+    found: dict[Path, str] = {}
+    for pattern in given:
+        for path, label in _manifests(str(pattern), out):
+            found.setdefault(path.resolve(), label)
+    if not found:
+        raise MissingInputError(
+            f"no {MANIFEST_NAME} in {', '.join(repr(str(g)) for g in given)}; a folder that holds campaigns, or a "
+            "pattern such as 'tests/*', is wanted"
+        )
+    ordered = sorted(found.items(), key=lambda item: item[1])
+    ids = _ids([label for _, label in ordered])
+    home = out / CAMPAIGNS
+    return [
+        Task(id, label, path, home / id, library, dict(options), write)
+        for id, (path, label) in zip(ids, ordered, strict=True)
+    ]
+
+
+def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
+    """Return manifests that a folder or pattern leads to, each with a label that does not depend on the others."""
+    if os.path.isdir(pattern):
+        base, starts = Path(pattern), [Path(pattern)]
+    else:
+        # What stands before the first wildcard is the same for all and no part of a name.
+        head = re.split(r"[*?\[]", pattern, maxsplit=1)[0]
+        base = Path(head if head.endswith(("/", os.sep)) else os.path.dirname(head))
+        starts = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]
+    results = out.resolve() if out.exists() else out
+    paths = []
+    for start in starts:
+        paths += sorted(start.rglob(MANIFEST_NAME)) if start.is_dir() else [start] * (start.suffix == ".toml")
+    labels = []
+    for path in paths:
+        if results in path.resolve().parents:
+            continue
+        inside = Path(os.path.relpath(path, base))
+        # The manifest of the searched folder itself goes by the folder's name.
+        labels.append(
+            (path, inside.as_posix() if inside.parent != Path() else f"{path.resolve().parent.name}/{inside}")
+        )
+    return labels
+
+
+def _ids(labels: Sequence[str]) -> list[str]:
+    """Return a harmless name of a folder for every manifest, no two alike even where case does not count."""
+    import hashlib
+
+    names = []
+    for label in labels:
+        path = Path(label)
+        stem = path.parent if path.name == MANIFEST_NAME else path.with_suffix("")
+        clean = re.sub(r"[^\w.+=-]+", "-", stem.as_posix()).strip(".-")
+        names.append(clean.encode()[:80].decode(errors="ignore") or "campaign")
+    lower = [name.lower() for name in names]
+    return [
+        name if lower.count(name.lower()) == 1 else f"{name}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
+        for name, label in zip(names, labels, strict=True)
+    ]
+
+
+def _check_options(library: Any, options: Mapping[str, Any]) -> None:
+    """Refuse here, once, what would make every campaign a broken one."""
+    from sindyjoint.discovery.catalogue import as_catalogue
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    catalogue = as_catalogue(library)
+    own = {name: options[name] for name in options if name in JointRegressor().get_params()}
+    JointRegressor(catalogue, **own).check_parameters()
+    for option in ("forced", "forbidden"):
+        for term in own.get(option, ()):
+            if term not in catalogue and term != "inertia":
+                _ = catalogue[term]
+    if not isinstance(options.get("random_state", 0), int | type(None)):
+        raise InputError("random_state: a whole number is wanted, so that every campaign has the same seed")
+
+
+def run_task(task: Task) -> tuple[CampaignRecord, bool]:
+    """Do one campaign, or find that it is done.
+
+    Returns
+    -------
+    record : CampaignRecord
+    fresh : bool
+        Whether it was done now.
+    """
+    inputs = ""
+    try:
+        inputs = fingerprint(task.manifest, task.options, task.library, _version(task))
+        done = kept_record(task.folder, inputs)
+        if done is not None:
+            return done, False
+        result = discover(task.manifest, task.library, **task.options)
+        return _recorded(task, result, inputs), True
+    # One campaign must not take the others down, whatever it does to the libraries that read it.
+    except Exception as error:
+        return _recorded_broken(task, broken(task.id, task.label, error, inputs)), True
+
+
+def _version(task: Task) -> str:
+    """Return what worked: this package, and what else is written, for a batch without reports has not done those."""
+    from importlib.metadata import version
+
+    extra = "" if task.write is None else f" {task.write.__module__}.{task.write.__qualname__}"
+    return version("sindyjoint") + extra
+
+
+def _recorded(task: Task, result: Discovery, inputs: str) -> CampaignRecord:
+    """Write what was found of a campaign and return its record."""
+    from sindyjoint.discovery.evidence_file import evidence_bytes
+
+    joint = result.campaign.joint
+    with whole_folder(task.folder) as stage:
+        (stage / "model.json").write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
+        (stage / FACTORS_FILE).write_bytes(evidence_bytes(result.regressor.evidence_))
+        if task.write is not None:
+            task.write(result, stage)
+        record = CampaignRecord(
+            id=task.id,
+            manifest=task.label,
+            status="found" if result.found else "none",
+            reason=result.reason,
+            joint={
+                "name": joint.name,
+                "motion": joint.motion,
+                "inertia": joint.inertia,
+                "temperature": joint.temperature,
+                "serial": joint.serial,
+                "labels": dict(joint.labels),
+            },
+            result=result.to_dict(),
+            inputs=inputs,
+            outputs=hashes(stage),
+        )
+        (stage / RECORD_FILE).write_text(record.to_json(), encoding="utf-8", newline="\n")
+    return record
+
+
+def _recorded_broken(task: Task, record: CampaignRecord) -> CampaignRecord:
+    try:
+        with whole_folder(task.folder) as stage:
+            (stage / RECORD_FILE).write_text(record.to_json(), encoding="utf-8", newline="\n")
+    except (SindyJointError, OSError) as error:
+        return replace(record, reason=f"{record.reason}; and its record cannot be written: {error}")
+    return record
+
+
+def _recorded_lost(task: Task, lost: Lost) -> CampaignRecord:
+    return _recorded_broken(task, broken(task.id, task.label, lost.reason))

@@ -1,0 +1,252 @@
+"""Many campaigns: the joint that differs is named, the trend is found, nothing is lost and nothing done twice."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
+from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
+from sindyjoint.files.atomic import whole_folder
+from sindyjoint.workflows.batch import batch, find_tasks
+
+
+@pytest.fixture(scope="module")
+def done(joints, tmp_path_factory):
+    out = tmp_path_factory.mktemp("done") / "out"
+    return out, batch(joints, out, "paper")
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_the_joint_that_differs_and_the_trend_are_found(done):
+    _, result = done
+    assert result.complete and result.kept == 0
+    assert result.common == ("linear_stiffness", "linear_damping", "coulomb_friction")
+    assert [(d.id, d.kind) for d in result.differences] == [("joint-4", "outlier")]
+    assert "linear damping of 7" in result.differences[0].text
+    assert "standard deviations above" in result.differences[0].text
+    (trend,) = [t for t in result.population.trends if t.significant]
+    assert (trend.coefficient, trend.covariate) == ("linear_stiffness", "temperature")
+    # 0.2 % per K over 110 K; single joints scatter by 0.2 %.
+    assert trend.slope == pytest.approx(-12.0, rel=0.05)
+
+
+def test_a_campaign_alone_gives_the_same_digits(done, joints):
+    from sindyjoint.workflows.discover import discover
+
+    out, _ = done
+    alone = discover(joints / "joint-2", "paper")
+    record = json.loads((out / "campaigns" / "joint-2" / "record.json").read_text())
+    assert record["result"] == json.loads(json.dumps(alone.to_dict()))
+    assert (out / "campaigns" / "joint-2" / "model.json").read_text() == alone.model.to_json() + "\n"
+
+
+def test_coefficients_are_compared_on_one_set_of_terms(done, joints, tmp_path):
+    # One joint is given an extra term by force: the others' set is fitted to it from its saved factors.
+    shutil.copytree(joints, tmp_path / "in")
+    manifest = tmp_path / "in" / "joint-1" / "campaign.toml"
+    text = manifest.read_text().replace(
+        '[[run]]\nfile = "high.csv"', '[[run]]\nuse = "validate"\nfile = "high.csv"'
+    )
+    manifest.write_text(text)
+    result = batch(tmp_path / "in", tmp_path / "out", "paper", forced=("quadratic_stiffness",))
+    assert set(result.common) == {
+        "linear_stiffness",
+        "quadratic_stiffness",
+        "linear_damping",
+        "coulomb_friction",
+    }
+    evidence = read_evidence(tmp_path / "out" / "campaigns" / "joint-0" / "factors.npz")
+    fit = fit_columns(evidence, [evidence.ids.index(term) for term in result.common])
+    np.testing.assert_allclose(
+        [result.values[term][0] for term in result.common], fit.coefficients, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("way", [{"jobs": 2}, {"workers": 2}])
+def test_every_way_of_running_writes_the_same_bytes(done, joints, tmp_path, way):
+    if "workers" in way:
+        pytest.importorskip("distributed", reason="dask[distributed] is not installed")
+    out, result = done
+    other = batch(joints, tmp_path / "out", "paper", **way)
+    assert content(tmp_path / "out" / "campaigns") == content(out / "campaigns")
+    assert other.to_dict() == result.to_dict()
+
+
+def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):
+    shutil.copytree(joints, tmp_path / "in")
+    out = tmp_path / "out"
+    batch(tmp_path / "in", out, "paper")
+    times = {p: p.stat().st_mtime_ns for p in out.rglob("record.json")}
+    # Inputs of 0, the outputs of 1, a file of 2 that is no longer there; 3 to 6 as they were.
+    with (tmp_path / "in" / "joint-0" / "low.csv").open("a") as file:
+        file.write("0.1,0.0001\n")
+    (out / "campaigns" / "joint-1" / "model.json").write_text("{}")
+    (tmp_path / "in" / "joint-2" / "low.csv").unlink()
+    told = []
+    result = batch(tmp_path / "in", out, "paper", on_record=lambda record: told.append(record.id))
+    assert result.kept == 4 and len(told) == 7
+    redone = {p.parent.name for p, when in times.items() if p.stat().st_mtime_ns != when}
+    assert redone == {"joint-0", "joint-1", "joint-2"}
+    assert result.records[2].status == "broken" and "there is no such file" in result.records[2].reason
+    # Other options: another question, nothing is kept.
+    assert batch(tmp_path / "in", out, "paper", align=True).kept == 0
+
+
+KILLED = """
+import os, signal, sys
+from sindyjoint.workflows.batch import batch
+done = []
+def on_record(record):
+    done.append(record.id)
+    if len(done) == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+batch(sys.argv[1], sys.argv[2], "paper", on_record=on_record)
+"""
+
+
+def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, joints, tmp_path):
+    out = tmp_path / "out"
+    killed = subprocess.run([sys.executable, "-c", KILLED, joints, out], capture_output=True)
+    assert killed.returncode == -signal.SIGKILL
+    # What a campaign in hand may leave behind.
+    (out / "campaigns" / ".joint-3.0123456789ab.part").mkdir()
+    result = batch(joints, out, "paper")
+    assert result.kept == 3
+    assert content(out / "campaigns") == content(done[0] / "campaigns")
+    assert not list((out / "campaigns").glob(".*"))
+
+
+def test_an_interruption_loses_the_campaign_in_hand_at_most(joints, tmp_path):
+    out = tmp_path / "out"
+    command = [
+        sys.executable,
+        "-m",
+        "sindyjoint",
+        "batch",
+        joints,
+        "--out",
+        out,
+        "-l",
+        "paper",
+        "--jobs",
+        "2",
+    ]
+    run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    deadline = time.monotonic() + 60
+    while not list(out.glob("campaigns/*/record.json")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    # As a terminal does: to all processes of the group.
+    os.killpg(run.pid, signal.SIGINT)
+    _, stderr = run.communicate(timeout=60)
+    before = len(list(out.glob("campaigns/*/record.json")))
+    assert "Traceback" not in stderr
+    if run.returncode != 0:  # on a quick machine all may have been done
+        assert run.returncode == 130 and "interrupted" in stderr
+    assert batch(joints, out, "paper", selection="evidence").kept <= before
+
+
+def test_the_command_reports_a_broken_campaign_and_goes_on(joints, tmp_path, sindyjoint):
+    shutil.copytree(joints, tmp_path / "in")
+    (tmp_path / "in" / "joint-5" / "campaign.toml").write_text("joint = [")
+    out = tmp_path / "out"
+    answer = sindyjoint("batch", tmp_path / "in", "--out", out, "--library", "paper")
+    assert answer.status == 1
+    (line,) = answer.stderr.splitlines()
+    assert line.startswith("sindyjoint: joint-5: ") and "is not valid TOML" in line
+    assert "7 campaigns: 6 with a model, 1 broken" in answer.stdout
+    rows = list(csv.DictReader((out / "batch.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["status"] for row in rows].count("broken") == 1
+    assert "is not valid TOML" in rows[5]["stands_out"]
+    assert (
+        float(rows[4]["linear_damping"]) == pytest.approx(75, rel=0.05) and "above" in rows[4]["stands_out"]
+    )
+    record = json.loads(
+        sindyjoint("batch", tmp_path / "in", "--out", out, "-l", "paper", "--json", "-q").stdout
+    )
+    assert (record["found"], record["broken"]) == (6, 1)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "joint-4" in page and "Which joints differ" in page and page.count("<svg") >= 1
+    listed = sindyjoint("plot", out)
+    assert listed.stdout.startswith("joints")
+
+
+def test_reports_are_written_and_linked(joints, tmp_path, sindyjoint):
+    for number in (0, 1):
+        shutil.copytree(joints / f"joint-{number}", tmp_path / "in" / f"joint <{number}>")
+    out = tmp_path / "out"
+    answer = sindyjoint(
+        "batch", tmp_path / "in" / "*", "--out", out, "-l", "paper", "--reports", "--jobs", "2"
+    )
+    assert answer.status == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for number in (0, 1):
+        (folder,) = out.glob(f"campaigns/joint-{number}*")
+        assert (folder / "report.html").stat().st_size > 100_000
+        assert f'href="campaigns/{folder.name}/report.html"' in page
+
+
+def test_names_of_folders_are_harmless_and_unique(tmp_path):
+    for name in ("a/b", "a-b", "A-B", "ü b", "..x"):
+        (tmp_path / "in" / name).mkdir(parents=True)
+        (tmp_path / "in" / name / "campaign.toml").write_text("")
+    tasks = find_tasks(tmp_path / "in", tmp_path / "in" / "out", "paper", {})
+    ids = [task.id for task in tasks]
+    assert len({id.lower() for id in ids}) == 5
+    assert all("/" not in id and not id.startswith(".") for id in ids)
+    (tmp_path / "in" / "other").mkdir()
+    (tmp_path / "in" / "other" / "campaign.toml").write_text("")
+    # A campaign that joins changes no name.
+    assert set(ids) < {task.id for task in find_tasks(tmp_path / "in", tmp_path / "in" / "out", "paper", {})}
+
+
+def test_bad_input_is_refused_before_anything_is_done(joints, tmp_path):
+    with pytest.raises(MissingInputError, match=r"no campaign\.toml in .*nothing"):
+        batch(tmp_path / "nothing", tmp_path / "out")
+    with pytest.raises(UnknownNameError, match="library 'papr' is unknown"):
+        batch(joints, tmp_path / "out", "papr")
+    with pytest.raises(UnknownNameError, match="has no term 'k9'"):
+        batch(joints, tmp_path / "out", "paper", forced=("k9",))
+    with pytest.raises(InputError, match="random_state: a whole number"):
+        batch(joints, tmp_path / "out", "paper", random_state=np.random.default_rng(0))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="is a file"):
+        batch(joints, tmp_path / "file", "paper")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_whole_folder_replaces_the_old_one_or_leaves_it(tmp_path):
+    target = tmp_path / "results"
+    with whole_folder(target) as stage:
+        (stage / "one").write_text("1")
+    with pytest.raises(RuntimeError), whole_folder(target) as stage:
+        (stage / "two").write_text("2")
+        raise RuntimeError
+    assert [p.name for p in target.iterdir()] == ["one"]
+    with whole_folder(target) as stage:
+        (stage / "two").write_text("2")
+    assert [p.name for p in target.iterdir()] == ["two"]
+    assert [p.name for p in tmp_path.iterdir()] == ["results"]
+
+
+def test_factors_survive_the_file(tmp_path, done):
+    evidence = read_evidence(done[0] / "campaigns" / "joint-0" / "factors.npz")
+    (tmp_path / "again.npz").write_bytes(evidence_bytes(evidence))
+    again = read_evidence(tmp_path / "again.npz")
+    assert again.ids == evidence.ids and again.groups == evidence.groups
+    np.testing.assert_array_equal(again.pooled.triangle, evidence.pooled.triangle)
+    (tmp_path / "bad.npz").write_text("no archive")
+    with pytest.raises(InputError, match="holds no factors"):
+        read_evidence(tmp_path / "bad.npz")
