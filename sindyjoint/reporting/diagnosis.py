@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sindyjoint.files.atomic import output_folder
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, figure_bytes, legend_above
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,23 +95,19 @@ def write_diagnosis(
     command_line, seed, files
         For the report's last section; see :func:`sindyjoint.reporting.provenance.provenance`.
     """
-    from sindyjoint.reporting.figures import draw, drawable
+    from sindyjoint.reporting.output import draw_all, json_text, write_folder
     from sindyjoint.reporting.provenance import provenance
     from sindyjoint.reporting.result_pages import diagnosis_page
     from sindyjoint.reporting.saved import DATA_FILE, saved_text
 
-    origin = provenance(None, seed, command_line, files)
-    with output_folder(folder) as stage:
-        (stage / "figures").mkdir()
-        for kind in drawable(result):
-            (stage / "figures" / f"{kind}.svg").write_bytes(figure_bytes(draw(kind, result), "svg"))
-        (stage / DATA_FILE).write_text(saved_text(result), encoding="utf-8", newline="\n")
-        (stage / "report.html").write_text(diagnosis_page(result, origin), encoding="utf-8", newline="\n")
-        record = {**result.to_dict(), "reason": result.reason, "hidden": result.hidden}
-        text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
-        (stage / "diagnosis.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-        (stage / "model.json").write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
-    return Path(folder)
+    pictures = draw_all(result)
+    texts = {
+        DATA_FILE: saved_text(result),
+        "report.html": diagnosis_page(result, provenance(None, seed, command_line, files), pictures),
+        "diagnosis.json": json_text({**result.to_dict(), "reason": result.reason, "hidden": result.hidden}),
+        "model.json": result.model.to_json() + "\n",
+    }
+    return write_folder(folder, pictures, texts)
 
 
 def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:

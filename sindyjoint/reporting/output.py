@@ -1,11 +1,12 @@
-"""Write the results of a discovery to a folder, whole or not at all."""
+"""Results written to a folder, whole or not at all."""
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.reporting.data import ReportData, gather
@@ -45,25 +46,52 @@ def write_discovery(
     # Drawn from what is saved, so that a figure drawn again later is the same to the last byte.
     data = ReportData.from_dict(gather(result).to_dict())
     origin = provenance(result.campaign, result.regressor.random_state, command_line)
+    pictures = draw_all(data)
+    texts = {
+        DATA_FILE: saved_text(data),
+        "model.json": result.model.to_json() + "\n",
+        "terms.csv": terms_csv(result.model),
+        "report.html": discovery_page(data, origin, pictures),
+    }
+    return write_folder(folder, pictures, texts)
+
+
+def write_folder(
+    folder: str | os.PathLike[str], pictures: Mapping[str, bytes], texts: Mapping[str, str]
+) -> Path:
+    """Write pictures into ``figures`` and texts by their names, all of them or none.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it does not exist. Files of the same names are replaced; after an error everything is as before.
+    pictures : mapping of str to bytes
+        SVG by kind of figure.
+    texts : mapping of str to str
+        Text by name of file.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
     with output_folder(folder) as stage:
         (stage / "figures").mkdir()
-        pictures = draw_all(data)
         for kind, svg in pictures.items():
             (stage / "figures" / f"{kind}.svg").write_bytes(svg)
-        _write(stage / DATA_FILE, saved_text(data))
-        _write(stage / "model.json", result.model.to_json() + "\n")
-        _write(stage / "terms.csv", terms_csv(result.model))
-        _write(stage / "report.html", discovery_page(data, origin, pictures))
+        for name, text in texts.items():
+            (stage / name).write_text(text, encoding="utf-8", newline="\n")
     return Path(folder)
 
 
-def draw_all(data: ReportData) -> dict[str, bytes]:
-    """Return every figure that the data can show, as SVG by kind."""
+def json_text(record: Any) -> str:
+    """Return a record as the text of a file."""
+    return json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def draw_all(result: Any) -> dict[str, bytes]:
+    """Return every figure that a result can show, as SVG by kind."""
     from sindyjoint.reporting.figures import draw, drawable
     from sindyjoint.reporting.style import figure_bytes
 
-    return {kind: figure_bytes(draw(kind, data), "svg") for kind in drawable(data)}
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
+    return {kind: figure_bytes(draw(kind, result), "svg") for kind in drawable(result)}

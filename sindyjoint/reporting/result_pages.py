@@ -8,10 +8,10 @@ import numpy as np
 
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.reporting.equation import mathml
-from sindyjoint.reporting.figures import draw, drawable, kinds_of
+from sindyjoint.reporting.figures import kinds_of
 from sindyjoint.reporting.page import inline_svg, markup, number, render
 from sindyjoint.reporting.provenance import Provenance
-from sindyjoint.reporting.style import INK, PALETTE, figure_bytes, prefixed
+from sindyjoint.reporting.style import INK, PALETTE, prefixed
 from sindyjoint.reporting.tables import term_rows
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ VERDICTS = {
 }
 
 
-def verification_page(result: Verification, origin: Provenance) -> str:
+def verification_page(result: Verification, origin: Provenance, pictures: dict[str, bytes]) -> str:
     """Return the report of a verification as one HTML text."""
     return render(
         "verification.html.j2",
@@ -64,11 +64,11 @@ def verification_page(result: Verification, origin: Provenance) -> str:
         rows=[_run_row(run) for run in result.runs],
         failures=[f"{run.name}: {run.failure}." for run in result.runs if run.failure],
         payload={"loops": response_payload(result)},
-        **_common(result),
+        **_common(result, pictures),
     )
 
 
-def diagnosis_page(result: Diagnosis, origin: Provenance) -> str:
+def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, bytes]) -> str:
     """Return the report of a diagnosis as one HTML text."""
     badge, headline = VERDICTS[result.verdict]
     unit = "rad" if result.model.joint.motion == "rotation" else "m"
@@ -107,7 +107,7 @@ def diagnosis_page(result: Diagnosis, origin: Provenance) -> str:
             f"probability of {advice.expected_confidence:.2f}."
             for advice in result.advice
         ],
-        **_common(result),
+        **_common(result, pictures),
     )
 
 
@@ -139,16 +139,22 @@ def response_payload(result: Verification) -> dict[str, Any]:
     }
 
 
-def _common(result: Verification | Diagnosis) -> dict[str, Any]:
+def _common(result: Verification | Diagnosis, pictures: dict[str, bytes]) -> dict[str, Any]:
     """Return what both pages show of a model and of figures."""
-    kinds = kinds_of(result)
-    svgs = {kind: figure_bytes(draw(kind, result), "svg") for kind in drawable(result)}
     return {
-        "kinds": kinds,
-        "pictures": {kind: markup(inline_svg(svg, kind, kinds[kind].title)) for kind, svg in svgs.items()},
+        **inlined(result, pictures),
         "equation": markup(mathml(result.model)),
         "term_columns": ("Term", "Of", "Value", "Unit", "95 % interval"),
         "term_rows": _terms(result.model),
+    }
+
+
+def inlined(result: Any, pictures: dict[str, bytes]) -> dict[str, Any]:
+    """Return the kinds of figure of a result, and its pictures as parts of a page."""
+    kinds = kinds_of(result)
+    return {
+        "kinds": kinds,
+        "pictures": {kind: markup(inline_svg(svg, kind, kinds[kind].title)) for kind, svg in pictures.items()},
     }
 
 

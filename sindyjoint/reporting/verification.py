@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,30 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.files.atomic import output_folder
 from sindyjoint.reporting.style import (
-    DOUBLE_COLUMN,
     INK,
     MUTED,
     PALETTE,
-    figure_bytes,
     legend_above,
-    new_figure,
     plain,
     prefixed,
     shortened,
-    style,
 )
 from sindyjoint.workflows.oscillation import hilbert_envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from sindyjoint.workflows.verification import RunVerification, Verification
 
 WIDTH = 100
-MOST_FIGURES = 12
 CYCLES_SHOWN = 6
 UNITS = {"angle": "rad", "displacement": "m", "moment": "N*m", "force": "N"}
 
@@ -81,7 +72,7 @@ def write_verification(
     seed: object = None,
     files: Sequence[str | os.PathLike[str]] = (),
 ) -> Path:
-    """Write report.html, verification.json, model.json and a figure per run, all of them or none.
+    """Write report.html, verification.json, model.json and figures, all of them or none.
 
     Parameters
     ----------
@@ -90,21 +81,19 @@ def write_verification(
     command_line, seed, files
         For the report's last section; see :func:`sindyjoint.reporting.provenance.provenance`.
     """
+    from sindyjoint.reporting.output import draw_all, json_text, write_folder
     from sindyjoint.reporting.provenance import provenance
     from sindyjoint.reporting.result_pages import verification_page
     from sindyjoint.reporting.saved import DATA_FILE, saved_text, thinned
 
-    origin = provenance(None, seed, command_line, files)
-    with output_folder(folder) as stage:
-        (stage / "figures").mkdir()
-        for name, figure in draw_verification(result).items():
-            (stage / "figures" / f"{name}.svg").write_bytes(figure_bytes(figure, "svg"))
-        (stage / DATA_FILE).write_text(saved_text(thinned(result)), encoding="utf-8", newline="\n")
-        (stage / "report.html").write_text(verification_page(result, origin), encoding="utf-8", newline="\n")
-        text = json.dumps(details(result), indent=1, ensure_ascii=False, allow_nan=False)
-        (stage / "verification.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-        (stage / "model.json").write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
-    return Path(folder)
+    pictures = draw_all(result)
+    texts = {
+        DATA_FILE: saved_text(thinned(result)),
+        "report.html": verification_page(result, provenance(None, seed, command_line, files), pictures),
+        "verification.json": json_text(details(result)),
+        "model.json": result.model.to_json() + "\n",
+    }
+    return write_folder(folder, pictures, texts)
 
 
 def details(result: Verification) -> dict[str, Any]:
@@ -135,30 +124,6 @@ def details(result: Verification) -> dict[str, Any]:
             else {"measured": run.energy[0].tolist(), "simulated": run.energy[1].tolist()},
         }
     return record
-
-
-def draw_verification(result: Verification) -> dict[str, Figure]:
-    """Return a figure per run: response, then amplitude and period where it vibrates freely."""
-    figures = {}
-    with style():
-        for index, run in enumerate(result.runs[:MOST_FIGURES], 1):
-            name = f"{index:02d}-{re.sub(r'[^A-Za-z0-9.+-]+', '-', run.name)[:40].strip('-.') or 'run'}"
-            figures[name] = _figure(run)
-    return figures
-
-
-def _figure(run: RunVerification) -> Figure:
-    free = run.drive == "pulse"
-    figure = new_figure(DOUBLE_COLUMN, 5.6 if free else 2.8)
-    rows = figure.subplots(3 if free else 1, 2, squeeze=False)
-    response(run, rows[0, 0])
-    response(run, rows[0, 1], zoom=True)
-    if free:
-        amplitude(run, rows[1, 0])
-        period(run, rows[1, 1])
-        error(run, rows[2, 0])
-        energy(run, rows[2, 1])
-    return figure
 
 
 def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:

@@ -15,6 +15,7 @@ from sindyjoint.record import Campaign, Run, Source
 from sindyjoint.reporting.comparison import write_comparison
 from sindyjoint.reporting.diagnosis import write_diagnosis
 from sindyjoint.reporting.figures import draw, drawable, kinds_of
+from sindyjoint.reporting.output import draw_all
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.result_pages import diagnosis_page, verification_page
 from sindyjoint.reporting.saved import KEPT_SAMPLES, load_results, saved_text, thinned
@@ -78,9 +79,9 @@ def test_figures_are_drawn_again_from_what_was_written(case, tmp_path):
 
 def page_of(case):
     if case == "verification":
-        return verification_page(HOSTILES[case](), ORIGIN)
+        return verification_page(made := HOSTILES[case](), ORIGIN, draw_all(made))
     if case == "diagnosis":
-        return diagnosis_page(HOSTILES[case](), ORIGIN)
+        return diagnosis_page(made := HOSTILES[case](), ORIGIN, draw_all(made))
     return None
 
 
@@ -98,15 +99,15 @@ def test_what_people_wrote_is_text(case, tmp_path):
 
 
 def test_the_verdicts_in_plain_words():
-    passed, failed = (read(verification_page(verification(failed=f), ORIGIN)).lines for f in (False, True))
+    passed, failed = (read(verification_page(made := verification(failed=f), ORIGIN, draw_all(made))).lines for f in (False, True))
     assert "passed The model gives the measured response." in passed
     assert "failed The model misses the response." in failed
     assert "pulse at tip: the angle passed the softening limit at 0.2 s." in failed
-    lines = read(diagnosis_page(diagnosis(), ORIGIN)).lines
+    lines = read(diagnosis_page(diagnosis(), ORIGIN, draw_all(diagnosis()))).lines
     assert any(line.startswith("ambiguous Something is missing") for line in lines)
     assert any(line.startswith("2.16 % → 1.04 %") for line in lines)
     assert "Hidden in this virtual test was: jenkins element." in lines
-    nothing = read(diagnosis_page(diagnosis(verdict="nothing_missing"), ORIGIN)).lines
+    nothing = read(diagnosis_page(made := diagnosis(verdict="nothing_missing"), ORIGIN, draw_all(made))).lines
     assert "nothing missing Nothing is missing: what is left is noise." in nothing
 
 

@@ -263,8 +263,13 @@ def test_command_against_a_rig(sindyjoint, model_file, tmp_path):
     assert list(json.loads(answer.stdout)) == KEYS
     files = sorted(path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*"))
     assert files == [
-        "figures/01-pulse-at-tip.svg",
+        "figures/cycles.svg",
         "figures/data.json",
+        "figures/energy.svg",
+        "figures/envelope.svg",
+        "figures/error.svg",
+        "figures/period.svg",
+        "figures/response.svg",
         "model.json",
         "report.html",
         "verification.json",
