@@ -62,7 +62,8 @@ def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
 def _straightened(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
     place = np.arange(values.size) - (values.size - 1) / 2
     centred = values - np.mean(values)
-    return centred - place * (place @ centred) / (place @ place)
+    straight: NDArray[np.complex128] = centred - place * (place @ centred) / (place @ place)
+    return straight
 
 
 def period_stiffness(run: Run, states: ForceStates) -> NDArray[np.complex128]:
@@ -83,7 +84,8 @@ def period_stiffness(run: Run, states: ForceStates) -> NDArray[np.complex128]:
         return np.add.reduceat((part - slow) * wave, edges[:-1])
 
     # The first and the last period have half a running mean.
-    return (harmonic(run.moment) / harmonic(run.angle))[1:-1]
+    stiffness: NDArray[np.complex128] = harmonic(run.moment) / harmonic(run.angle)
+    return stiffness[1:-1]
 
 
 @dataclass(frozen=True, eq=False)

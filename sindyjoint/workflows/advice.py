@@ -1,105 +1,139 @@
-"""Which run would tell two effects apart: the rivals are laid along motions that nobody has measured yet."""
+"""Which runs would tell effects apart: each rival in turn is taken for true, and the others are fitted to it.
+
+The rivals are laid along motions that nobody has measured yet, beside those that were. What the others cannot follow is
+put into the same probabilities by which effects are named.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discrepancy.effects import Effect, MeasuredMotion
-from sindyjoint.discrepancy.gap import GapRun, base_columns, slopes
-from sindyjoint.discrepancy.naming import COLUMN_ERROR, TEMPER, FittedEffect, Problem, fit_effect, stack
+from sindyjoint.discrepancy.effects import Effect
+from sindyjoint.discrepancy.gap import GapRun, gap_runs
+from sindyjoint.discrepancy.naming import FittedEffect, Problem, fit_effect, rank, refine_effect
+from sindyjoint.states import ForceStates
+from sindyjoint.workflows.designs import Design, designs, expected_states
 from sindyjoint.workflows.diagnosis import Advice, Step
 
-Array = NDArray[np.float64]
-
-FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
-LEVELS = (0.15, 0.4, 0.7, 1.0)  # of the largest angle tested
-PHASES = 240
+MOST_RUNS = 2
+ENOUGH = 0.95  # expected confidence after which no further run is asked for
+CLOSER_LOOK = 3  # runs in which the rivals are fitted anew
+LITTLE = 0.02  # less gain of confidence than this is none
+NO_RUN = "none: no motion separates them; read both channels with the joint unloaded and at rest"
 
 
 def advise(
     rows: Sequence[GapRun],
+    states: Sequence[ForceStates],
     model: JointModel,
     found: Sequence[FittedEffect],
     steps: Sequence[Step],
     candidates: Sequence[Effect],
 ) -> tuple[Advice, ...]:
-    """Return, for each name that has rivals in its class, the sinusoidal motion that separates it best."""
+    """Return, for each name that has rivals in its class, up to two runs that separate the class best.
+
+    Where no run does, the advice says so: its frequency and level are zero.
+    """
     known = {effect.id: effect for effect in candidates}
-    advice = []
+    advice: list[Advice] = []
     for step in steps:
-        rivals = [m for m in step.members if m != step.effect and m in known]
+        rivals = [known[m] for m in step.members if m != step.effect and m in known]
         mine = next((f for f in found if f.effect.id == step.effect), None)
         if mine is None or not rivals:
             continue
         others = [f for f in found if f is not mine and f.effect.enters != "time shift"]
-        problem = Problem.build(rows, model, others)
-        rival = fit_effect(problem, known[rivals[0]])
-        best = _best_run(problem, rows, model, mine, rival)
-        if best is not None:
-            frequency, level, confidence = best
-            advice.append(Advice((step.effect, rivals[0]), frequency, level, "sinusoidal angle", confidence))
+        weights = {step.effect: step.probability, **dict(step.rivals)}
+        advice += _Rivals.build(rows, states, model, mine, rivals, others, weights).advice()
     return tuple(advice)
 
 
-def _best_run(
-    problem: Problem, rows: Sequence[GapRun], model: JointModel, mine: FittedEffect, rival: FittedEffect
-) -> tuple[float, float, float] | None:
-    """Return frequency, level and expected confidence of the run on which the rivals differ most."""
-    tested = [r.motion.frequency for r in rows if r.motion.frequency > 0]
-    if not tested:
-        return None
-    middle = float(np.exp(np.mean(np.log(tested))))
-    sigma = float(np.median(np.concatenate([r.sigma for r in rows])))
-    angle = problem.reference.angle or 1.0
-    best: tuple[float, float, float] | None = None
-    blur = TEMPER + COLUMN_ERROR**2 * mine.gain
-    for frequency in (middle * f for f in FREQUENCIES):
-        for level in (angle * x for x in LEVELS):
-            run = _sinusoid(model, frequency, level, sigma)
-            difference = _separation(problem, model, run, mine, rival)
-            confidence = float(1 / (1 + np.exp(-0.5 * difference / blur)))
-            if best is None or confidence > best[2]:
-                best = (float(f"{frequency:.3g}"), float(f"{level:.3g}"), confidence)
-    return best
+class _Rivals:
+    """The members of a class as each would have made the measured campaign."""
+
+    def __init__(
+        self,
+        rows: Sequence[GapRun],
+        states: Sequence[ForceStates],
+        model: JointModel,
+        others: Sequence[FittedEffect],
+        members: Sequence[FittedEffect],
+        weights: Sequence[float],
+    ) -> None:
+        self.rows, self.states, self.model, self.others = tuple(rows), tuple(states), model, tuple(others)
+        self.members = tuple(members)
+        self.weights = np.asarray(weights) / np.sum(weights)
+
+    @classmethod
+    def build(
+        cls,
+        rows: Sequence[GapRun],
+        states: Sequence[ForceStates],
+        model: JointModel,
+        mine: FittedEffect,
+        rivals: Sequence[Effect],
+        others: Sequence[FittedEffect],
+        weights: dict[str, float],
+    ) -> _Rivals:
+        """Fit the rivals to what the effect that was named adds to the moment."""
+        problem = _as_if(rows, model, others, mine)
+        members = [mine, *(fit_effect(problem, rival) for rival in rivals)]
+        share = [max(weights.get(each.effect.id, 0.0), 1e-3) for each in members]
+        return cls(rows, states, model, others, members, share)
+
+    def advice(self) -> list[Advice]:
+        """Return runs until the expected confidence suffices, the best first."""
+        names = tuple(each.effect.id for each in self.members)
+        added: list[GapRun] = []
+        advice: list[Advice] = []
+        before = self.confidence([], closely=True)
+        for _ in range(MOST_RUNS):
+            best = self._best(added)
+            if best is None or best[0] < before + LITTLE:
+                break
+            before, design, row = best
+            added.append(row)
+            advice.append(Advice(names, design.frequency, design.level, design.waveform, before))
+            if before >= ENOUGH:
+                break
+        return advice or [Advice(names, 0.0, 0.0, NO_RUN, before)]
+
+    def _best(self, added: Sequence[GapRun]) -> tuple[float, Design, GapRun] | None:
+        """Return the run with the highest expected confidence: all at a glance, the best few with rivals refitted."""
+        tried = []
+        for design in designs(self.states):
+            (row,) = gap_runs([expected_states(design, self.states)], self.model, ["advised"])
+            if row.target.size:
+                tried.append((self.confidence([*added, row], closely=False), design, row))
+        tried.sort(key=lambda each: -each[0])
+        again = [(self.confidence([*added, row], closely=True), d, row) for _, d, row in tried[:CLOSER_LOOK]]
+        return max(again, key=lambda each: each[0]) if again else None
+
+    def confidence(self, added: Sequence[GapRun], closely: bool) -> float:
+        """Return the probability that the true member would have, on average over which of them is true."""
+        total = 0.0
+        for weight, true in zip(self.weights, self.members, strict=True):
+            problem = _as_if([*self.rows, *added], self.model, self.others, true)
+            fitted = []
+            for each in self.members:
+                if each is not true and closely:
+                    each = refine_effect(problem, each)
+                gain, coefficients = problem.gain(each.variant, each.values)
+                fitted.append(replace(each, gain=gain, coefficients=coefficients))
+            ranking = rank(problem, fitted)
+            place = [f.effect.id for f in ranking.fitted].index(true.effect.id)
+            total += weight * ranking.probabilities[place]
+        return float(total)
 
 
-def _separation(
-    problem: Problem, model: JointModel, run: GapRun, mine: FittedEffect, rival: FittedEffect
-) -> float:
-    """Return χ² left on all runs and the new one when the rival is fitted to what the named effect would make."""
-    runs = [*problem.runs, run]
-    truth = stack(runs, lambda r: mine.variant.along(r.motion, mine.values)) @ mine.coefficients
-    columns = np.hstack(
-        [
-            stack(runs, lambda r: base_columns(model, r)),
-            stack(runs, lambda r: rival.variant.along(r.motion, rival.values)),
-        ]
-    )
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    basis = left[:, singular > 1e-9 * singular[0]]
-    rest = truth - basis @ (basis.T @ truth)
-    return float(rest @ rest)
-
-
-def _sinusoid(model: JointModel, frequency: float, level: float, sigma: float) -> GapRun:
-    """Return a run of a sinusoidal angle with the noise of those measured."""
-    phase = 2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES
-    w = 2 * np.pi * frequency
-    angle, rate, acceleration = (
-        level * np.sin(phase),
-        level * w * np.cos(phase),
-        -level * w**2 * np.sin(phase),
-    )
-    stiffness, damping = slopes(model, angle, rate)
-    keep = np.flatnonzero(np.abs(np.cos(phase)) > 0.05)
-    motion = MeasuredMotion(
-        angle, rate, acceleration, 1 / (frequency * PHASES), phase / w, frequency,
-        stiffness * rate + damping * acceleration, stiffness, keep, True,
-    )  # fmt: skip
-    one = np.full(keep.size, sigma)
-    return GapRun("advised", "advised", None, motion, np.zeros(keep.size), 1 / one, one)
+def _as_if(
+    rows: Sequence[GapRun], model: JointModel, others: Sequence[FittedEffect], true: FittedEffect
+) -> Problem:
+    """Return the problem of runs whose gap is what an effect adds, without noise."""
+    made = [
+        replace(run, target=true.variant.along(run.motion, true.values) @ true.coefficients) for run in rows
+    ]
+    return Problem.build(made, model, others)

@@ -1,0 +1,122 @@
+"""Runs that a laboratory could still make: prescribed angles of several waveforms, as force states with its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.states import ForceStates
+from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.record import NoiseFloor
+
+Array = NDArray[np.float64]
+
+#: Waveforms of an angle, by the amplitudes of sin(n·2πft) relative to the first; all are scaled to their peak.
+WAVEFORMS: dict[str, dict[int, float]] = {
+    "sinusoidal angle": {1: 1.0},
+    "two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": {1: 1.0, 3: 0.8},
+    "triangular angle, five odd harmonics": {n: (-1.0) ** (n // 2) / n**2 for n in (1, 3, 5, 7, 9)},
+}
+FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
+LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
+LEAST_PERIODS = 4
+SAMPLES_PER_PERIOD = 40  # of the highest harmonic
+RATE_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class Design:
+    """A run to be made.
+
+    Parameters
+    ----------
+    frequency : float
+        Hz.
+    level : float
+        Peak angle, rad.
+    waveform : str
+        A key of :data:`WAVEFORMS`.
+    """
+
+    frequency: float
+    level: float
+    waveform: str
+
+    def motion(self, time: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return angle, rate and acceleration at some instants (s)."""
+        tones = WAVEFORMS[self.waveform]
+        phase = 2 * np.pi * np.arange(2000) / 2000
+        scale = self.level / np.max(np.abs(sum(a * np.sin(n * phase) for n, a in tones.items())))
+        t = np.asarray(time, dtype=np.float64)
+        angle, rate, acceleration = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+        for order, amplitude in tones.items():
+            w = 2 * np.pi * self.frequency * order
+            angle += scale * amplitude * np.sin(w * t)
+            rate += scale * amplitude * w * np.cos(w * t)
+            acceleration -= scale * amplitude * w**2 * np.sin(w * t)
+        return angle, rate, acceleration
+
+
+def designs(states: Sequence[ForceStates]) -> tuple[Design, ...]:
+    """Return the runs to choose from: from a tenth to four times the tested frequencies, up to the largest angle."""
+    tested = [s.frequency for s in states if s.frequency]
+    if not tested:
+        return ()
+    middle = float(np.exp(np.mean(np.log(tested))))
+    largest = max(_swing(s) for s in states)
+    return tuple(
+        Design(float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}"), waveform)
+        for waveform, f, x in product(WAVEFORMS, FREQUENCIES, LEVELS)
+    )
+
+
+def expected_states(design: Design, states: Sequence[ForceStates]) -> ForceStates:
+    """Return the force states that a run would have, its moment left at zero.
+
+    It is as long as the longest of the campaign, or four periods, and as noisy as the one of the nearest level.
+    """
+    like = min(states, key=lambda s: abs(np.log(_swing(s) / design.level)))
+    highest = max(WAVEFORMS[design.waveform]) * design.frequency
+    sample_rate = max(like.sample_rate, SAMPLES_PER_PERIOD * highest)
+    length = max(max(s.n_samples / s.sample_rate for s in states), LEAST_PERIODS / design.frequency)
+    periods = int(length * design.frequency + 1e-9)
+    time = np.arange(round(periods / design.frequency * sample_rate)) / sample_rate
+    # Reversals between samples, as anywhere in a record.
+    angle, rate, acceleration = design.motion(time + 0.37 / sample_rate)
+    # The standard error of a harmonic times its order's derivative, as in the periodic states.
+    orders = 2 * np.pi * design.frequency * np.array(list(WAVEFORMS[design.waveform]))
+    error = np.sqrt(2 / time.size) * like.noise.angle
+    noise = NoiseFloor(
+        like.noise.moment,
+        like.noise.angle,
+        float(error * np.sqrt(np.sum(orders**2))),
+        float(error * np.sqrt(np.sum(orders**4))),
+    )
+    moving = moving_mask(rate, rate_limit(rate, noise.rate, RATE_SHARE), 2)
+    return replace(
+        like,
+        run=f"advised {design.frequency:g} Hz {design.level:g} {design.waveform}",
+        frequency=design.frequency,
+        level=None,
+        sample_rate=sample_rate,
+        time=time,
+        angle=angle,
+        rate=rate,
+        acceleration=acceleration,
+        moment=np.zeros(time.size),
+        moving=moving,
+        block=np.zeros(time.size, dtype=np.intp),
+        replicate=None,
+        noise=noise,
+        method="periodic",
+        bandwidth=highest,
+        dropped=0.0,
+    )
+
+
+def _swing(states: ForceStates) -> float:
+    return float(np.ptp(states.angle)) / 2
