@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -140,28 +140,33 @@ class Variant:
         return program(compile_terms([state.rate for state in self.states], arguments))
 
     def states_along(self, motion: MeasuredMotion, values: Array) -> Array:
-        """Return the internal states along a motion, shape (n_states, n)."""
+        """Return the internal states at the kept samples of a motion, shape (n_states, m)."""
         from sindyjoint.discrepancy.memory import integrate_states
 
         substitution = {parameter_symbol(n): float(v) for n, v in zip(self.names, values, strict=True)}
         limits = [np.inf if s.limit is None else float(s.limit.subs(substitution)) for s in self.states]
         integrate: Any = integrate_states
-        return integrate(
-            motion.angle,
-            motion.rate,
-            motion.step,
+        every = motion.follow
+        states = integrate(
+            motion.angle[::every],
+            motion.rate[::every],
+            motion.step * every,
             np.asarray(values, dtype=np.float64),
             np.array(limits),
             *self._state_program,
             np.zeros(len(self.states)),
             PASSES if motion.repeats else 1,
-            SUBSTEPS if motion.repeats else 1,
+            motion.substeps,
         )
+        if every == 1:
+            return states[:, motion.keep]
+        places = np.arange(0, motion.angle.size, every)
+        return np.array([np.interp(motion.keep, places, z) for z in states])
 
     def along(self, motion: MeasuredMotion, values: Array) -> Array:
         """Return the columns at the kept samples of a motion, shape (m, n_columns)."""
         keep = motion.keep
-        states = [z[keep] for z in self.states_along(motion, values)] if self.states else []
+        states = self.states_along(motion, values) if self.states else ()
         signals = [getattr(motion, name)[keep] for name in ("angle", "rate", "acceleration")]
         time = motion.time[keep]
         others = [
@@ -170,10 +175,10 @@ class Variant:
         return self._function(*signals, *others, *states, *map(float, values))
 
 
-# A periodic run is run through at most this often until its states repeat; the steps of its mean period, coarser than
-# samples, are cut into this many.
+# A motion that repeats is run through at most this often until its states repeat.
 PASSES = 20
-SUBSTEPS = 3
+# While inner parameters are searched, states follow a motion within this share of its RMS.
+ROUGH_ERROR = 1e-2
 
 
 @dataclass(frozen=True)
@@ -211,6 +216,10 @@ class MeasuredMotion:
     repeats : bool
     began : float
         Start of the run since that of the campaign's first one, s.
+    substeps : int
+        Parts into which a step is cut where internal states are integrated.
+    follow : int
+        Internal states are integrated over every so-manieth sample and interpolated between.
     """
 
     angle: Array
@@ -224,6 +233,22 @@ class MeasuredMotion:
     keep: NDArray[np.intp]
     repeats: bool
     began: float = 0.0
+    substeps: int = 1
+    follow: int = 1
+
+    def rough(self) -> MeasuredMotion:
+        """Return the motion for searching: internal states are integrated in longer steps."""
+        if self.substeps > 1:
+            return replace(self, substeps=1)
+        return replace(self, follow=max(1, int(1 / self.steps_to_follow(ROUGH_ERROR))))
+
+    def steps_to_follow(self, error: float) -> float:
+        """Return into how many parts a step is to be cut so that linear interpolation of the angle errs by so little.
+
+        ``error`` is relative to the RMS of the angle; the answer is below one where steps may be longer.
+        """
+        bend = float(np.sqrt(np.mean(self.acceleration**2)))
+        return self.step * float(np.sqrt(bend / (8 * error * max(float(np.std(self.angle)), 1e-300))))
 
 
 def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:

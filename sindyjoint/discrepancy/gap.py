@@ -10,7 +10,7 @@ likelihoods (linearised errors in variables; Fuller, Measurement Error Models, 1
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ STRETCH = 500
 # Internal states follow a motion that is interpolated within this share of its RMS.
 FOLLOWED_ERROR = 1e-4
 MOST_BETWEEN = 8
+# The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
+SUBSTEPS = 3
 # The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
 CHAIN_ERROR = 5e-4
 
@@ -80,6 +82,10 @@ class GapRun:
         if not alone:
             return np.full(self.target.size, self.group, dtype=object)
         return (np.arange(self.target.size) * STRETCHES // self.target.size).astype(object)
+
+    def rough(self) -> GapRun:
+        """Return the run for searching inner parameters: internal states are integrated in longer steps."""
+        return replace(self, motion=self.motion.rough())
 
     @property
     def angle(self) -> Array:
@@ -161,7 +167,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     # The mean of a phase is that of its instants over all periods: a moment linear in time keeps its value.
     time = np.interp(np.arange(phases), np.flatnonzero(count), mean(states.time)[count > 0])
     step = 1 / (states.frequency * phases)
-    motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time)
+    motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
     inertia = model.joint.inertia
     sigma = np.sqrt(states.noise.moment**2 / filled[keep] + (CHAIN_ERROR * scale) ** 2)
     factor = folded_whitener(states, model, motion, sigma, (np.arange(phases)[keep] + 0.5) / phases)
@@ -179,7 +185,8 @@ def _strided(states: ForceStates, model: JointModel, group: str, scale: float, m
     step = every / states.sample_rate
     rows = _stretches(np.flatnonzero(states.moving[::every]), most)
     target = states.moment[::every][rows] - (model.joint.inertia or 0.0) * acceleration[rows]
-    between = _between(angle, acceleration, step)
+    coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
+    between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
     if between > 1:
         jerk = np.gradient(acceleration, step)
         angle, rate, acceleration = (
@@ -192,14 +199,6 @@ def _strided(states: ForceStates, model: JointModel, group: str, scale: float, m
     sigma = np.full(rows.size, white)
     factor = kernel_noise_factor(states, model, motion, rows * every, sigma)
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, False)
-
-
-def _between(angle: Array, acceleration: Array, step: float) -> int:
-    """Return into how many parts a step is cut so that linear interpolation of the angle errs by 1e-4 of its RMS."""
-    curvature = float(np.sqrt(np.mean(acceleration**2)))
-    spread = float(np.std(angle))
-    wanted = np.sqrt(8 * FOLLOWED_ERROR * spread / curvature) if curvature > 0 else step
-    return int(np.clip(np.ceil(step / wanted), 1, MOST_BETWEEN)) if wanted > 0 else 1
 
 
 def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
@@ -236,6 +235,7 @@ def _motion(
     keep: NDArray[np.intp],
     repeats: bool,
     time: Array | None = None,
+    substeps: int = 1,
 ) -> MeasuredMotion:
     stiffness, damping = slopes(model, angle, rate)
     return MeasuredMotion(
@@ -250,6 +250,7 @@ def _motion(
         keep=keep,
         repeats=repeats,
         began=states.began,
+        substeps=substeps,
     )
 
 

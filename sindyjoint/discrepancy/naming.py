@@ -9,7 +9,7 @@ ratio; an effect pays ½·ln N for each number that it chooses (Schwarz 1978).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
 TEMPER = 2.0
 COLUMN_ERROR = 0.03
 FOUND_ERROR = 0.06
+# Inner parameters are refined where the search came within this share of the best gain.
+WORTH_REFINING = 0.3
 RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
 
 
@@ -81,13 +83,17 @@ class Problem:
         """Rows less fitted columns."""
         return self.target.size - self._basis.shape[1]
 
+    def beside(self, columns: Array) -> Array:
+        """Return whitened columns less what the columns that are there already explain of them."""
+        return columns - self._basis @ (self._basis.T @ columns)
+
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
         columns = stack(self.runs, lambda run: variant.along(run.motion, values))
         if not np.all(np.isfinite(columns)):
             return 0.0, np.zeros(columns.shape[1])
         size = np.linalg.norm(columns, axis=0)
-        rest = columns - self._basis @ (self._basis.T @ columns)
+        rest = self.beside(columns)
         left = np.linalg.norm(rest, axis=0)
         # A column inside the span of what is there already explains nothing, only rounding.
         if np.any(left <= 1e-6 * size) or np.any(size == 0):
@@ -158,11 +164,38 @@ class Ranking:
 
 def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
     """Return the variant and inner parameters of an effect that lower χ² most."""
+    return refine_effect(problem, _searched(problem, effect))
+
+
+def fit_effects(problem: Problem, effects: Sequence[Effect]) -> list[FittedEffect]:
+    """Fit several effects, side by side on threads, in their order.
+
+    Inner parameters are searched along a roughly followed motion; those that come near the best are refined along the
+    motion itself.
+    """
+    from joblib import Parallel, delayed
+
+    parallel = Parallel(n_jobs=-1, prefer="threads")
+    found = parallel(delayed(_searched)(problem, effect) for effect in effects)
+    worth = WORTH_REFINING * max((f.gain for f in found), default=0.0)
+    return parallel(
+        delayed(refine_effect)(problem, f) if f.variant.states and f.gain >= worth else delayed(_itself)(f)
+        for f in found
+    )
+
+
+def _itself(fitted: FittedEffect) -> FittedEffect:
+    return fitted
+
+
+def _searched(problem: Problem, effect: Effect) -> FittedEffect:
+    """Return the best variant and inner parameters that a search along the roughly followed motion finds."""
+    rough = replace(problem, runs=tuple(run.rough() for run in problem.runs))
     best: FittedEffect | None = None
     for variant in effect.variants:
 
         def gain_at(values: Array, variant: Variant = variant) -> float:
-            return problem.gain(variant, values)[0]
+            return rough.gain(variant, values)[0]
 
         values = _search(gain_at, variant.bounds(problem.reference))
         gain, coefficients = problem.gain(variant, values)
@@ -172,11 +205,26 @@ def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
     return best
 
 
-def fit_effects(problem: Problem, effects: Sequence[Effect]) -> list[FittedEffect]:
-    """Fit several effects, side by side on threads, in their order."""
-    from joblib import Parallel, delayed
+def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
+    """Return an effect with its inner parameters refitted near where they were."""
+    if not fitted.values.size:
+        return fitted
+    from scipy.optimize import minimize
 
-    return Parallel(n_jobs=-1, prefer="threads")(delayed(fit_effect)(problem, effect) for effect in effects)
+    bounds = np.log(fitted.variant.bounds(problem.reference)).T
+    start = np.clip(np.log(fitted.values), *bounds)
+    found = minimize(
+        lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
+        start,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack([start, start + 0.1 * np.eye(start.size)]),
+            "maxfev": 15 * start.size,
+        },
+    )
+    values = np.exp(np.clip(found.x, *bounds))
+    gain, coefficients = problem.gain(fitted.variant, values)
+    return replace(fitted, values=values, gain=gain, coefficients=coefficients)
 
 
 def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:

@@ -130,19 +130,18 @@ def held_out_gap(
     effects: Sequence[FittedEffect],
     noise: dict[str, float],
     again: Callable[[Problem, FittedEffect], FittedEffect] | None = None,
-) -> tuple[float, dict[str, float]]:
-    """Return the relative RMS moment gap on runs that were left out, over all and per run.
+) -> tuple[float, float]:
+    """Return the moment gap on runs that were left out: relative RMS, and RMS in units of the rows' noise.
 
     Each group of runs is left out in turn; coefficients (and, with ``again``, inner parameters) come from the others.
     The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
     """
     labels = row_groups(runs)
-    ends = np.cumsum([run.target.size for run in runs])
-    white = stack(runs, lambda run: all_columns(run, model, effects))
     plain = np.vstack([all_columns(run, model, effects) for run in runs])
-    whole = np.concatenate([run.white(run.target) for run in runs])
+    white = whitened(runs, plain)
     target = np.concatenate([run.target for run in runs])
-    left = np.empty(target.size)
+    whole = whitened(runs, target)
+    left, weighted = np.empty(target.size), np.empty(target.size)
     for group in dict.fromkeys(labels.tolist()):
         out = labels == group
         used, rows, others = plain, white, ~out
@@ -150,19 +149,32 @@ def held_out_gap(
         if again is not None and train and len(train) < len(runs) and any(e.values.size for e in effects):
             later = _again(train, model, effects, again)
             used = np.vstack([all_columns(run, model, later) for run in runs])
-            rows = stack(runs, lambda run, later=later: all_columns(run, model, later))  # type: ignore[misc]
+            rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])
         left[out] = target[out] - used[out] @ coefficients
-    square, own = left**2, target**2
-    starts = [0, *ends[:-1]]
-    for run, low, high in zip(runs, starts, ends, strict=True):
-        if run.folded:
-            square[low:high] += noise[run.name] ** 2
-    per_run = {
-        run.name: float(np.sqrt(np.mean(square[low:high]) / np.mean(own[low:high])))
-        for run, low, high in zip(runs, starts, ends, strict=True)
-    }
-    return float(np.sqrt(np.mean(square) / np.mean(own))), per_run
+        weighted[out] = whole[out] - rows[out] @ coefficients
+    return _relative(runs, left, target, noise), float(np.sqrt(np.mean(weighted**2)))
+
+
+def kept_gap(
+    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], noise: dict[str, float]
+) -> tuple[float, float]:
+    """Return the same gaps on runs that no coefficient of model and effects was fitted to."""
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    target = np.concatenate([run.target for run in runs])
+    left = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
+    return _relative(runs, left, target, noise), float(np.sqrt(np.mean(whitened(runs, left) ** 2)))
+
+
+def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
+    """Return stacked rows of all runs in units of noise."""
+    ends = np.cumsum([run.target.size for run in runs])[:-1]
+    return np.concatenate([run.white(part) for run, part in zip(runs, np.split(rows, ends), strict=True)])
+
+
+def _relative(runs: Sequence[GapRun], left: Array, target: Array, noise: dict[str, float]) -> float:
+    added = [np.full(run.target.size, noise[run.name] ** 2 if run.folded else 0.0) for run in runs]
+    return float(np.sqrt(np.mean(left**2 + np.concatenate(added)) / np.mean(target**2)))
 
 
 def _again(
@@ -173,32 +185,11 @@ def _again(
 ) -> tuple[FittedEffect, ...]:
     """Refit the inner parameters of each effect on the runs that were not left out."""
     used = tuple(effects)
+    train = [run.rough() for run in train]
     for index, each in enumerate(used):
         others = used[:index] + used[index + 1 :]
         used = (*used[:index], again(Problem.build(train, model, others), each), *used[index + 1 :])
     return used
-
-
-def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
-    """Return an effect with its inner parameters refitted near where they were."""
-    if not fitted.values.size:
-        return fitted
-    from scipy.optimize import minimize
-
-    bounds = np.log(fitted.variant.bounds(problem.reference)).T
-    start = np.clip(np.log(fitted.values), *bounds)
-    found = minimize(
-        lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
-        start,
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": np.vstack([start, start + 0.1 * np.eye(start.size)]),
-            "maxfev": 15 * start.size,
-        },
-    )
-    values = np.exp(np.clip(found.x, *bounds))
-    gain, coefficients = problem.gain(fitted.variant, values)
-    return replace(fitted, values=values, gain=gain, coefficients=coefficients)
 
 
 def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:

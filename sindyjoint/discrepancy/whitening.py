@@ -108,13 +108,18 @@ def kernel_noise_factor(
     else:
         sources = [[(angle * stiffness, low), (angle * damping, first), (angle * inertia, second)]]
     pairs = [
-        (one, other, fftconvolve(a, b[::-1])) for source in sources for one, a in source for other, b in source
+        (one, other, fftconvolve(a, b[::-1]))
+        for source in sources
+        for one, a in source
+        for other, b in source
     ]
     spacing = int(np.min(np.diff(samples))) if samples.size > 1 else 1
     bands = min(longest // max(spacing, 1), samples.size - 1)
     banded = np.zeros((bands + 1, samples.size))
     for band in range(bands + 1):
-        lag = samples[: samples.size - band] - samples[band:]  # negative or zero: row j is later than column i
+        lag = (
+            samples[: samples.size - band] - samples[band:]
+        )  # negative or zero: row j is later than column i
         inside = -lag <= longest
         place = np.where(inside, lag, 0) + longest
         row = sum(one[: lag.size] * other[band:] * correlation[place] for one, other, correlation in pairs)

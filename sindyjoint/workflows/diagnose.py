@@ -16,13 +16,16 @@ from sindyjoint.discrepancy.budget import make_budget, where
 from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.discrepancy.effects import Effect, load_effects
 from sindyjoint.discrepancy.gap import gap_runs
-from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank
-from sindyjoint.discrepancy.repair import Repaired, held_out_gap, refine_effect, refit
+from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank, refine_effect
+from sindyjoint.discrepancy.pairs import hidden_pair
+from sindyjoint.discrepancy.repair import Repaired, refit
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states
 from sindyjoint.workflows.advice import advise
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
+from sindyjoint.workflows.diagnosis_gap import gap_of, noise_floor
 from sindyjoint.workflows.diagnosis_start import (
+    RATE_SHARE,
     Work,
     applicable,
     cut_up,
@@ -31,11 +34,9 @@ from sindyjoint.workflows.diagnosis_start import (
     one_after_another,
 )
 from sindyjoint.workflows.discover import the_campaign
-from sindyjoint.workflows.gap_response import processing_error, response_gap
+from sindyjoint.workflows.gap_response import processing_error
 
-MAX_EFFECTS = 3
-# Stribeck friction lives at low rates: diagnosis keeps all that the noise of the rate allows.
-RATE_SHARE = 0.02
+MAX_EFFECTS = 4
 # Nothing is claimed below this belief that something is missing.
 BELIEF = 0.9
 # Named effects must account for all but this share of what repeats; else something unknown is there.
@@ -45,6 +46,8 @@ UNEXPLAINED_BROADBAND = 0.5
 # An effect that helps the moment but makes the simulated response worse by this factor stands in for something else.
 WORSE_RESPONSE = 1.5
 LITTLE_HELP = 0.7
+# Where nothing repeats, an effect must win this share of the weighted gap, or of the response's, to be added.
+LEAST_GAIN = 0.02
 MOST_REFUSALS = 2
 # Beyond noise by less than this factor, the chain's own error is as good an explanation.
 SIGNIFICANT_EXCESS = 1.25
@@ -118,11 +121,11 @@ def diagnose(
     problem = Problem.build(work.rows, work.model)
     steps: list[Step] = []
     say("the gap")
-    initial = _gap(work, work.model, ())
+    initial = gap_of(work, work.model, ())
     before = initial
     if drift is not None:
         work = _undrifted(work, drift)
-        after = _gap(work, work.model, ())
+        after = gap_of(work, work.model, ())
         steps.append(_drift_step(drift, before, after))
         before = after
     repaired, steps, work, left = _loop(work, candidates, max_effects, steps, before, say)
@@ -131,7 +134,7 @@ def diagnose(
     steps = _humble(steps, verdict)
     advice = advise(work.rows, work.states, work.model, repaired.effects, steps, candidates)
     final = steps[-1].gap_after if steps else initial
-    noise = _noise_floor(initial_work)
+    noise = noise_floor(initial_work)
     processing = processing_error(initial_work.campaign, initial_work.runs, initial_work.model)
     return Diagnosis(
         verdict=verdict,
@@ -167,16 +170,19 @@ def _loop(
         problem = Problem.build(work.rows, work.model, found)
         if len(steps) >= most:
             break
-        ranking = _ranked(problem, [e for e in candidates if e.id not in refused], found, say)
+        open_ones = [e for e in candidates if e.id not in refused]
+        ranking, paired = _ranked(work, problem, open_ones, found, say, len(steps) + 2 <= most)
         if ranking is None or 1 - ranking.nothing < BELIEF:
             break
         best = ranking.fitted[0]
         say(f"adding {best.effect.name}")
         trial, effects, fixed = _added(work, [*found, best], candidates)
-        after = _gap(trial, fixed.model, effects)
-        if _harms(before, after) and len(refused) < MOST_REFUSALS:
+        after = gap_of(trial, fixed.model, effects)
+        if not paired and _harms(before, after) and len(refused) < MOST_REFUSALS:
             refused.add(best.effect.id)
             continue
+        if not paired and _idle(problem, before, after):
+            break
         work, found, repaired = trial, effects, fixed
         steps.append(_step(ranking, found, repaired, before, after))
         before = after
@@ -202,14 +208,39 @@ def _harms(before: Gap, after: Gap) -> bool:
     return after.response > WORSE_RESPONSE * before.response and after.moment > LITTLE_HELP * before.moment
 
 
+def _idle(problem: Problem, before: Gap, after: Gap) -> bool:
+    """Return whether an effect wins nothing on runs it never saw, where repetition has not measured the noise."""
+    if all(run.folded for run in problem.runs):
+        return False
+    return after.weighted > (1 - LEAST_GAIN) * before.weighted and not (
+        after.response < (1 - LEAST_GAIN) * before.response
+    )
+
+
 def _ranked(
-    problem: Problem, candidates: Sequence[Effect], found: Sequence[FittedEffect], say: Callable[[str], None]
-) -> Ranking | None:
+    work: Work,
+    problem: Problem,
+    candidates: Sequence[Effect],
+    found: Sequence[FittedEffect],
+    say: Callable[[str], None],
+    pairs: bool,
+) -> tuple[Ranking | None, bool]:
+    """Return the candidates in order, and whether the first of them was put there by a second beside it."""
     taken = {each.effect.id for each in found}
     open_ones = [effect for effect in candidates if effect.id not in taken]
     say(f"trying {len(open_ones)} effects")
     fitted = fit_effects(problem, open_ones)
-    return rank(problem, fitted) if fitted else None
+    if not fitted:
+        return None, False
+    pair = hidden_pair(problem, fitted) if pairs else None
+    if pair is not None:
+        first, second = pair
+        say(f"trying them beside {second.effect.name}")
+        both = Problem.build(work.rows, work.model, [*found, second])
+        beside = rank(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
+        if beside.fitted[0].effect.id == first.effect.id:
+            return beside, True
+    return rank(problem, fitted), False
 
 
 def _aligned(work: Work, found: list[FittedEffect]) -> tuple[Work, list[FittedEffect]]:
@@ -303,24 +334,6 @@ def _undrifted(work: Work, drift: ChannelDrift) -> Work:
     states = campaign_states(campaign, rate_share=RATE_SHARE)
     model = refit(gap_runs(states, work.model, work.groups), work.model, ()).model
     return Work.build(campaign, runs, states, work.groups, model)
-
-
-def _gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
-    adding = [e for e in effects if e.effect.enters != "time shift"]
-    moment, _ = held_out_gap(work.rows, model, adding, work.noise, refine_effect)
-    return Gap(moment, response_gap(work.campaign, work.runs, work.states, model, effects))
-
-
-def _noise_floor(work: Work) -> Gap:
-    """Return what does not repeat, relative to the signals, over all runs."""
-    weight = np.array([np.count_nonzero(s.moving) for s in work.states], dtype=float)
-    noise = np.array([work.noise[s.run] for s in work.states])
-    inertia = work.model.joint.inertia or 0.0
-    own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in work.states])
-    angle = np.array([s.noise.angle for s in work.states])
-    spread = np.array([np.var(s.angle) for s in work.states])
-    moment = float(np.sqrt((weight @ noise**2) / (weight @ own))) if np.any(own) else 0.0
-    return Gap(moment, float(np.sqrt(np.mean(angle**2) / np.mean(spread))))
 
 
 def _verdict(

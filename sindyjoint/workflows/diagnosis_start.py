@@ -19,6 +19,9 @@ from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.rows import group_labels
 
+# Stribeck friction lives at low rates: diagnosis keeps all that the noise of the rate allows.
+RATE_SHARE = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class Work:
@@ -47,8 +50,12 @@ class Work:
     @property
     def noise(self) -> dict[str, float]:
         """Noise of a single sample of the transfer moment, per run, N·m."""
-        inertia = self.model.inertia
-        return {s.run: float(np.hypot(s.noise.moment, inertia * s.noise.acceleration)) for s in self.states}
+        return {s.run: sample_noise(s, self.model.inertia) for s in self.states}
+
+
+def sample_noise(states: ForceStates, inertia: float) -> float:
+    """Return the noise of a single sample of the transfer moment, N·m."""
+    return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))
 
 
 def kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:

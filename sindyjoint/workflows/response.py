@@ -272,9 +272,9 @@ def _moved(
     if states.repeated:
         # Internal states of the law are not known at the start; one period before, they find their way.
         periods = repeated(states.moment, states.n_samples / run.sample_rate)
-        start = (states.angle[0], states.rate[0])
+        at = (states.angle[0], states.rate[0])
         duration = 2 * states.n_samples / run.sample_rate
-        both = simulate(law, periods, duration, run.sample_rate, initial=start, **options)
+        both = simulate(law, periods, duration, run.sample_rate, initial=at, **options)
         return replace(both, angle=both.angle[-states.n_samples :], rate=both.rate[-states.n_samples :])
     if drive == "windows":
         start = np.column_stack([states.angle, states.rate])
