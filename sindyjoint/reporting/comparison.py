@@ -282,12 +282,13 @@ def write_comparison(
     OutputError
         If the folder cannot be written.
     """
-    from sindyjoint.reporting.figures import draw, drawable, kinds_of
+    from sindyjoint.reporting.figures import kinds_of
+    from sindyjoint.reporting.output import draw_all, json_text, write_folder
     from sindyjoint.reporting.saved import DATA_FILE, saved_text
 
     tables = comparison_tables(result)
     kinds = kinds_of(result)
-    pictures = {kind: figure_bytes(draw(kind, result), "svg") for kind in drawable(result)}
+    pictures = draw_all(result)
     title = f"{result.joint}: terms by method, frequency and library"
     origin = provenance(result.discovery.campaign, seed, command_line)
     page = render(
@@ -299,23 +300,15 @@ def write_comparison(
         kinds=kinds,
         pictures={kind: markup(inline_svg(svg, kind, kinds[kind].title)) for kind, svg in pictures.items()},
     )
-    with output_folder(folder) as stage:
-        (stage / "figures").mkdir()
-        for kind, picture in pictures.items():
-            (stage / "figures" / f"{kind}.svg").write_bytes(picture)
-        (stage / DATA_FILE).write_text(saved_text(result), encoding="utf-8", newline="\n")
-        texts = {
-            "comparison.json": json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
-            + "\n",
-            "comparison.csv": long_csv(result),
-            "comparison.md": _markdown(result, title, tables),
-            "comparison.tex": "% needs \\usepackage{booktabs}\n"
-            + "\n".join(table.latex() for table in tables),
-            "report.html": page,
-        }
-        for name, text in texts.items():
-            (stage / name).write_text(text, encoding="utf-8", newline="\n")
-    return Path(folder)
+    texts = {
+        DATA_FILE: saved_text(result),
+        "comparison.json": json_text(result.to_dict()),
+        "comparison.csv": long_csv(result),
+        "comparison.md": _markdown(result, title, tables),
+        "comparison.tex": "% needs \\usepackage{booktabs}\n" + "\n".join(table.latex() for table in tables),
+        "report.html": page,
+    }
+    return write_folder(folder, pictures, texts)
 
 
 def _markdown(result: Comparison, title: str, tables: Sequence[TextTable]) -> str:
