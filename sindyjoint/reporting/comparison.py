@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import re
 from collections.abc import Sequence
@@ -15,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.frequency import FrequencyTest
-from sindyjoint.files.atomic import output_folder
 from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.style import (
@@ -23,7 +21,6 @@ from sindyjoint.reporting.style import (
     MUTED,
     PALETTE,
     RULE,
-    figure_bytes,
     plain,
     pretty_unit,
     shortened,

@@ -154,7 +154,9 @@ def inlined(result: Any, pictures: dict[str, bytes]) -> dict[str, Any]:
     kinds = kinds_of(result)
     return {
         "kinds": kinds,
-        "pictures": {kind: markup(inline_svg(svg, kind, kinds[kind].title)) for kind, svg in pictures.items()},
+        "pictures": {
+            kind: markup(inline_svg(svg, kind, kinds[kind].title)) for kind, svg in pictures.items()
+        },
     }
 
 
