@@ -13,6 +13,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.packing import pack, unpack
+from sindyjoint.reporting.reproduction_figures import ReproductionFigures
 from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.diagnosis import Diagnosis
@@ -34,11 +35,12 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "Verification": lambda data: unpack(Verification, data, model=JointModel.from_dict),
     "Diagnosis": lambda data: unpack(Diagnosis, data, model=JointModel.from_dict, effects=lambda _: ()),
     "Batch": lambda data: unpack(Batch, data),
+    "Reproduction": lambda data: unpack(ReproductionFigures, data),
     "Comparison": lambda data: unpack(Comparison, data, discovery=_nothing, left_out=lambda _: {}),
 }
 
 
-def saved_text(result: ReportData | Verification | Diagnosis | Comparison | Batch) -> str:
+def saved_text(result: ReportData | Verification | Diagnosis | Comparison | Batch | ReproductionFigures) -> str:
     """Return a result as the text of ``figures/data.json``."""
     if isinstance(result, ReportData):
         record = result.to_dict()
@@ -46,6 +48,8 @@ def saved_text(result: ReportData | Verification | Diagnosis | Comparison | Batc
         # Each campaign's own result lies in its own folder.
         records = tuple(replace(record, result=None) for record in result.records)
         record = {"kind": "Batch", **pack(replace(result, records=records))}
+    elif isinstance(result, ReproductionFigures):
+        record = {"kind": "Reproduction", **pack(result)}
     elif isinstance(result, Comparison):
         record = {"kind": "Comparison", **pack(result, skip=("discovery", "left_out"))}
     else:
@@ -78,7 +82,7 @@ def load_results(path: str | os.PathLike[str]) -> Any:
 
     Returns
     -------
-    ReportData, Verification, Diagnosis, Comparison or Batch
+    ReportData, Verification, Diagnosis, Comparison, Batch or ReproductionFigures
 
     Raises
     ------
@@ -96,8 +100,8 @@ def load_results(path: str | os.PathLike[str]) -> Any:
     saved = folder / DATA_FILE
     if not saved.is_file():
         raise MissingInputError(
-            f"{str(folder)!r} holds no {DATA_FILE}, from which figures are drawn; run discover, compare, verify or "
-            "diagnose again, with --out and the name of a folder"
+            f"{str(folder)!r} holds no {DATA_FILE}, from which figures are drawn; run discover, compare, verify, "
+            "diagnose or reproduce again, with --out and the name of a folder"
         )
     result = _read(saved, _from_record)
     beside = folder / "model.json"

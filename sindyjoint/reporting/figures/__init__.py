@@ -69,7 +69,8 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
             row, column = divmod(index, columns)
             # Of an odd number of panels in two columns the last takes the whole row.
             alone = columns == 2 and index == len(panels) - 1 and column == 0
-            _few_ticks(panel(data, figure.add_subplot(grid[row, :] if alone else grid[row, column])))
+            place = grid[row, :] if alone else grid[row, column]
+            _few_ticks(panel(data, figure.add_subplot(place, projection=chosen.projection)))
         engine = figure.get_layout_engine()
         assert engine is not None
         engine.execute(figure)

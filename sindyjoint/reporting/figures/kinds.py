@@ -9,10 +9,11 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from sindyjoint.reporting import batch_figures, comparison, diagnosis, verification
+from sindyjoint.reporting import batch_figures, comparison, diagnosis, reproduction_figures, verification
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.figures import evidence, loops, maps, residuals
 from sindyjoint.reporting.figures.places import where
+from sindyjoint.reporting.reproduction_figures import ReproductionFigures
 from sindyjoint.reporting.style import plain, shortened
 from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
@@ -40,6 +41,8 @@ class Kind:
         Whether a single panel takes the whole width.
     height : callable, optional
         Result → height of a panel in inches; default: by its width.
+    projection : str, optional
+        Of the axes: ``"3d"``.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Kind:
     part: bool = False
     wide: bool = False
     height: Callable[[Any], float] | None = None
+    projection: str | None = None
 
 
 def _fixed(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
@@ -283,7 +287,67 @@ BATCH: dict[str, Kind] = {
 }
 
 
-OTHERS = (Verification, Diagnosis, Comparison, Batch)
+def _per_joint(panel: Callable[..., Any]) -> Callable[[Any], list[Panel]]:
+    return lambda result: [partial(panel, joint=joint) for joint in result.joints]
+
+
+_SOLID: dict[str, Any] = {"height": lambda _: 3.2, "projection": "3d"}
+_PAPER = reproduction_figures
+
+REPRODUCTION: dict[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "figure-05",
+            "Figure 5",
+            "Figure 5: moment over angle at 3 Hz; four of nine levels, periods averaged.",
+            _per_joint(_PAPER.loops),
+        ),
+        Kind(
+            "figure-06",
+            "Figure 6",
+            "Figure 6: force–state map of a linear spring, mass and damper: an oblique plane.",
+            _fixed(_PAPER.surface),
+            **_SOLID,
+        ),
+        Kind(
+            "figure-07",
+            "Figure 7",
+            "Figure 7: force–state maps at 3 Hz; moving samples averaged in 24 × 24 cells.",
+            _per_joint(_PAPER.surface),
+            **_SOLID,
+        ),
+        Kind("figure-09", "Figure 9", "Figure 9: the exciting force.", _fixed(_PAPER.force)),
+        Kind(
+            "figure-10",
+            "Figure 10",
+            "Figure 10: displacement of the free end after the pulse, 20 s.",
+            _fixed(_PAPER.measured),
+            wide=True,
+        ),
+        Kind(
+            "figure-11",
+            "Figure 11",
+            "Figure 11: virtual test and identified model, first 10 s.",
+            _fixed(*(partial(_PAPER.compared, truth=truth) for truth in _PAPER.TRUTHS)),
+        ),
+        Kind(
+            "amplitude-and-period",
+            "Amplitude and period",
+            "Amplitude and period, swing by swing, of both virtual tests and the model.",
+            _fixed(
+                *(
+                    partial(_PAPER.swings, truth=truth, of=of)
+                    for truth in _PAPER.TRUTHS
+                    for of in ("amplitude", "period")
+                )
+            ),
+        ),
+    )
+}
+
+
+OTHERS = (Verification, Diagnosis, Comparison, Batch, ReproductionFigures)
 
 
 def kinds_of(result: Any) -> dict[str, Kind]:
@@ -294,4 +358,6 @@ def kinds_of(result: Any) -> dict[str, Kind]:
         return DIAGNOSIS
     if isinstance(result, Batch):
         return BATCH
+    if isinstance(result, ReproductionFigures):
+        return REPRODUCTION
     return COMPARISON if isinstance(result, Comparison) else DISCOVERY
