@@ -1,0 +1,184 @@
+"""The paper's figures from virtual tests: what they are drawn from, and how each panel is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.paper import PULSE
+from sindyjoint.reporting.style import DIVERGING, INK, PALETTE
+from sindyjoint.reporting.verification import amplitude, period
+from sindyjoint.surface import ForceStateMap
+from sindyjoint.workflows.verification import RunVerification
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from sindyjoint.states import ForceStates
+    from sindyjoint.workflows.reproduce import Reproduction
+
+Array = NDArray[np.float64]
+
+TRUTHS = {"plain": "truth: the model's terms alone", "richer": "truth: friction that first gives way"}
+# What one panel shows of a response.
+COMPARED = 10.0  # s
+LEVELS_SHOWN = slice(0, 7, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFigures:
+    """What is drawn of one joint.
+
+    Parameters
+    ----------
+    name : str
+    loops : tuple of ndarray, shape (2, n)
+        Angle, rad, and moment, N·m, over one period at 3 Hz, level by level.
+    surface : ForceStateMap
+    """
+
+    name: str
+    loops: tuple[Array, ...]
+    surface: ForceStateMap
+
+
+@dataclass(frozen=True, eq=False)
+class ReproductionFigures:
+    """What the figures of a reproduction are drawn from; saved beside them, so that any can be drawn again.
+
+    Parameters
+    ----------
+    joints : tuple of JointFigures
+    linear : ForceStateMap
+        Of a linear joint.
+    force : ndarray, shape (2, n)
+        Time, s, and exciting force, N.
+    plain, richer : RunVerification
+        Virtual pulse test and model, where the truth holds nothing the model lacks, and where it does.
+    """
+
+    joints: tuple[JointFigures, ...]
+    linear: ForceStateMap
+    force: Array
+    plain: RunVerification
+    richer: RunVerification
+
+
+def figures_of(result: Reproduction) -> ReproductionFigures:
+    """Return what is drawn of a reproduction."""
+    from sindyjoint.reporting.saved import thinned
+
+    time = np.linspace(-0.005, 0.02, 501)
+    values = np.where(time < 0, 0.0, result.pulse.rig.excitation(np.maximum(time, 0.0)))
+    return ReproductionFigures(
+        joints=tuple(
+            JointFigures(joint.table.joint, tuple(map(_one_period, joint.loops)), joint.surface)
+            for joint in result.joints
+        ),
+        linear=result.linear,
+        force=np.stack([time, values]),
+        plain=thinned(result.pulse.plain).runs[0],
+        richer=thinned(result.pulse.richer).runs[0],
+    )
+
+
+def _one_period(state: ForceStates) -> Array:
+    """Angle and mean moment of all periods, closed, on a grid of phases."""
+    assert state.frequency is not None
+    count = 240
+    phase = np.mod((state.time - state.time[0]) * state.frequency, 1.0)
+    cell = np.minimum((phase * count).astype(int), count - 1)
+    number = np.bincount(cell, minlength=count)
+    means = [np.bincount(cell, x, minlength=count) / number for x in (state.angle, state.moment)]
+    return np.array([np.append(mean, mean[0]) for mean in means])
+
+
+def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> Axes:
+    """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
+    dashes = ("-", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
+    for (theta, moment), color, dash in zip(joint.loops[LEVELS_SHOWN], PALETTE, dashes, strict=False):
+        ax.plot(1e3 * theta, moment, color=color, lw=0.9, ls=dash)
+    ax.set_xlabel("Angle $\\theta$ (mrad)")
+    ax.set_ylabel("Moment $M$ (N·m)")
+    ax.set_title(f"{joint.name}, 3 Hz")
+    return ax
+
+
+def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = None) -> Any:
+    """Draw averaged cells as a surface: of a joint, one on each side of zero rate (Figure 7), or of the linear one."""
+    from matplotlib.ticker import MaxNLocator
+    from matplotlib.tri import Triangulation
+
+    given = joint.surface if joint else result.linear
+    limit = float(np.nanmax(np.abs(given.moment)))
+    width = [float(edges[1] - edges[0]) for edges in (given.angle_edges, given.rate_edges)]
+    for side in (given.rate > 0, given.rate < 0) if joint else (given.filled,):
+        keep = given.filled & side
+        x, y, z = given.angle[keep], given.rate[keep], given.moment[keep]
+        mesh = Triangulation(x / width[0], y / width[1])
+        corners = np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        # Cells that no run passed stay open, but for the gaps between neighbouring rings.
+        mesh = Triangulation(1e3 * x, 1e3 * y, mesh.triangles[longest < 8])
+        ax.plot_trisurf(
+            mesh, z, cmap=DIVERGING, vmin=-limit, vmax=limit, lw=0.15, edgecolor=(0.1, 0.1, 0.1, 0.5)
+        )
+    ax.set_title(f"{joint.name}, 3 Hz" if joint else "linear joint, 3 Hz")
+    ax.set_xlabel("$\\theta$ (mrad)", labelpad=-4)
+    ax.set_ylabel("$\\dot{\\theta}$ (mrad/s)", labelpad=-4)
+    ax.set_zlabel("$M_T$ (N·m)", labelpad=-6)
+    ax.tick_params(pad=-2)
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.yaxis.set_major_locator(MaxNLocator(4))
+    # From where the surface is not seen edge on; drawn smaller, since the layout does not know of axis labels in 3-D.
+    ax.view_init(elev=24, azim=-58 if joint else -125)
+    ax.set_box_aspect(None, zoom=0.86)
+    return ax
+
+
+def force(result: ReproductionFigures, ax: Axes) -> Axes:
+    """Draw the pulse (Figure 9)."""
+    time, values = result.force
+    ax.plot(1e3 * time, values, color=PALETTE[0])
+    ax.set_xlabel("Time (ms)")
+    ax.set_ylabel("Force (N)")
+    ax.set_title("Exciting force")
+    return ax
+
+
+def measured(result: ReproductionFigures, ax: Axes) -> Axes:
+    """Draw the displacement of the free end in the virtual test (Figure 10)."""
+    return _response(result.plain, ax, PULSE.compared, False)
+
+
+def compared(result: ReproductionFigures, ax: Axes, truth: str) -> Axes:
+    """Draw virtual test and identified model over each other (Figure 11)."""
+    _response(getattr(result, truth), ax, COMPARED, True).set_title(TRUTHS[truth])
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + 0.2 * (high - low))
+    ax.legend(loc="upper right", ncols=2)
+    return ax
+
+
+def _response(run: RunVerification, ax: Axes, until: float, both: bool) -> Axes:
+    kept = run.time <= until
+    ax.plot(run.time[kept], 1e3 * run.measured[kept], color=PALETTE[0], lw=0.8, label="virtual test")
+    if both and run.simulated is not None:
+        ax.plot(
+            run.time[kept], 1e3 * run.simulated[kept], color=INK, lw=0.7, ls=(0, (3, 1.5)), label="identified model"
+        )  # fmt: skip
+    ax.set_xlabel("Time (s)")
+    ax.set_ylabel("Displacement (mm)")
+    ax.set_title("Displacement of the free end")
+    ax.margins(x=0.01)
+    return ax
+
+
+def swings(result: ReproductionFigures, ax: Axes, truth: str, of: str) -> Axes:
+    """Draw the amplitude or the period swing by swing of a virtual test and the model."""
+    draw = amplitude if of == "amplitude" else period
+    draw(getattr(result, truth), ax).set_title(TRUTHS[truth])
+    return ax
