@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -20,7 +21,7 @@ app = typer.Typer(
 def reproduce(
     context: typer.Context,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for reproduction.md, tables.csv and figures.")
+        Path | None, typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
@@ -45,13 +46,13 @@ def reproduce(
         result = run(random_state, progress.say)
         if out is not None:
             progress.say("drawing")
-            write_reproduction(result, out)
+            write_reproduction(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
         show_reproduction(result)
         if out is not None:
-            typer.echo(f"\nresults: {out / 'reproduction.md'}")
+            typer.echo(f"\nreport: {out / 'report.html'}")
 
 
 @app.command()

@@ -1,210 +1,27 @@
-"""The reproduction of the paper for people: figures, tables and a page of text."""
+"""The reproduction of the paper for people: tables, a page, a page of text, and their folder."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.files.atomic import output_folder
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TERMS, UNITS
-from sindyjoint.reporting.style import (
-    DIVERGING,
-    DOUBLE_COLUMN,
-    INK,
-    PALETTE,
-    SINGLE_COLUMN,
-    figure_bytes,
-    new_figure,
-    pretty_unit,
-    style,
-)
-from sindyjoint.reporting.verification import amplitude, period
+from sindyjoint.reporting.style import pretty_unit
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from sindyjoint.states import ForceStates
-    from sindyjoint.surface import ForceStateMap
+    from sindyjoint.reporting.provenance import Provenance
     from sindyjoint.workflows.paper_tables import TableCheck
     from sindyjoint.workflows.reproduce import JointReproduction, Reproduction
-    from sindyjoint.workflows.verification import RunVerification
 
 WIDTH = 118
-
-
-# ---- figures
-
-
-def loops(joint: JointReproduction, ax: Axes) -> Axes:
-    """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
-    for state, color in zip(joint.loops[:7:2], PALETTE, strict=False):
-        theta, moment = _one_period(state)
-        ax.plot(1e3 * theta, moment, color=color, lw=0.9)
-    ax.set_xlabel("Angle $\\theta$ (mrad)")
-    ax.set_ylabel("Moment $M$ (N·m)")
-    ax.set_title(f"{joint.table.joint}, 3 Hz")
-    return ax
-
-
-def _one_period(state: ForceStates) -> tuple[np.ndarray, np.ndarray]:
-    """Angle and mean moment of all periods, closed, on a grid of phases."""
-    assert state.frequency is not None
-    count = 240
-    phase = np.mod((state.time - state.time[0]) * state.frequency, 1.0)
-    cell = np.minimum((phase * count).astype(int), count - 1)
-    number = np.bincount(cell, minlength=count)
-    theta, moment = (np.bincount(cell, x, minlength=count) / number for x in (state.angle, state.moment))
-    return np.append(theta, theta[0]), np.append(moment, moment[0])
-
-
-def surface(given: ForceStateMap, ax: Any, step: bool = True) -> Any:
-    """Draw the averaged cells as a surface (Figures 6 and 7); with a friction step, one on each side of zero rate."""
-    from matplotlib.ticker import MaxNLocator
-    from matplotlib.tri import Triangulation
-
-    limit = float(np.nanmax(np.abs(given.moment)))
-    width = [float(edges[1] - edges[0]) for edges in (given.angle_edges, given.rate_edges)]
-    for side in (given.rate > 0, given.rate < 0) if step else (given.filled,):
-        keep = given.filled & side
-        x, y, z = given.angle[keep], given.rate[keep], given.moment[keep]
-        mesh = Triangulation(x / width[0], y / width[1])
-        corners = np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles]
-        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        # Cells that no run passed stay open, but for the gaps between neighbouring rings.
-        mesh = Triangulation(1e3 * x, 1e3 * y, mesh.triangles[longest < 8])
-        ax.plot_trisurf(
-            mesh, z, cmap=DIVERGING, vmin=-limit, vmax=limit, lw=0.15, edgecolor=(0.1, 0.1, 0.1, 0.5)
-        )
-    ax.set_xlabel("$\\theta$ (mrad)", labelpad=-4)
-    ax.set_ylabel("$\\dot{\\theta}$ (mrad/s)", labelpad=-4)
-    ax.set_zlabel("$M_T$ (N·m)", labelpad=-6)
-    ax.tick_params(pad=-2)
-    ax.xaxis.set_major_locator(MaxNLocator(4))
-    ax.yaxis.set_major_locator(MaxNLocator(4))
-    # From where the surface is not seen edge on; drawn smaller, since the layout does not know of axis labels in 3-D.
-    ax.view_init(elev=24, azim=-58 if step else -125)
-    ax.set_box_aspect(None, zoom=0.86)
-    return ax
-
-
-def force(result: Reproduction, ax: Axes) -> Axes:
-    """Draw the pulse (Figure 9)."""
-    time = np.linspace(-0.005, 0.02, 2001)
-    values = np.where(time < 0, 0.0, result.pulse.rig.excitation(np.maximum(time, 0.0)))
-    ax.plot(1e3 * time, values, color=PALETTE[0])
-    ax.set_xlabel("Time (ms)")
-    ax.set_ylabel("Force (N)")
-    return ax
-
-
-def response(run: RunVerification, ax: Axes, until: float, compared: bool) -> Axes:
-    """Draw the displacement of the free end (Figure 10), with the simulation over it (Figure 11)."""
-    kept = run.time <= until
-    ax.plot(run.time[kept], 1e3 * run.measured[kept], color=PALETTE[0], lw=0.8, label="virtual test")
-    if compared and run.simulated is not None:
-        ax.plot(
-            run.time[kept], 1e3 * run.simulated[kept], color=INK, lw=0.7, ls=(0, (3, 1.5)), label="identified model"
-        )  # fmt: skip
-    ax.set_xlabel("Time (s)")
-    ax.set_ylabel("Displacement (mm)")
-    ax.margins(x=0.01)
-    return ax
-
-
-def _figure_5(result: Reproduction) -> Figure:
-    figure = new_figure(DOUBLE_COLUMN, 3.0)
-    for joint, ax in zip(result.joints, figure.subplots(1, 2), strict=True):
-        loops(joint, ax)
-    return figure
-
-
-def _figure_6(result: Reproduction) -> Figure:
-    figure = new_figure(SINGLE_COLUMN, 3.2)
-    surface(result.linear, figure.add_subplot(projection="3d"), step=False)
-    return figure
-
-
-def _figure_7(result: Reproduction) -> Figure:
-    figure = new_figure(DOUBLE_COLUMN, 3.4)
-    for place, joint in enumerate(result.joints, 1):
-        ax = figure.add_subplot(1, 2, place, projection="3d")
-        surface(joint.surface, ax).set_title(f"{joint.table.joint}, 3 Hz")
-    return figure
-
-
-def _figure_9(result: Reproduction) -> Figure:
-    figure = new_figure(SINGLE_COLUMN, 2.2)
-    force(result, figure.subplots())
-    return figure
-
-
-def _figure_10(result: Reproduction) -> Figure:
-    figure = new_figure(DOUBLE_COLUMN, 2.4)
-    response(result.pulse.plain.runs[0], figure.subplots(), PULSE.compared, False)
-    return figure
-
-
-def _figure_11(result: Reproduction) -> Figure:
-    figure = new_figure(DOUBLE_COLUMN, 4.6)
-    rows = figure.subplots(2, 1, sharex=True)
-    titles = ("the truth holds nothing the model lacks", "the truth's friction gives way before it slips")
-    for run, ax, title in zip(
-        (result.pulse.plain.runs[0], result.pulse.richer.runs[0]), rows, titles, strict=True
-    ):
-        response(run, ax, 10.0, True).set_title(title)
-    rows[0].legend(loc="upper right", ncols=2)
-    rows[0].set_xlabel("")
-    return figure
-
-
-def _swings(result: Reproduction) -> Figure:
-    figure = new_figure(DOUBLE_COLUMN, 4.6)
-    axes = figure.subplots(2, 2, sharex=True)
-    for run, row in zip((result.pulse.plain.runs[0], result.pulse.richer.runs[0]), axes, strict=True):
-        amplitude(run, row[0])
-        period(run, row[1])
-    axes[0, 0].set_title("the truth holds nothing the model lacks")
-    axes[1, 0].set_title("the truth's friction gives way before it slips")
-    return figure
-
-
-#: File name, what the figure is, and how it is drawn.
-FIGURES: tuple[tuple[str, str, Callable[[Reproduction], Figure]], ...] = (
-    ("figure-05", "Figure 5: moment over angle at 3 Hz; four of nine levels, periods averaged", _figure_5),
-    (
-        "figure-06",
-        "Figure 6: force–state map of a linear spring, mass and damper: an oblique plane",
-        _figure_6,
-    ),
-    ("figure-07", "Figure 7: force–state maps at 3 Hz; moving samples averaged in 24 × 24 cells", _figure_7),
-    ("figure-09", "Figure 9: the exciting force", _figure_9),
-    ("figure-10", "Figure 10: displacement of the free end after the pulse, 20 s", _figure_10),
-    ("figure-11", "Figure 11: virtual test and identified model, first 10 s", _figure_11),
-    (
-        "amplitude-and-period",
-        "Amplitude and period, swing by swing, of both virtual tests and the model",
-        _swings,
-    ),
-)
-
-
-def draw_reproduction(result: Reproduction) -> dict[str, Figure]:
-    """Return every figure by the name of its file."""
-    with style():
-        return {name: draw(result) for name, _, draw in FIGURES}
-
-
-# ---- text
-
 
 # Powers of ten that k1, k2, k3, c1, M_F are printed in.
 _POWERS = (3, 5, 9, 1, 0)
@@ -284,8 +101,8 @@ _LEGEND = (
 )
 
 
-def page_text(result: Reproduction) -> str:
-    """Return everything as one Markdown page."""
+def page_text(result: Reproduction, captions: Mapping[str, str]) -> str:
+    """Return everything as one Markdown page; `captions` of the figures by name."""
     parts = ["# The paper's tables and figures from virtual tests", ""]
     parts += [f"- {sentence}" for sentence in result.statements]
     for joint in result.joints:
@@ -298,7 +115,7 @@ def page_text(result: Reproduction) -> str:
     ]
     parts[-2] += " possible at 5 % risk."
     parts += ["## Figures", ""]
-    parts += [f"![{caption}](figures/{name}.svg)\n\n{caption}\n" for name, caption, _ in FIGURES]
+    parts += [f"![{caption}](figures/{name}.svg)\n\n{caption}\n" for name, caption in captions.items()]
     return "\n".join(parts)
 
 
@@ -321,20 +138,78 @@ def tables_csv(result: Reproduction) -> str:
     return buffer.getvalue()
 
 
-def write_reproduction(result: Reproduction, folder: str | os.PathLike[str]) -> Path:
-    """Write reproduction.md, reproduction.json, tables.csv and figures/*.svg, all of them or none."""
-    with output_folder(folder) as stage:
-        (stage / "figures").mkdir()
-        for name, figure in draw_reproduction(result).items():
-            (stage / "figures" / f"{name}.svg").write_bytes(figure_bytes(figure, "svg"))
-        text = json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
-        for name, content in (
-            ("reproduction.md", page_text(result)),
-            ("reproduction.json", text + "\n"),
-            ("tables.csv", tables_csv(result)),
-        ):
-            (stage / name).write_text(content, encoding="utf-8", newline="\n")
-    return Path(folder)
+def reproduction_page(result: Reproduction, origin: Provenance, pictures: dict[str, bytes]) -> str:
+    """Return the report as one HTML text."""
+    from sindyjoint.reporting.page import render
+    from sindyjoint.reporting.reproduction_figures import TRUTHS, figures_of
+    from sindyjoint.reporting.result_pages import inlined, milliseconds, percent, response_payload
+
+    figures = figures_of(result)
+    furthest = max(float(joint.largest_error.max()) for joint in result.joints)
+    plain, richer = result.pulse.plain, result.pulse.richer
+    return render(
+        "reproduction.html.j2",
+        title="The paper's joints from virtual tests",
+        origin=origin,
+        within=furthest < 1,
+        headline="Every parameter comes back within the paper's own standard deviations."
+        if furthest < 1
+        else "Not every parameter comes back within the paper's own standard deviations.",
+        reason="Everything here is simulated from the paper's printed values: it shows that the chain from strains to "
+        "tables holds, not that a real joint is like that.",
+        facts=[
+            ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
+            ("Amplitude", percent(plain.amplitude_rms_error), f"the paper prints {PULSE.amplitude_rms_error:g}"),
+            (
+                "Period",
+                milliseconds(plain.mean_period_difference),
+                f"the paper prints {milliseconds(PULSE.mean_period_difference)}",
+            ),
+            (
+                "With friction that gives way",
+                f"{percent(richer.amplitude_rms_error)}, {milliseconds(richer.mean_period_difference)}",
+                "amplitude, period: what the model lacks shows",
+            ),
+        ],
+        legend=_LEGEND,
+        tables=[
+            (f"table-{joint.table.number}", f"Table {joint.table.number}: {joint.table.joint}.", rows[0], rows[1:])
+            for joint in result.joints
+            for rows in (table_rows(joint),)
+        ],
+        printed=[(f"{row[0]}, {row[1]}", *row[2:]) for row in check_rows(result.checks)],
+        statements=result.statements,
+        payload={
+            "loops": response_payload([replace(getattr(figures, truth), name=name) for truth, name in TRUTHS.items()])
+        },
+        **inlined(figures, pictures),
+    )
+
+
+def write_reproduction(
+    result: Reproduction,
+    folder: str | os.PathLike[str],
+    command_line: str | Sequence[str] | None = None,
+    seed: object = None,
+) -> Path:
+    """Write report.html, reproduction.md, reproduction.json, tables.csv and figures/*.svg, all of them or none."""
+    from sindyjoint.reporting.figures import kinds_of
+    from sindyjoint.reporting.output import draw_all, json_text, write_folder
+    from sindyjoint.reporting.provenance import provenance
+    from sindyjoint.reporting.reproduction_figures import figures_of
+    from sindyjoint.reporting.saved import DATA_FILE, saved_text
+
+    figures = figures_of(result)
+    pictures = draw_all(figures)
+    captions = {name: kinds_of(figures)[name].caption for name in pictures}
+    texts = {
+        DATA_FILE: saved_text(figures),
+        "report.html": reproduction_page(result, provenance(None, seed, command_line), pictures),
+        "reproduction.md": page_text(result, captions),
+        "reproduction.json": json_text(result.to_dict()),
+        "tables.csv": tables_csv(result),
+    }
+    return write_folder(folder, pictures, texts)
 
 
 def show_reproduction(result: Reproduction) -> None:

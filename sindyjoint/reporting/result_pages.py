@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,7 +64,7 @@ def verification_page(result: Verification, origin: Provenance, pictures: dict[s
         ),
         rows=[_run_row(run) for run in result.runs],
         failures=[f"{run.name}: {run.failure}." for run in result.runs if run.failure],
-        payload={"loops": response_payload(result)},
+        payload={"loops": response_payload(result.runs)},
         **_common(result, pictures),
     )
 
@@ -111,10 +112,10 @@ def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, by
     )
 
 
-def response_payload(result: Verification) -> dict[str, Any]:
+def response_payload(runs: Sequence[RunVerification]) -> dict[str, Any]:
     """Return measured and simulated response over time for zooming, run by run."""
     curves = []
-    for run in result.runs:
+    for run in runs:
         factor, unit = prefixed(float(np.max(np.abs(run.measured))), CHANNEL_UNITS[run.channel])
         step = -(-run.time.size // DRAWN_SAMPLES)
         for label, signal in (("measured", run.measured), ("simulated", run.simulated)):

@@ -1,19 +1,22 @@
 """The paper again: from strains to tables within its own standard deviations, every figure drawn, limits said."""
 
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sindyjoint.paper import TABLES
-from sindyjoint.reporting.reproduction import (
-    FIGURES,
-    draw_reproduction,
-    page_text,
-    table_rows,
-    write_reproduction,
-)
+from sindyjoint.reporting.figures import draw, drawable, kinds_of
+from sindyjoint.reporting.reproduction import page_text, table_rows, write_reproduction
+from sindyjoint.reporting.reproduction_figures import figures_of
+from sindyjoint.reporting.saved import load_results, saved_text
 from sindyjoint.workflows.reproduce import reproduce
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
+from test_reporting_figures import laid_out  # noqa: E402
+from test_reporting_page import read  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -79,29 +82,40 @@ def test_what_cannot_be_reproduced_is_said(result):
     assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["tables"][1]["table"] == 2
 
 
-def test_every_figure_is_drawn(result):
-    figures = draw_reproduction(result)
-    assert list(figures) == [name for name, _, _ in FIGURES]
-    for name in ("figure-05", "figure-06", "figure-07", "figure-09", "figure-10", "figure-11"):
-        axes = figures[name].axes
-        assert axes and all(ax.lines or ax.collections for ax in axes)
-        assert all(ax.get_ylabel() for ax in axes)
+KINDS = [f"figure-{number}" for number in ("05", "06", "07", "09", "10", "11")] + ["amplitude-and-period"]
+
+
+@pytest.mark.parametrize("width", [3.5, 7.0])
+def test_every_figure_is_drawn_and_nothing_is_cut_off(result, width):
+    drawn = figures_of(result)
+    assert drawable(drawn) == list(kinds_of(drawn)) == KINDS
+    for kind in KINDS:
+        figure = draw(kind, drawn, width)
+        assert figure.axes and all(ax.lines or ax.collections for ax in figure.axes)
+        assert all(ax.get_ylabel() for ax in figure.axes)
+        laid_out(figure, f"{kind} {width}")
 
 
 def test_tables_hold_both_numbers(result):
     rows = table_rows(result.joints[0])
     assert rows[0][1] == "k1 [1e3 N·m/rad]"
     assert rows[1][0] == "3 Hz" and rows[1][1].endswith("(6.153)") and rows[5][4].endswith("(48.13)")
-    page = page_text(result)
+    page = page_text(result, {"figure-05": "Figure 5: loops."})
     assert "| 3 Hz |" in page and "![Figure 5" in page and "\n\n\n" not in page
 
 
 def test_the_folder_is_complete(result, tmp_path):
     write_reproduction(result, tmp_path / "out")
     files = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*")}
-    assert files == {"reproduction.md", "reproduction.json", "tables.csv"} | {
-        f"figures/{name}.svg" for name, _, _ in FIGURES
+    assert files == {"report.html", "reproduction.md", "reproduction.json", "tables.csv", "figures/data.json"} | {
+        f"figures/{name}.svg" for name in KINDS
     }
+    again = load_results(tmp_path / "out")
+    assert saved_text(again) == (tmp_path / "out" / "figures" / "data.json").read_text(encoding="utf-8")
+    assert drawable(again) == KINDS
+    lines = read((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).lines
+    assert "within Every parameter comes back within the paper's own standard deviations." in lines
+    assert "3 Hz 6.1" in " ".join(lines) and "(6.153)" in " ".join(lines)
     assert len((tmp_path / "out" / "tables.csv").read_text().splitlines()) == 1 + 2 * 4 * 5
 
 
