@@ -36,6 +36,7 @@ class Stepper:
         self.unbounded = np.tile([-np.inf, np.inf], (joints, 1))
         self.room = np.zeros(kernel.room_for(len(self.mass), joints, self.n_states))
         self._whole: dict[bytes, Array] = {}
+        self._masses: dict[bytes, Array] = {}
 
     def inverse(self, direction: Array, h: float) -> Array:
         """Inverse of M + h/2·C + h²/4·K over what moves, zero elsewhere."""
@@ -46,10 +47,17 @@ class Stepper:
         key = (direction != 0).tobytes()
         if h is None and key in self._whole:
             return self._whole[key]
-        matrices = np.stack([
-            self.inverse(direction, h or self.step), _inverse_of_moving(self.mass, direction), self.mass, self.damping,
-            self.stiffness,
-        ])  # fmt: skip
+        if key not in self._masses:
+            self._masses[key] = _inverse_of_moving(self.mass, direction)
+        matrices = np.array(
+            [
+                self.inverse(direction, h or self.step),
+                self._masses[key],
+                self.mass,
+                self.damping,
+                self.stiffness,
+            ]
+        )
         if h is None:
             self._whole[key] = matrices
         return matrices
@@ -73,6 +81,8 @@ class Stepper:
 
 
 def _inverse_of_moving(matrix: Array, direction: Array) -> Array:
+    if np.all(direction):
+        return np.linalg.inv(matrix)
     moving = np.ones(len(matrix), dtype=bool)
     moving[: direction.size] = direction != 0
     result = np.zeros_like(matrix)
@@ -114,7 +124,7 @@ class Crossing:
             self.excitation(self.time + x * (1 - 1e-9)),
         )
         joints = self.direction.size
-        q, v, z = (np.stack([row, row]) for row in (self.q, self.v, self.z))
+        q, v, z = (np.array([row, row]) for row in (self.q, self.v, self.z))
         moments, work = np.empty((2, joints, 3)), np.zeros((2, joints, 2))
         rows = q, v, z, moments, np.empty((2, joints), np.bool_)
         forces = np.full(2, force), np.full(2, now)
