@@ -252,7 +252,7 @@ def _lose(setup: Setup, x: float) -> Setup:
 
 def _scale_beams(name: str) -> Callable[[Setup, float], Setup]:
     def act(setup: Setup, x: float) -> Setup:
-        return _with_beams(setup, lambda beam: replace(beam, **{name: getattr(beam, name) * (1 + x)}))  # type: ignore[arg-type]
+        return _with_beams(setup, lambda beam: replace(beam, **{name: getattr(beam, name) * (1 + x)}))
 
     return act
 

@@ -27,7 +27,7 @@ RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
 BEHIND = 40.0
 # All candidates get so many steps of the fit; those that then lie among the first get the rest.
 RACE_STEPS, RACED = 2, 12
-POLISHED = 5
+POLISHED = 4
 # With less than this left in units of noise, the response is linear in what is missing.
 LINEAR = 4.0
 MOST_SCREENED = 10
@@ -282,7 +282,7 @@ def _polished(problem: PulseProblem, base: Fit, fits: Sequence[tuple[Change, Fit
     first = order[:POLISHED]
 
     def one(change: Change, found: Fit) -> Fit:
-        again = fit(problem, found.x, problem.duration, change, iterations=4)
+        again = fit(problem, found.x, problem.duration, change, iterations=3)
         return found if again is None or again.cost > found.cost else again
 
     again = _parallel(one, first)

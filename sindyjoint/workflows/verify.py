@@ -100,12 +100,13 @@ def _opened(against: Rig | Campaign | str | Path) -> Rig | Campaign:
             f"{str(against)!r}: no such file or folder; a campaign.toml, its folder, a rig's TOML file or one of the "
             f"shipped rigs ({', '.join(shipped_rigs())}) is wanted"
         )
-    if path.is_file() and _is_rig(path):
+    if path.is_file() and is_rig(path):
         return load_rig(path, {"model": MODEL_PLACE})
     return load_campaign(path)
 
 
-def _is_rig(path: Path) -> bool:
+def is_rig(path: Path) -> bool:
+    """Return whether a file is TOML with a rig in it."""
     import tomllib
 
     try:

@@ -42,7 +42,7 @@ def verify_rig(
     """Compare the rig's measured response, or a virtual pulse test, with the model's simulation."""
     if model.joint.motion != "rotation":
         raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-    places = _model_places(rig, model)
+    places = model_places(rig, model)
     say("the measured response")
     test = _pulse_test(rig, truth, generator)
     warnings = []
@@ -77,8 +77,8 @@ def _tip(response: Callable[[Law], Any], draw: JointModel, point: str, n: int) -
         return None
 
 
-def _model_places(rig: Rig, model: JointModel) -> set[str]:
-    """Names of the joints that the model stands for.
+def model_places(rig: Rig, model: JointModel) -> set[str]:
+    """Return the names of the joints that the model stands for.
 
     Those whose law is "model" in the rig; else those whose law has the name of the model's joint; else the only one.
     """
