@@ -26,6 +26,7 @@ GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
 TEMPER = 2.0
 COLUMN_ERROR = 0.03
 FOUND_ERROR = 0.06
+CANCELS = 2.0
 # Inner parameters are refined where the search came within this share of the best gain.
 WORTH_REFINING = 0.3
 RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
@@ -104,6 +105,9 @@ class Problem:
         for column, value in zip(variant.columns, coefficients, strict=True):
             if column.positive and value <= 0:
                 return 0.0, coefficients
+        # What is larger than the moment itself must be cancelled by the other terms, and is no effect.
+        if np.any(np.abs(coefficients) * size > CANCELS * np.linalg.norm(self.target)):
+            return 0.0, coefficients
         return float(2 * explained @ self.residual - explained @ explained), coefficients
 
 
