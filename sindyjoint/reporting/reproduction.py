@@ -159,7 +159,11 @@ def reproduction_page(result: Reproduction, origin: Provenance, pictures: dict[s
         "tables holds, not that a real joint is like that.",
         facts=[
             ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
-            ("Amplitude", percent(plain.amplitude_rms_error), f"the paper prints {PULSE.amplitude_rms_error:g}"),
+            (
+                "Amplitude",
+                percent(plain.amplitude_rms_error),
+                f"the paper prints {PULSE.amplitude_rms_error:g}",
+            ),
             (
                 "Period",
                 milliseconds(plain.mean_period_difference),
@@ -173,14 +177,21 @@ def reproduction_page(result: Reproduction, origin: Provenance, pictures: dict[s
         ],
         legend=_LEGEND,
         tables=[
-            (f"table-{joint.table.number}", f"Table {joint.table.number}: {joint.table.joint}.", rows[0], rows[1:])
+            (
+                f"table-{joint.table.number}",
+                f"Table {joint.table.number}: {joint.table.joint}.",
+                rows[0],
+                rows[1:],
+            )
             for joint in result.joints
             for rows in (table_rows(joint),)
         ],
         printed=[(f"{row[0]}, {row[1]}", *row[2:]) for row in check_rows(result.checks)],
         statements=result.statements,
         payload={
-            "loops": response_payload([replace(getattr(figures, truth), name=name) for truth, name in TRUTHS.items()])
+            "loops": response_payload(
+                [replace(getattr(figures, truth), name=name) for truth, name in TRUTHS.items()]
+            )
         },
         **inlined(figures, pictures),
     )
