@@ -127,15 +127,15 @@ def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = N
             mesh, z, cmap=DIVERGING, vmin=-limit, vmax=limit, lw=0.15, edgecolor=(0.1, 0.1, 0.1, 0.5)
         )
     ax.set_title(f"{joint.name}, 3 Hz" if joint else "linear joint, 3 Hz")
-    ax.set_xlabel("$\\theta$ (mrad)", labelpad=-4)
-    ax.set_ylabel("$\\dot{\\theta}$ (mrad/s)", labelpad=-4)
+    ax.set_xlabel("$\\theta$ (mrad)", labelpad=-2)
+    ax.set_ylabel("$\\dot{\\theta}$ (mrad/s)", labelpad=0)
     ax.set_zlabel("$M_T$ (N·m)", labelpad=-6)
     ax.tick_params(pad=-2)
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.yaxis.set_major_locator(MaxNLocator(4))
     # From where the surface is not seen edge on; drawn smaller, since the layout does not know of axis labels in 3-D.
     ax.view_init(elev=24, azim=-58 if joint else -125)
-    ax.set_box_aspect(None, zoom=0.86)
+    ax.set_box_aspect(None, zoom=0.84)
     return ax
 
 
