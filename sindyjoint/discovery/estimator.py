@@ -26,6 +26,7 @@ from sindyjoint.discovery.selection import (
     choose_by_threshold,
     path_of,
 )
+from sindyjoint.discovery.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Joint, Motion
 
@@ -176,21 +177,66 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 f"sample_weight holds {weight.min():g}; weights that are not negative are wanted"
             )
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
-        catalogue = self._catalogue(with_inertia=X.shape[1] == 3)
-        self.reference_ = Reference.of(X[:, 0], X[:, 1], y)
-        self.terms_ = catalogue.resolve(self.reference_)
-        if X.shape[0] <= len(self.terms_):
+        reference = Reference.of(X[:, 0], X[:, 1], y)
+        terms = self.candidates(reference, X.shape[1] == 3)
+        evidence = gather(terms, X, y, labels, weight, X_replicate, y_replicate)
+        shared = X_replicate is not None and np.array_equal(X_replicate, X)
+        return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
+
+    def candidates(self, reference: Reference, with_acceleration: bool = False) -> tuple[ResolvedTerm, ...]:
+        """Return the candidate terms, their inner parameters at the scales of the data."""
+        return tuple(self._catalogue(with_inertia=with_acceleration).resolve(reference))
+
+    def fit_evidence(
+        self,
+        terms: Sequence[ResolvedTerm],
+        evidence: Evidence,
+        reference: Reference,
+        *,
+        shared_motion: bool = False,
+    ) -> JointRegressor:
+        """Find the terms from the factors of rows that are not in memory.
+
+        Parameters
+        ----------
+        terms : sequence of ResolvedTerm
+            As :meth:`candidates` gives them.
+        evidence : Evidence
+            Factors of these terms' columns.
+        reference : Reference
+            Largest angle and rate of the rows.
+        shared_motion : bool
+            Whether the blocks of a run share one estimate of the motion; see `X_replicate` of :meth:`fit`.
+
+        Raises
+        ------
+        InputError
+            For parameters or rows that cannot be used.
+        """
+        self.check_parameters()
+        features = 3 if any(term.term.needs_acceleration for term in terms) else 2
+        return self._fit(tuple(terms), evidence, reference, int(evidence.pooled.rows), features, shared_motion)
+
+    def _fit(
+        self,
+        terms: tuple[ResolvedTerm, ...],
+        evidence: Evidence,
+        reference: Reference,
+        samples: int,
+        features: int,
+        shared_motion: bool,
+    ) -> JointRegressor:
+        self.reference_, self.terms_, self.n_features_in_ = reference, terms, features
+        if samples <= len(terms):
             raise InputError(
-                f"n_samples = {X.shape[0]} for {len(self.terms_)} candidate terms: too few samples; record more or "
+                f"n_samples = {samples} for {len(terms)} candidate terms: too few samples; record more or "
                 "choose a smaller library"
             )
-        gathered = self._without_dependent(
-            gather(self.terms_, X, y, labels, weight, X_replicate, y_replicate)
-        )
+        gathered = self._without_dependent(evidence)
         self._moment_rms = gathered.target_rms
         self.evidence_ = self._with_fixed(gathered)
-        self.selection_result_ = self._select(X_replicate is not None and np.array_equal(X_replicate, X))
-        self._keep_model(labels)
+        self.selection_result_ = self._select(shared_motion)
+        self._keep_model(samples, len(evidence.runs))
         return self
 
     def predict(self, X: Any) -> Array:
@@ -286,27 +332,29 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             self._fixed_share[term_id] = abs(value) * rms / evidence.target_rms
         return evidence.fixing(self.fixed) if self.fixed else evidence
 
-    def _keep_model(self, labels: RowLabels) -> None:
+    def _keep_model(self, samples: int, runs: int) -> None:
         step = self.selection_result_.step
         self.coef_ = np.zeros(len(self.terms_))
         positions = {term.id: index for index, term in enumerate(self.terms_)}
         chosen: list[int] = []
         values, covariance, shares = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
-        residual, degrees = self.evidence_.target_rms, 1
+        residual, degrees = self.evidence_.target_rms, np.zeros(0)
         if step is not None:
             fit = step.fit
             chosen = [positions[self.evidence_.ids[i]] for i in fit.columns]
             values, covariance, shares = fit.coefficients, fit.covariance, fit.unique_share
-            residual, degrees = fit.residual_rms, fit.degrees
+            residual, degrees = fit.residual_rms, fit.effective_degrees
         if self.fixed and step is not None:
             chosen += [positions[name] for name in self.fixed]
             values = np.concatenate([values, [*self.fixed.values()]])
             covariance = np.pad(covariance, (0, len(self.fixed)))
             shares = np.concatenate([shares, [*self._fixed_share.values()]])
+            degrees = np.pad(degrees, (0, len(self.fixed)), constant_values=1.0)
         # Terms are told in the order of the catalogue.
         order = np.argsort(chosen)
         chosen = [chosen[i] for i in order]
         values, covariance, shares = values[order], covariance[np.ix_(order, order)], shares[order]
+        degrees = degrees[order]
         self.coef_[chosen] = values
         kept = [self.terms_[i] for i in chosen]
         self.selected_ = tuple(term.id for term in kept)
@@ -319,8 +367,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 residual_rms=residual,
                 noise_floor=float("nan"),
                 moving_fraction=1.0,
-                samples=labels.group.size,
-                runs=len(labels.run_names),
+                samples=samples,
+                runs=runs,
                 angle=float(self.reference_.angle or 0.0),
                 rate=float(self.reference_.rate or 0.0),
             ),

@@ -121,6 +121,8 @@ class Fit:
     residual_rms : float
     degrees : int
         Blocks that the covariance rests on, less one for each run.
+    effective_degrees : ndarray, shape (k,)
+        Degrees of freedom of each standard error: fewer, where a few runs make most of it.
     """
 
     columns: tuple[int, ...]
@@ -129,6 +131,7 @@ class Fit:
     unique_share: Array
     residual_rms: float
     degrees: int
+    effective_degrees: Array
 
     @property
     def standard_errors(self) -> Array:
@@ -152,7 +155,7 @@ def fit_columns(evidence: Evidence, columns: Sequence[int]) -> Fit:
     coefficients = scaled * target_norm / norms
     spread = np.linalg.norm(inverse, axis=1)
     error = factor.squared_error(scaled) * target_norm**2
-    covariance, degrees = block_covariance(evidence, columns, coefficients)
+    covariance, degrees, effective = block_covariance(evidence, columns, coefficients)
     return Fit(
         columns=columns,
         coefficients=coefficients,
@@ -160,11 +163,17 @@ def fit_columns(evidence: Evidence, columns: Sequence[int]) -> Fit:
         unique_share=np.abs(scaled) / spread,
         residual_rms=float(np.sqrt(error / evidence.pooled.rows)),
         degrees=degrees,
+        effective_degrees=effective,
     )
 
 
-def block_covariance(evidence: Evidence, columns: Sequence[int], coefficients: Array) -> tuple[Array, int]:
+def block_covariance(
+    evidence: Evidence, columns: Sequence[int], coefficients: Array
+) -> tuple[Array, int, Array]:
     """Return the covariance of coefficients from the scatter of the blocks' scores, and its degrees of freedom.
+
+    Those are counted twice: blocks less runs; and for each coefficient by Satterthwaite's rule,
+    ν = (Σ_runs v)² / Σ_runs v²/(B − 1) with the runs' parts v of its variance (Biometrics Bulletin 2, 1946).
 
     With the score s_b = X_bᵀ(y_b − X_b c) of each block,
     cov(c) = (XᵀX)⁻¹ [Σ_runs B/(B−1) Σ_b (s_b − s̄)(s_b − s̄)ᵀ] (XᵀX)⁻¹.
@@ -177,16 +186,23 @@ def block_covariance(evidence: Evidence, columns: Sequence[int], coefficients: A
     bread = (inverse @ inverse.T) / np.outer(norms, norms)
     meat = np.zeros_like(bread)
     degrees = 0
+    parts, squares = np.zeros(len(index)), np.zeros(len(index))
     for run in evidence.runs:
         if len(run.blocks) < 2:
             continue
         scores = np.array([_score(block, index, coefficients) for block in run.blocks])
         scores -= scores.mean(axis=0)
-        meat += scores.T @ scores * len(run.blocks) / (len(run.blocks) - 1)
+        own = scores.T @ scores * len(run.blocks) / (len(run.blocks) - 1)
+        meat += own
         degrees += len(run.blocks) - 1
+        # Scaled by the norms: squares of variances of cubic stiffness and of friction differ by forty orders.
+        part = np.einsum("ij,jk,ki->i", bread, own, bread) / np.diag(bread)
+        parts += part
+        squares += part**2 / (len(run.blocks) - 1)
     # Coefficients fitted to few blocks make them agree: the usual n/(n − p).
     shrink = max(degrees - len(index), 1)
-    return bread @ meat @ bread * (degrees / shrink if degrees else 1.0), degrees
+    effective = np.where(squares > 0, parts**2 / np.where(squares > 0, squares, 1.0), float(degrees))
+    return bread @ meat @ bread * (degrees / shrink if degrees else 1.0), degrees, effective
 
 
 def _score(factor: Factor, index: list[int], coefficients: Array) -> Array:

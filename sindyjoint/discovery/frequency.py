@@ -96,7 +96,7 @@ class GroupEstimates:
     groups : tuple of str
     coefficients : ndarray, shape (groups, k)
     covariances : ndarray, shape (groups, k, k)
-    degrees : ndarray, shape (groups,)
+    degrees : ndarray, shape (groups, k)
     """
 
     ids: tuple[str, ...]
@@ -119,7 +119,7 @@ def group_estimates(evidence: Evidence, columns: Sequence[int]) -> GroupEstimate
         groups=evidence.groups,
         coefficients=np.array([fit.coefficients for fit in fits]),
         covariances=np.array([fit.covariance for fit in fits]),
-        degrees=np.array([max(fit.degrees - len(columns), 1) for fit in fits], dtype=float),
+        degrees=np.array([np.maximum(fit.effective_degrees, 1.0) for fit in fits]),
     )
 
 

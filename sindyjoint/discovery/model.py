@@ -265,16 +265,17 @@ def model_terms(
     coefficients: NDArray[np.float64],
     covariance: NDArray[np.float64],
     unique_share: NDArray[np.float64],
-    degrees: int,
+    degrees: ArrayLike,
     motion: str,
 ) -> tuple[ModelTerm, ...]:
-    """Return model terms with Student-t intervals on ``degrees`` degrees of freedom."""
+    """Return model terms with Student-t intervals on ``degrees`` degrees of freedom, one for all or one each."""
     from scipy.special import stdtrit
 
-    quantile = float(stdtrit(max(degrees, 1), 0.975))
+    quantiles = stdtrit(np.maximum(np.broadcast_to(degrees, coefficients.shape), 1), 0.975)
     terms = []
     for index, item in enumerate(resolved):
         value, error = float(coefficients[index]), float(np.sqrt(covariance[index, index]))
+        quantile = float(quantiles[index])
         terms.append(
             ModelTerm(
                 id=item.id,

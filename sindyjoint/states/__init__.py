@@ -1,11 +1,12 @@
 """From measured moment and angle to force states (θ, θ̇, θ̈, M, moving)."""
 
 from sindyjoint.states.build import campaign_states, force_states
-from sindyjoint.states.record import ForceStates, NoiseFloor
+from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 from sindyjoint.states.rows import RegressionRows, regression_rows
 
 __all__ = [
     "ForceStates",
+    "Harmonics",
     "NoiseFloor",
     "RegressionRows",
     "campaign_states",

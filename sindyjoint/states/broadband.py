@@ -188,9 +188,8 @@ def broadband_states(
     guard = min(
         int(np.ceil(guard_periods * run.sample_rate / cutoff)), int(GUARD_LIMIT * _reversal_spacing(rate))
     )
-    moving = moving_mask(
-        rate, rate_limit(rate, rate_noise, share if rate_share is None else rate_share), guard
-    )
+    slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
+    moving = moving_mask(rate, slowest, guard)
     return ForceStates(
         run=run.name,
         frequency=run.frequency,
@@ -212,4 +211,6 @@ def broadband_states(
         dropped=edge / run.sample_rate,
         repeated=repeated,
         rate_measured=run.rate is not None,
+        slowest=slowest,
+        guard=guard,
     )

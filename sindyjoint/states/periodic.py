@@ -17,7 +17,7 @@ from sindyjoint.states.harmonics import (
     steady_start,
 )
 from sindyjoint.states.mask import moving_mask, rate_limit
-from sindyjoint.states.record import ForceStates, NoiseFloor
+from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 
 Array = NDArray[np.float64]
 
@@ -62,19 +62,19 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     edges = _block_edges(periods, per, time.size)
     angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
     if run.rate is None:
-        motion, replicate = angle.motion(), angle.replicates(edges)
+        motion, replicate, series = angle.motion(), angle.replicates(edges), (angle.harmonics,)
         rate_noise, acceleration_noise = angle.derivative_noise(1), angle.derivative_noise(2)
     else:
         rate = _Series.fit(run.rate[start:stop], time, run.sample_rate, frequency, bandwidth)
         motion = (angle.motion()[0], *rate.motion()[:2])
         replicate = (angle.replicates(edges)[0], *rate.replicates(edges)[:2])
         rate_noise, acceleration_noise = rate.derivative_noise(0), rate.derivative_noise(1)
+        series = (angle.harmonics, rate.harmonics)
     guard = max(2, int(np.ceil(GUARD_PERIODS * run.sample_rate / angle.highest)))
     # Displacement-driven runs have one harmonic; half its period would leave nothing.
     guard = min(guard, max(2, int(GUARD_LIMIT * per)))
-    moving = moving_mask(
-        motion[1], rate_limit(motion[1], rate_noise, RATE_SHARE if rate_share is None else rate_share), guard
-    )
+    slowest = rate_limit(motion[1], rate_noise, RATE_SHARE if rate_share is None else rate_share)
+    moving = moving_mask(motion[1], slowest, guard)
     moment = run.moment[start:stop]
     moment_noise = repeat_noise(moment, run.sample_rate, frequency, moving)
     return ForceStates(
@@ -94,6 +94,9 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         method="periodic",
         bandwidth=angle.highest,
         dropped=start / run.sample_rate,
+        slowest=slowest,
+        guard=guard,
+        series=series,
     )
 
 
@@ -123,6 +126,7 @@ class _Series:
 
     signal: Array
     basis: HarmonicBasis
+    orders: NDArray[np.intp]
     standard_error: Array  # of one coefficient of each kept harmonic
     noise: float  # RMS of single samples about the series
 
@@ -141,12 +145,17 @@ class _Series:
         standard_error = np.sqrt(2 * variance / n)
         keep = significant_harmonics(np.hypot(a, b), standard_error)
         noise = float(np.sqrt(residual @ residual / max(n - 2 * count - 1, 1)))
-        return cls(signal, full.take(keep), standard_error[keep], noise)
+        return cls(signal, full.take(keep), orders[keep], standard_error[keep], noise)
 
     @property
     def highest(self) -> float:
         """Frequency of the highest kept harmonic, Hz."""
         return float(self.basis.angular[-1]) / (2 * np.pi)
+
+    @property
+    def harmonics(self) -> Harmonics:
+        """The kept harmonics without the samples."""
+        return Harmonics(self.orders, self.standard_error)
 
     def motion(self, rows: slice = slice(None)) -> tuple[Array, Array, Array]:
         """Return the series and its first two derivatives, estimated from and given at ``rows``."""

@@ -35,6 +35,22 @@ class NoiseFloor:
 
 
 @dataclass(frozen=True, eq=False)
+class Harmonics:
+    """Which harmonics of the excitation frequency a channel was reduced to.
+
+    Parameters
+    ----------
+    orders : ndarray of int, shape (h,)
+        Those kept, ascending.
+    standard_error : ndarray, shape (h,)
+        Of one of the two coefficients of each, in the channel's unit.
+    """
+
+    orders: NDArray[np.intp]
+    standard_error: Array
+
+
+@dataclass(frozen=True, eq=False)
 class ForceStates:
     """The force states of one run: the joint's state and the moment at every usable instant.
 
@@ -72,6 +88,12 @@ class ForceStates:
         Whether the angular velocity comes from a channel of its own.
     began : float
         Start of the run since that of the campaign's first one, s; zero where nobody asked.
+    slowest : float
+        Rate below which a sample counts as reversal, rad/s.
+    guard : int
+        Samples left out on either side of a reversal.
+    series : tuple of Harmonics
+        Of the angle and, where it was measured, of the rate; empty where the states are no series.
     """
 
     run: str
@@ -93,6 +115,9 @@ class ForceStates:
     repeated: bool = False
     rate_measured: bool = False
     began: float = 0.0
+    slowest: float = 0.0
+    guard: int = 0
+    series: tuple[Harmonics, ...] = ()
 
     @property
     def n_samples(self) -> int:

@@ -18,7 +18,6 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.record import Campaign
-from sindyjoint.workflows.bias import corrected_model
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
 from sindyjoint.workflows.independence import frequency_tests
@@ -101,8 +100,8 @@ def compare(
     included = clock.run(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state, **rule
     )
-    model, bias, fixed = clock.run("measuring the bias on a twin", _corrected, found, random_state)
-    tests = clock.run("frequency dependence", frequency_tests, found, fixed, margin)
+    model, bias = _model(found)
+    tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
     columns = [evidence.ids.index(term) for term in found.model.ids if term in evidence.ids]
     words = (
         tuple(in_words(pair, *_reach(found.model)) for pair in inseparable(evidence, columns))
@@ -178,10 +177,12 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
     from scipy.special import stdtrit
 
     step = found.selection.step
-    quantile = float(stdtrit(max(step.fit.degrees, 1), 0.975)) if step is not None else 0.0
+    if step is None:
+        return ()
+    half = stdtrit(np.maximum(step.fit.effective_degrees, 1.0), 0.975) * found.standard_errors
     return tuple(
-        ChosenTerm(name, float(c), float(e), (float(c - quantile * e), float(c + quantile * e)))
-        for name, c, e in zip(found.kept, found.coefficients, found.standard_errors, strict=True)
+        ChosenTerm(name, float(c), float(e), (float(c - h), float(c + h)))
+        for name, c, e, h in zip(found.kept, found.coefficients, found.standard_errors, half, strict=True)
     )
 
 
@@ -284,20 +285,14 @@ def _with_coefficients(model: JointModel, ids: tuple[str, ...], values: Any) -> 
     return replace(model, terms=terms)
 
 
-def _corrected(found: Discovery, random_state: Any) -> tuple[Choice, dict[str, float], Any]:
-    """Return the main model with its bias taken out where it can be simulated."""
-    model, bias, measured = found.model, {}, None
-    fitted = [t for t in found.regressor.terms_ if t.id in found.regressor.evidence_.ids and t.id in model]
-    if fitted:
-        try:
-            fixed = corrected_model(model, fitted, found.campaign, found.states, random_state=random_state)
-            model, measured = fixed.model, fixed.bias
-            bias = {name: float(value) for name, value in zip(fixed.bias.ids, fixed.bias.pooled, strict=True)}
-        except (SimulationError, InputError):
-            # A law that cannot be simulated over the campaign keeps its plain coefficients.
-            pass
-    terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in model.terms)
-    return Choice("model", terms, found.reason, len(found.regressor.terms_)), bias, measured
+def _model(found: Discovery) -> tuple[Choice, dict[str, float]]:
+    """Return the main model, and the bias that was taken out of its coefficients."""
+    measured = {} if found.bias is None else dict(zip(found.bias.ids, found.bias.pooled, strict=True))
+    terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in found.model.terms)
+    return (
+        Choice("model", terms, found.reason, len(found.regressor.terms_)),
+        {name: float(value) for name, value in measured.items()},
+    )
 
 
 def _reach(model: JointModel) -> tuple[float | None, float | None]:

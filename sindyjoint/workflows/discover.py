@@ -21,6 +21,7 @@ from sindyjoint.workflows.verdict import Verdict, judge
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.selection import Selection
+    from sindyjoint.workflows.bias import Bias, Corrected
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,7 @@ class Discovery:
     Parameters
     ----------
     model : JointModel
+        Bias of the processing taken out, where it could be measured; the regressor's own model still holds it.
     verdict : Verdict
     found : bool
         Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
@@ -42,6 +44,8 @@ class Discovery:
     regressor : JointRegressor
         Fitted; holds candidates, path and factors.
     campaign : Campaign
+    bias : Bias or None
+        What was taken out of the coefficients; ``None`` where it was not asked for or could not be measured.
     """
 
     model: JointModel
@@ -53,6 +57,7 @@ class Discovery:
     states: tuple[ForceStates, ...] = field(repr=False)
     regressor: JointRegressor = field(repr=False)
     campaign: Campaign = field(repr=False)
+    bias: Bias | None = field(repr=False, default=None)
 
     @property
     def selection(self) -> Selection:
@@ -105,6 +110,7 @@ def discover(
     states: str = "auto",
     bandwidth: float | None = None,
     align: bool = False,
+    correct: bool = True,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
     **options: Any,
@@ -123,6 +129,9 @@ def discover(
         Highest frequency kept in the angle, Hz.
     align : bool
         Remove the time skew that is found between the channels.
+    correct : bool
+        Simulate the model under the campaign's own drive and take out of the coefficients what noise and processing
+        do to them.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -158,17 +167,39 @@ def discover(
     ).fit(**regression_rows(force_states, inertia).fit_arguments())
     say("judging")
     model = _campaign_model(regressor, campaign, force_states)
+    verdict = judge(regressor, model)
+    say("measuring the bias of the processing")
+    fixed = _corrected(regressor, model, campaign, force_states) if correct else None
+    model = fixed.model if fixed is not None else model
+    warnings = [*cautions(campaign, force_states, model, skew, align, regressor.indistinct_)]
+    if fixed is not None and fixed.reason:
+        warnings.append(
+            f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"
+        )
     return Discovery(
         model=model,
-        verdict=judge(regressor, model),
+        verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
         skew=skew,
-        warnings=tuple(cautions(campaign, force_states, model, skew, align, regressor.indistinct_)),
+        warnings=tuple(warnings),
         states=force_states,
         regressor=regressor,
         campaign=campaign,
+        bias=fixed.bias if fixed is not None else None,
     )
+
+
+def _corrected(
+    regressor: JointRegressor, model: JointModel, campaign: Campaign, states: Sequence[ForceStates]
+) -> Corrected:
+    """Take out of a model's coefficients what the processing does to them."""
+    from sindyjoint.workflows.bias import corrected_model
+
+    chosen = [term for term in regressor.terms_ if term.id in model]
+    fitted = [term for term in chosen if term.id in regressor.evidence_.ids]
+    known = [term for term in chosen if term.id not in regressor.evidence_.ids]
+    return corrected_model(model, fitted, campaign, states, known=known)
 
 
 def the_campaign(campaign: Campaign | str | Path | None, random_state: Any = None) -> Campaign:

@@ -9,11 +9,8 @@ import numpy as np
 from sindyjoint.discovery.frequency import MARGIN, FrequencyTest, frequency_test, group_estimates
 from sindyjoint.states import ForceStates
 from sindyjoint.states.rows import group_labels
-from sindyjoint.workflows.bias import Bias
+from sindyjoint.workflows.bias import DOUBT, Bias
 from sindyjoint.workflows.discover import Discovery
-
-# The bias is itself measured on a twin with the model's coefficients, not the joint's: a third of it stays in doubt.
-DOUBT = 1 / 3
 
 
 def frequency_tests(
@@ -26,7 +23,7 @@ def frequency_tests(
     discovery : Discovery
         Of a campaign with three or more excitation frequencies; otherwise nothing is returned.
     bias : Bias, optional
-        Taken from each frequency's estimates, and a third of it added to their errors: what the processing does
+        Taken from each frequency's estimates, and a quarter of it added to their errors: what the processing does
         differently at different frequencies is not the joint's.
     margin : float
         Relative change over the band that would not matter.
@@ -45,7 +42,7 @@ def frequency_tests(
         variance = variance + bias.by_group_error[:, order] ** 2 + (DOUBT * shift) ** 2
     hertz = [frequency[group] for group in found.groups]
     return tuple(
-        frequency_test(term, hertz, values[:, i], np.sqrt(variance[:, i]), found.degrees, margin)
+        frequency_test(term, hertz, values[:, i], np.sqrt(variance[:, i]), found.degrees[:, i], margin)
         for i, term in enumerate(found.ids)
     )
 

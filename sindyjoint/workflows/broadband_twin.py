@@ -1,0 +1,211 @@
+"""The twin of a run that does not repeat: the model's own motion over the record, smoothed by the same kernel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import SimulationError
+from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.record import Run
+from sindyjoint.states import ForceStates
+from sindyjoint.states.broadband import SIGNAL_TO_NOISE, smoothing_kernels
+from sindyjoint.states.mask import moving_mask
+
+Array = NDArray[np.float64]
+Motion = tuple[Array, Array, Array]
+
+# A twin that moves otherwise than the joint did tells nothing about it: RMS of the difference of both angles, smoothed,
+# relative to that of the angle.
+FAR = 0.15
+# The drive's band must end below this share of the angle's.
+DRIVE_BAND = 0.8
+# A mass in front of the joint is looked for above this share of the angle's band; from which correlation it is seen.
+HIGH_BAND, SEEN = 0.5, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class BroadbandTwin:
+    """A run of the model over the middle of the record, as the chain sees it.
+
+    Parameters
+    ----------
+    run : str
+    driven : {"moment", "angle"}
+        What was prescribed.
+    motion : tuple of three ndarray, shape (n,)
+        Angle, rate and acceleration as the kernel gives them, free of noise.
+    moment : ndarray, shape (n,)
+        At the sensor, free of noise, N·m.
+    kernels : tuple of three ndarray
+        The smoothing kernel and its derivatives.
+    noise_size : tuple of float
+        RMS of white noise of the angle and, where it was measured, of the rate.
+    slowest : float
+        Rate below which a sample counts as reversal, rad/s.
+    guard : int
+    weight : float
+        Samples of the run for each of the twin.
+    """
+
+    run: str
+    driven: str
+    motion: Motion
+    moment: Array
+    kernels: Motion
+    noise_size: tuple[float, ...]
+    slowest: float
+    guard: int
+    weight: float
+
+    def noise(self, rng: np.random.Generator) -> Motion:
+        """Draw noise of the measured channels as the kernels give it."""
+        n = self.moment.size + self.kernels[0].size - 1
+        return _smoothed([size * rng.normal(size=n) for size in self.noise_size], self.kernels)
+
+    def rows(self, noise: Motion | None = None, sign: float = 1.0) -> tuple[Array, Array]:
+        """Return moving (θ, θ̇, θ̈), shape (m, 3), and the moment, shape (m,), under noise times a sign."""
+        motion = np.column_stack(self.motion)
+        if noise is not None:
+            motion = motion + sign * np.column_stack(noise)
+        moving = moving_mask(motion[:, 1], self.slowest, self.guard)
+        return motion[moving], self.moment[moving]
+
+
+def _smoothed(channels: list[Array], kernels: Motion) -> Motion:
+    """Return angle, rate and acceleration of an angle, or of an angle and a rate, where the kernels cover them."""
+    from scipy.signal import fftconvolve
+
+    last = channels[-1] - channels[-1].mean() * (len(channels) == 1)
+    angle = fftconvolve(channels[0], kernels[0], mode="valid")
+    rate, acceleration = (
+        fftconvolve(last, kernel, mode="valid")
+        for kernel in (kernels[1:] if len(channels) == 1 else kernels[:2])
+    )
+    return angle, rate, acceleration
+
+
+def broadband_twin(law: Law, run: Run, state: ForceStates) -> BroadbandTwin:
+    """Return the twin of a run whose states come from the smoothing kernel.
+
+    It covers the states' span less half a kernel on either side.
+
+    Raises
+    ------
+    SimulationError
+        If the law has no finite moment along the measured motion.
+    """
+    from scipy.signal import fftconvolve
+
+    kernels = smoothing_kernels(state.bandwidth, state.sample_rate)
+    half = kernels[0].size // 2
+    inner = slice(half, state.n_samples - half)
+    measured = run.rate is not None
+    # The moment smoothed as the angle was, over the states' span.
+    moment = fftconvolve(run.moment, kernels[0], mode="valid")
+    moved = _driven(law, state, moment)
+    motion = None
+    if moved is not None:
+        motion = _smoothed([moved[0], moved[1]] if measured else [moved[0]], kernels)
+        if np.std(motion[0] - state.angle[inner]) > FAR * np.std(state.angle[inner]):
+            motion = None
+    if moved is None or motion is None:
+        moment, _ = transfer_moment(
+            law, state.angle, state.rate, state.sample_rate, acceleration=state.acceleration
+        )
+        motion = _smoothed([state.angle, state.rate] if measured else [state.angle], kernels)
+        driven = "angle"
+    else:
+        moment, driven = moved[2], "moment"
+    return BroadbandTwin(
+        run=state.run,
+        driven=driven,
+        motion=motion,
+        moment=moment[inner],
+        kernels=kernels,
+        noise_size=(state.noise.angle, state.noise.rate / float(np.linalg.norm(kernels[0])))
+        if measured
+        else (state.noise.angle,),
+        slowest=state.slowest,
+        guard=state.guard,
+        weight=state.n_samples / (state.n_samples - 2 * half),
+    )
+
+
+def _driven(law: Law, state: ForceStates, moment: Array) -> Motion | None:
+    """Return angle, rate and moment of the law under the run's drive; None where there is no telling what drove it.
+
+    The drive is M + J·θ̈, J the mass in front of the sensor. It is followed up to where it sinks into its noise, and
+    that must be well below where the angle does: where the motion was prescribed, the moment has the friction's steps.
+    """
+    from scipy.signal import fftconvolve
+
+    if not law.inertia > 0:
+        return None
+    front = inertia_in_front(state, moment)
+    drive = moment + front * state.acceleration
+    width = _drive_bandwidth(drive, state, front)
+    if width is None:
+        return None
+    low = smoothing_kernels(width, state.sample_rate)[0]
+    room = low.size // 2
+    if room >= drive.size:
+        return None
+    # The ends are continued: there the twin moves a little otherwise than the joint did, but by the law.
+    drive = fftconvolve(np.pad(drive, room, mode="reflect", reflect_type="odd"), low, mode="valid")
+    try:
+        motion = simulate(
+            law, sampled(drive, state.sample_rate), drive.size / state.sample_rate, state.sample_rate,
+            initial=(float(state.angle[0]), float(state.rate[0])), beam_inertia=front, limits=None, rtol=1e-6,
+        )  # fmt: skip
+    except SimulationError:
+        return None
+    return motion.angle, motion.rate, motion.moment
+
+
+def inertia_in_front(state: ForceStates, moment: Array) -> float:
+    """Return the mass between a smooth exciter and the sensor, kg·m² (kg); zero where none is seen.
+
+    Above half of the angle's band M follows −J·θ̈ where the exciter's own moment is smooth: J = −Σ M² / Σ θ̈·M.
+
+    Parameters
+    ----------
+    state : ForceStates
+    moment : ndarray, shape (n,)
+        Smoothed as the angle was, N·m.
+    """
+    from scipy.signal import fftconvolve
+
+    low = smoothing_kernels(HIGH_BAND * state.bandwidth, state.sample_rate)[0]
+    if low.size >= state.n_samples // 2:
+        return 0.0
+    half = low.size // 2
+    x, y = (
+        signal[half : signal.size - half] - fftconvolve(signal, low, mode="valid")
+        for signal in (state.acceleration, moment)
+    )
+    both, size = -float(x @ y), float(np.linalg.norm(x) * np.linalg.norm(y))
+    return float(y @ y) / both if size > 0 and both > SEEN * size else 0.0
+
+
+def _drive_bandwidth(drive: Array, state: ForceStates, front: float) -> float | None:
+    """Return the frequency at which a drive first sinks into its noise, Hz; None where it does not in good time."""
+    from scipy.ndimage import median_filter
+    from scipy.signal import welch
+
+    segment = int(min(drive.size, max(256, drive.size // 8)))
+    frequency, density = welch(
+        drive, state.sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+    )
+    white = 2 / state.sample_rate  # one-sided density of white noise of variance one
+    floor = white * (state.noise.moment**2 + (front * (2 * np.pi * frequency) ** 2 * state.noise.angle) ** 2)
+    smooth = median_filter(density, 5, mode="nearest")
+    peak = int(np.argmax(density))
+    sunk = np.flatnonzero(smooth[peak:] <= SIGNAL_TO_NOISE * floor[peak:])
+    if not sunk.size or frequency[peak + sunk[0]] >= DRIVE_BAND * state.bandwidth:
+        return None
+    return float(frequency[peak + sunk[0]])
