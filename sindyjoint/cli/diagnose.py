@@ -5,25 +5,32 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sindyjoint.cli.progress import Progress
+from sindyjoint.errors import InputError
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.diagnosis import Diagnosis
 
 
 def diagnose(
     campaign: Annotated[
         Path | None,
         typer.Argument(
-            metavar="CAMPAIGN",
-            help="campaign.toml or its folder. Without it: a virtual test with an effect hidden by the seed.",
+            metavar="CAMPAIGN|RIG",
+            help="campaign.toml or its folder; or a rig's TOML file or a shipped rig (pulse-rig, four-panel-wing). "
+            "Without it, or for a rig without a measured response: a virtual test with an effect hidden by the seed.",
             show_default=False,
         ),
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option(help="model.json, or a folder with one, to start from. [the paper's five terms]"),
+        typer.Option(
+            help="model.json, or a folder with one, to start from. [the paper's five terms; the rig's own joint]"
+        ),
     ] = None,
     base: Annotated[
         list[str] | None,
@@ -36,7 +43,11 @@ def diagnose(
     ] = None,
     max_effects: Annotated[int, typer.Option(min=1, help="Most effects to add.")] = 3,
     hold_out: Annotated[
-        list[str] | None, typer.Option("--hold-out", help="Name of a run to keep out of the fit. Repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--hold-out",
+            help="Name of a run to keep out of the fit; of a rig: TOML file of another pulse. Repeatable.",
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
@@ -46,6 +57,8 @@ def diagnose(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, show the gap shrink.
+
+    Of a rig, the effect may sit outside the joint: in beams, masses, clamp, pulse or sensor.
 
     Exit status 0: effects were named, or nothing is missing; 1: something is missing that no effect explains; 2: the
     input is at fault.
@@ -57,13 +70,10 @@ def diagnose(
     if out is not None:
         check_output(out)
     with Progress(quiet) as progress:
-        from sindyjoint.workflows.diagnose import diagnose as run
-        from sindyjoint.workflows.model_file import read_model
-
-        result = run(
+        result = _diagnosed(
             campaign,
-            None if model is None else read_model(model),
-            base=base or "paper",
+            model,
+            base,
             library=tuple(library or ()),
             max_effects=max_effects,
             hold_out=tuple(hold_out or ()),
@@ -74,7 +84,7 @@ def diagnose(
             progress.say("writing the report")
             from sindyjoint.reporting.diagnosis import write_diagnosis
 
-            files = [path for path in (model, campaign) if path is not None]
+            files = [path for path in (model, campaign) if path is not None and path.exists()]
             write_diagnosis(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
@@ -83,3 +93,24 @@ def diagnose(
 
         show_diagnosis(result)
     raise typer.Exit(1 if result.verdict == "unknown" else 0)
+
+
+def _diagnosed(
+    campaign: Path | None, model: Path | None, base: list[str] | None, **options: Any
+) -> Diagnosis:
+    """Return the diagnosis of a campaign, or of a structure."""
+    from sindyjoint.workflows.model_file import read_model
+    from sindyjoint.workflows.verify import is_structure
+
+    start = None if model is None else read_model(model)
+    if campaign is None or not is_structure(campaign):
+        from sindyjoint.workflows.diagnose import diagnose as of_campaign
+
+        return of_campaign(campaign, start, base=base or "paper", **options)
+    if base:
+        raise InputError(
+            f"--base is for campaigns; {campaign} is a rig, whose joint has its own law, or --model"
+        )
+    from sindyjoint.workflows.diagnose_structure import diagnose_structure as of_structure
+
+    return of_structure(campaign, start, **options)

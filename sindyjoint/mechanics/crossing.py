@@ -82,7 +82,7 @@ class Stepper:
 
 def _inverse_of_moving(matrix: Array, direction: Array) -> Array:
     if np.all(direction):
-        return np.linalg.inv(matrix)
+        return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     moving = np.ones(len(matrix), dtype=bool)
     moving[: direction.size] = direction != 0
     result = np.zeros_like(matrix)

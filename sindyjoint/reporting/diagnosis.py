@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above
 
 if TYPE_CHECKING:
@@ -57,13 +59,21 @@ def show_diagnosis(result: Diagnosis) -> None:
         apart = " and ".join(words(a) for a in advice.separates)
         console.print(
             f"to tell {apart} apart: a {advice.waveform} at {advice.frequency:g} Hz with a peak of "
-            f"{advice.level:.3g} {'rad' if result.model.joint.motion == 'rotation' else 'm'} "
+            f"{advice.level:.3g} {level_unit(result)} "
             f"(expected confidence {advice.expected_confidence:.2f})"
         )
     if result.hidden is not None:
         console.print(f"\nhidden in this virtual test was: [bold]{words(result.hidden)}[/]")
     for warning in result.warnings:
         console.print(f"- {escape(warning)}")
+
+
+def level_unit(result: Diagnosis) -> str:
+    """Return the unit of the level of an advised run: of the angle, or of a structure's displacement."""
+    from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
+
+    rotates = result.model.joint.motion == "rotation" and not isinstance(result, StructureDiagnosis)
+    return "rad" if rotates else "m"
 
 
 def words(identifier: str) -> str:
@@ -118,6 +128,8 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
         (("moment", result.noise_floor.moment), ("response", result.noise_floor.response))
     ):
         values = [100 * getattr(gap, name) for gap in gaps]
+        if np.all(np.isnan(values)):
+            continue  # no moment is measured in a structure
         place = [i + (index - 0.5) * 0.36 for i in range(len(gaps))]
         ax.bar(
             place, values, 0.34, color=PALETTE[index], label=f"{name} gap", hatch="" if index == 0 else "///"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.model import JointModel
+from sindyjoint.reporting.diagnosis import level_unit
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures import kinds_of
 from sindyjoint.reporting.page import inline_svg, markup, number, render
@@ -72,7 +73,7 @@ def verification_page(result: Verification, origin: Provenance, pictures: dict[s
 def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, bytes]) -> str:
     """Return the report of a diagnosis as one HTML text."""
     badge, headline = VERDICTS[result.verdict]
-    unit = "rad" if result.model.joint.motion == "rotation" else "m"
+    unit = level_unit(result)
     return render(
         "diagnosis.html.j2",
         title=f"{result.model.joint.name}: what its model lacks",
@@ -88,6 +89,7 @@ def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, by
                     f"noise floor {percent(getattr(result.noise_floor, name))}",
                 )
                 for name in ("moment", "response")
+                if np.isfinite(getattr(result.noise_floor, name))
             ),
             (
                 "Effects named",

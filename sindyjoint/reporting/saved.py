@@ -17,6 +17,8 @@ from sindyjoint.reporting.reproduction_figures import ReproductionFigures
 from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.diagnosis import Diagnosis
+from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
+from sindyjoint.workflows.structure_gap import RecordGap
 from sindyjoint.workflows.verification import Band, RunVerification, Verification
 
 T = TypeVar("T")
@@ -36,11 +38,16 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "Diagnosis": lambda data: unpack(Diagnosis, data, model=JointModel.from_dict, effects=lambda _: ()),
     "Batch": lambda data: unpack(Batch, data),
     "Reproduction": lambda data: unpack(ReproductionFigures, data),
+    "StructureDiagnosis": lambda data: unpack(
+        StructureDiagnosis, data, model=JointModel.from_dict, effects=lambda _: ()
+    ),
     "Comparison": lambda data: unpack(Comparison, data, discovery=_nothing, left_out=lambda _: {}),
 }
 
 
-def saved_text(result: ReportData | Verification | Diagnosis | Comparison | Batch | ReproductionFigures) -> str:
+def saved_text(
+    result: ReportData | Verification | Diagnosis | Comparison | Batch | ReproductionFigures,
+) -> str:
     """Return a result as the text of ``figures/data.json``."""
     if isinstance(result, ReportData):
         record = result.to_dict()
@@ -53,6 +60,8 @@ def saved_text(result: ReportData | Verification | Diagnosis | Comparison | Batc
     elif isinstance(result, Comparison):
         record = {"kind": "Comparison", **pack(result, skip=("discovery", "left_out"))}
     else:
+        if isinstance(result, StructureDiagnosis):
+            result = replace(result, records=tuple(map(_thinned_record, result.records)))
         record = {**pack(result, skip=("model", "effects")), "model": result.model.to_dict()}
         record["kind"] = type(result).__name__
         if isinstance(result, Verification):
@@ -70,6 +79,14 @@ def _thinned(run: RunVerification) -> RunVerification:
     band = run.band and Band(run.band.low[::step], run.band.high[::step], run.band.draws, run.band.failed)
     simulated = None if run.simulated is None else run.simulated[::step]
     return replace(run, time=run.time[::step], measured=run.measured[::step], simulated=simulated, band=band)
+
+
+def _thinned_record(record: RecordGap) -> RecordGap:
+    step = -(-record.time.size // KEPT_SAMPLES)
+    before, after = (None if x is None else x[::step] for x in (record.before, record.after))
+    return replace(
+        record, time=record.time[::step], measured=record.measured[::step], before=before, after=after
+    )
 
 
 def load_results(path: str | os.PathLike[str]) -> Any:

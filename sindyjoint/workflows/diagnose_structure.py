@@ -38,7 +38,7 @@ from sindyjoint.workflows.structure_hidden import hidden_pulse_test, model_of_la
 from sindyjoint.workflows.structure_naming import FittedChange, StructureRanking, rank, rows_of, search
 from sindyjoint.workflows.structure_noise import record_noise
 from sindyjoint.workflows.structure_problem import Fit, PulseProblem, fit
-from sindyjoint.workflows.verify import MODEL_PLACE, is_rig
+from sindyjoint.workflows.verify import MODEL_PLACE
 from sindyjoint.workflows.verify_rig import model_places
 
 MAX_EFFECTS = 3
@@ -151,15 +151,9 @@ def diagnose_structure(
 def _opened(rig: Rig | str | Path) -> Rig:
     if isinstance(rig, Rig):
         return rig
-    if str(rig) in shipped_rigs() and not Path(rig).exists():
+    if str(rig) in shipped_rigs():
         return load_rig(str(rig))
     return load_rig(rig, {"model": MODEL_PLACE})
-
-
-def is_structure(path: str | Path) -> bool:
-    """Return whether a path or name means a rig: a shipped one, or a TOML file with a chain."""
-    path = Path(path)
-    return (str(path) in shipped_rigs() and not path.exists()) or (path.is_file() and is_rig(path))
 
 
 def _model(rig: Rig, model: JointModel | None) -> tuple[JointModel, frozenset[str], bool]:

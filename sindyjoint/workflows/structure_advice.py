@@ -16,7 +16,7 @@ from sindyjoint.workflows.structure_problem import PulseProblem
 Array = NDArray[np.float64]
 
 # Pulses that are tried, as multiples of the one that was given.
-FORCES = (0.2, 0.5, 2.0, 5.0)
+FORCES = (0.3, 1.0, 3.0)
 # A pulse that would leave the rivals nearly as likely as before is no advice.
 LEAST_CONFIDENCE = 0.6
 
@@ -60,38 +60,31 @@ def _best_pulse(
     base = replace(problem, found=tuple(c for c in problem.found if c is not mine.change), _kept={})
     if mine.x.size != base.base_size + mine.change.size:
         return None
-    points = [name for name, row in problem.rig.structure().points.items() if row.any()]
+    points = [name for name, row in problem.rig.structure().points.items() if row.any() and name != "tip"]
+    points = list(dict.fromkeys([*(r.point for r in problem.records), *points]))
     rate, duration = problem.records[0].sample_rate, problem.duration
     answer = None
-    for force in (1.0, *FORCES):
+    for force in FORCES:
         rig = replace(problem.rig, excitation=problem.rig.excitation.scaled(force))
-        blank = [MeasuredResponse(p, np.zeros(round(duration * rate)), rate) for p in dict.fromkeys(points)]
-        new = replace(
-            base,
-            rig=rig,
-            records=tuple(blank),
-            noise=(problem.noise[0],) * len(blank),
-            step_error=(),
-            _kept={},
-        )
+        blank = tuple(MeasuredResponse(p, np.zeros(round(duration * rate)), rate) for p in points)
+        noise = (problem.noise[0],) * len(points)
+        new = replace(base, rig=rig, records=blank, noise=noise, step_error=(), _kept={})
         truth = new.simulate(new.setup(mine.x, mine.change), duration)
         if truth is None:
             continue
-        for i, record in enumerate(blank):
-            one = replace(
-                new, records=(replace(record, displacement=truth[i]),), noise=(problem.noise[0],), _kept={}
-            )
-            left = one.residuals(rival.x, duration, rival.change)
-            if left is None:
-                continue
-            columns = one.derivatives(
-                rival.x, left, duration, range(base.base_size, rival.x.size), rival.change
-            )
-            basis, _ = np.linalg.qr(columns)
-            rest = left - basis @ (basis.T @ left)
-            # The same blur as in naming, for what is new; the effect is as large a share of the gap as before.
-            apart = float(rest @ rest) / (TEMPER + SIMULATION_ERROR**2 * mine.gain * force**2)
-            confidence = float(1 / (1 + np.exp(-min(0.5 * apart, 50.0))))
+        measured = tuple(replace(b, displacement=signal) for b, signal in zip(blank, truth, strict=True))
+        new = replace(new, records=measured)
+        left = new.residuals(rival.x, duration, rival.change)
+        if left is None:
+            continue
+        columns = new.derivatives(rival.x, left, duration, range(base.base_size, rival.x.size), rival.change)
+        # The same blur as in naming; the effect is as large a share of the gap as before.
+        blur = TEMPER + SIMULATION_ERROR**2 * mine.gain * force**2
+        for i, point in enumerate(points):
+            rows = slice(i * truth[i].size, (i + 1) * truth[i].size)
+            basis, _ = np.linalg.qr(columns[rows])
+            rest = left[rows] - basis @ (basis.T @ left[rows])
+            confidence = float(1 / (1 + np.exp(-min(0.5 * float(rest @ rest) / blur, 50.0))))
             if answer is None or confidence > answer[2] + 1e-3:
-                answer = force, record.point, confidence, float(np.abs(truth[i]).max())
+                answer = force, point, confidence, float(np.abs(truth[i]).max())
     return answer

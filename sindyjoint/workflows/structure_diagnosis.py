@@ -147,7 +147,8 @@ def budget_of(problem: PulseProblem, given: Fit, state: State, drops: Sequence[t
     own = sum(float(np.sum((r.displacement - r.displacement.mean()) ** 2)) / n.weight**2
               for r, n in zip(problem.records, problem.noise, strict=True))  # fmt: skip
     total = given.cost if start is None else float(start @ start)
-    parts = {"state": max(total - given.cost, 0.0), "history": 0.0, "run": 0.0}
+    # Beside a large gap the coefficients are dragged after it: what they then win is the effects' own.
+    parts = {"state": 0.0 if drops else max(total - given.cost, 0.0), "history": 0.0, "run": 0.0}
     for kind, drop in drops:
         parts[kind] += max(drop, 0.0)
     noise = min(rows, total)

@@ -168,5 +168,7 @@ def _phase(simulated: Array, measured: Array, sample_rate: float, at: str) -> tu
 
 
 def most(places: list[tuple[float, Place]]) -> tuple[Place, ...]:
-    """Return the weightiest places."""
-    return tuple(place for _, place in sorted(places, key=lambda each: -each[0])[:MOST_PLACES])
+    """Return the weightiest places, one of each axis."""
+    ordered = sorted(places, key=lambda each: -each[0])
+    first = {place.axis: place for _, place in reversed(ordered)}
+    return tuple(place for _, place in ordered if first[place.axis] is place)[:MOST_PLACES]

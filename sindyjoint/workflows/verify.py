@@ -113,3 +113,9 @@ def is_rig(path: Path) -> bool:
         return bool({"chain", "pulse", "base"} & tomllib.loads(path.read_text("utf-8-sig")).keys())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError):
         return False
+
+
+def is_structure(path: str | Path) -> bool:
+    """Return whether a path or name means a rig: a shipped one, or a TOML file with a chain."""
+    path = Path(path)
+    return (str(path) in shipped_rigs() and not path.is_dir()) or (path.is_file() and is_rig(path))

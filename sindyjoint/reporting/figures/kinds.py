@@ -9,7 +9,14 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from sindyjoint.reporting import batch_figures, comparison, diagnosis, reproduction_figures, verification
+from sindyjoint.reporting import (
+    batch_figures,
+    comparison,
+    diagnosis,
+    reproduction_figures,
+    structure,
+    verification,
+)
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.figures import evidence, loops, maps, residuals
 from sindyjoint.reporting.figures.places import where
@@ -18,6 +25,7 @@ from sindyjoint.reporting.style import plain, shortened
 from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.diagnosis import Diagnosis
+from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
 from sindyjoint.workflows.verification import Verification
 
 Panel = Callable[[Any, Axes], Axes]
@@ -240,6 +248,57 @@ DIAGNOSIS: dict[str, Kind] = {
     )
 }
 
+
+def _of_records(draw: Callable[[Any, Axes], Axes]) -> Callable[[Any], list[Panel]]:
+    """Return panels that draw one record each."""
+
+    def panels(result: Any) -> list[Panel]:
+        return [partial(_of_record, draw=draw, record=record) for record in result.records[:MOST_PANELS]]
+
+    return panels
+
+
+def _of_record(result: Any, ax: Axes, draw: Callable[[Any, Axes], Axes], record: Any) -> Axes:
+    return draw(record, ax)
+
+
+STRUCTURE: dict[str, Kind] = DIAGNOSIS | {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "overlay",
+            "Before and after",
+            "Measured displacement, and the simulation with the model alone and with the effects. What lies behind the "
+            "line was kept out of the fit that is drawn.",
+            _of_records(structure.overlay),
+            wide=True,
+        ),
+        Kind(
+            "cycles",
+            "A few cycles",
+            "Some cycles of what was kept out of the fit, measured and simulated.",
+            _of_records(partial(structure.overlay, cycles=True)),
+            wide=True,
+        ),
+        Kind(
+            "envelope",
+            "Envelope",
+            "Envelope of the measured and the simulated displacement, beside the noise.",
+            _of_records(structure.envelope),
+            wide=True,
+        ),
+        Kind(
+            "budget",
+            "Budget of the gap",
+            "What the first gap is made of: memoryless effects of the joint and its coefficients (state), memory in "
+            "the joint (history), what lies outside the joint or is not explained (run), the time step (processing), "
+            "noise.",
+            _fixed(diagnosis.budget_parts),
+            wide=True,
+        ),
+    )
+}
+
 COMPARISON: dict[str, Kind] = {
     kind.name: kind
     for kind in (
@@ -354,6 +413,8 @@ def kinds_of(result: Any) -> dict[str, Kind]:
     """Return the kinds of figure that belong to a result."""
     if isinstance(result, Verification):
         return VERIFICATION
+    if isinstance(result, StructureDiagnosis):
+        return STRUCTURE
     if isinstance(result, Diagnosis):
         return DIAGNOSIS
     if isinstance(result, Batch):
