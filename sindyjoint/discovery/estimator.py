@@ -215,7 +215,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         """
         self.check_parameters()
         features = 3 if any(term.term.needs_acceleration for term in terms) else 2
-        return self._fit(tuple(terms), evidence, reference, int(evidence.pooled.rows), features, shared_motion)
+        return self._fit(
+            tuple(terms), evidence, reference, int(evidence.pooled.rows), features, shared_motion
+        )
 
     def _fit(
         self,

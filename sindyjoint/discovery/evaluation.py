@@ -106,6 +106,34 @@ class TermFunction:
                 self._run(inputs, scratch[:, : stop - start], out[start:stop])
         return out
 
+    def tile(self, inputs: Sequence[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Evaluate every expression on a few rows, into memory that is used again.
+
+        Parameters
+        ----------
+        inputs : sequence of ndarray, shape (n,), or float
+            One per argument.
+        scratch : ndarray, shape (number of operations, n)
+        out : ndarray, shape (p, n)
+            A row per expression.
+        """
+        places = {register: row for row, register in enumerate(self.outputs)}
+        first = len(self.arguments) + len(self.constants)
+        registers: list[Any] = [*inputs, *self.constants]
+        with np.errstate(all="ignore"):
+            for number, (name, one, other) in enumerate(self.operations):
+                # What is a result goes where it is wanted.
+                place = places.get(first + number)
+                row = scratch[number] if place is None else out[place]
+                if other < 0:
+                    UNARY[name](registers[one], out=row)
+                else:
+                    BINARY[name](registers[one], registers[other], out=row)
+                registers.append(row)
+        for row_number, register in enumerate(self.outputs):
+            if register < first or places[register] != row_number:
+                out[row_number] = registers[register]
+
     def _run(self, inputs: list[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         registers: list[Any] = [*inputs, *self.constants]
         for row, (name, first, second) in zip(scratch, self.operations, strict=True):

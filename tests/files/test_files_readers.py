@@ -76,6 +76,12 @@ def npz() -> bytes:
     return buffer.getvalue()
 
 
+def npy() -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, np.column_stack([T, M, A]))
+    return buffer.getvalue()
+
+
 def data_set_58(values, node, direction, label, name="NONE", binary=False, double=True) -> bytes:
     """Write one function at a nodal degree of freedom from the format's description (SDRC, data set 58)."""
     kind = f"b{1:6d}{2:6d}{11:12d}{values.size * (8 if double else 4):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
@@ -138,6 +144,7 @@ FORMATS = {
     "h5": (lambda folder: hdf5(), ["run/t", "run/s/m", "run/X[:,0]"]),
     "hdf5": (lambda folder: hdf5(), ["other/t", "pair/m", "pair/a"]),
     "npz": (lambda folder: npz(), ["t", "m", "X[:,0]"]),
+    "npy": (lambda folder: npy(), [1, 2, 3]),
     "uff": (lambda folder: uff(False), ["time", "12:+RZ Moment", "12:+RZ Angle"]),
     "unv": (lambda folder: uff(True), ["time", "12:+RZ Moment", "12:+RZ Angle"]),
     "tdms": (lambda folder: tdms(), ["time", "bench/m", "bench/a"]),

@@ -27,6 +27,7 @@ READERS = {
     ".h5": ("hdf5", "read_hdf5"),
     ".hdf5": ("hdf5", "read_hdf5"),
     ".npz": ("npz", "read_npz"),
+    ".npy": ("npz", "read_npy"),
     ".uff": ("uff", "read_uff"),
     ".unv": ("uff", "read_uff"),
     ".tdms": ("tdms", "read_tdms"),

@@ -44,7 +44,7 @@ def _read(
         raise missing_extra(path, "h5py", error) from error
     arrays: dict[str, NDArray] = {}
     with foreign(path, kind), h5py.File(io.BytesIO(data), "r") as file:
-        for name, dataset in _datasets(file, h5py):
+        for name, dataset in datasets(file, h5py):
             if dataset.dtype.names:
                 for field in dataset.dtype.names:
                     arrays |= split(f"{name}/{field}".replace("/", separator), dataset[field])
@@ -59,11 +59,11 @@ def _read(
     return Table(path, names, load, aliases=short_names(names, separator))
 
 
-def _datasets(group: Any, h5py: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def datasets(group: Any, h5py: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Walk through groups in the order of the file; names that begin with # are MATLAB's own."""
     for key, item in group.items():
         name = f"{prefix}{key}"
         if isinstance(item, h5py.Dataset):
             yield name, item
         elif isinstance(item, h5py.Group) and not key.startswith("#"):
-            yield from _datasets(item, h5py, f"{name}/")
+            yield from datasets(item, h5py, f"{name}/")

@@ -1,4 +1,4 @@
-"""NumPy archives; nothing in them is unpickled."""
+"""NumPy archives and arrays; nothing in them is unpickled."""
 
 from __future__ import annotations
 
@@ -30,3 +30,25 @@ def read_npz(path: Path, data: bytes) -> Table:
         return [columns[place] for place in wanted]
 
     return Table(path, tuple(arrays), load)
+
+
+def read_npy(path: Path, data: bytes) -> Table:
+    """Return the columns of one array: called by their numbers from 1, or by the fields of a structured array.
+
+    Raises
+    ------
+    InputError
+        For bytes that are no array, or an array of Python objects.
+    """
+    with foreign(path, "NPY"):
+        array = np.load(io.BytesIO(data), allow_pickle=False)
+    if array.dtype.names:
+        columns = {name: array[name] for name in array.dtype.names}
+    else:
+        table = np.atleast_2d(array.T)
+        columns = {str(place + 1): column for place, column in enumerate(table)}
+
+    def load(wanted: Sequence[int]) -> list[NDArray]:
+        return [list(columns.values())[place] for place in wanted]
+
+    return Table(path, tuple(columns), load)

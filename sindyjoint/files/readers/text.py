@@ -22,7 +22,7 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
 
 
 @dataclass(frozen=True)
-class _Layout:
+class Layout:
     """How the lines of one file are to be read."""
 
     path: Path
@@ -41,10 +41,15 @@ def read_text(path: Path, data: bytes) -> Table:
     InputError
         For an empty file, binary rubbish, a header without data, or rows of different lengths.
     """
-    layout = _layout(path, _decode(path, data))
+    layout = layout_of(path, data)
     return Table(
         path, layout.names, lambda wanted: _parse(layout, wanted), row=lambda i: f"line {layout.numbers[i]}"
     )
+
+
+def layout_of(path: Path, data: bytes) -> Layout:
+    """Return how the lines of a text table are to be read; see :func:`read_text`."""
+    return _layout(path, _decode(path, data))
 
 
 def _decode(path: Path, data: bytes) -> str:
@@ -67,7 +72,7 @@ def _decode(path: Path, data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
 
 
-def _layout(path: Path, text: str) -> _Layout:
+def _layout(path: Path, text: str) -> Layout:
     """Find delimiter, header and first row of data."""
     all_lines = text.split("\n")
     comment = ""  # the last one before the data: numpy.savetxt writes the header there
@@ -98,7 +103,7 @@ def _layout(path: Path, text: str) -> _Layout:
         raise InputError(f"{path}: has a header ({', '.join(names):.200}) and no rows of data")
     lines = _with_points(lines, delimiter)
     _check_lengths(path, lines, numbers, delimiter, len(names), top)
-    return _Layout(path, tuple(names), delimiter, lines, numbers)
+    return Layout(path, tuple(names), delimiter, lines, numbers)
 
 
 def _delimiter(lines: list[str]) -> str | None:
@@ -152,7 +157,7 @@ def _check_lengths(
             )
 
 
-def _parse(layout: _Layout, wanted: Sequence[int]) -> list[NDArray[np.float64]]:
+def _parse(layout: Layout, wanted: Sequence[int]) -> list[NDArray[np.float64]]:
     """Return columns as numbers; the fast way first, the careful one to explain a failure."""
     if not wanted:
         return []
@@ -166,7 +171,7 @@ def _parse(layout: _Layout, wanted: Sequence[int]) -> list[NDArray[np.float64]]:
     return list(np.ascontiguousarray(values.T))
 
 
-def _explained(layout: _Layout, wanted: Sequence[int], error: ValueError) -> InputError:
+def _explained(layout: Layout, wanted: Sequence[int], error: ValueError) -> InputError:
     """Find the first field that is not a number."""
     for line, number in zip(layout.lines, layout.numbers, strict=True):
         fields = _fields(line, layout.delimiter)

@@ -1,0 +1,268 @@
+"""Files that are larger than memory: the same columns as the readers give, a stretch of rows at a time.
+
+Text, Parquet, HDF5 and NPY files can be read from any row on; of the others the libraries load all or nothing.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.files.readers.table import Table, foreign, missing_extra, short_names
+
+Array = NDArray[np.float64]
+
+# Bytes of text looked at once, and lines between two places in it that are remembered.
+CHUNK = 1 << 24
+STRIDE = 1 << 15
+# Rows of Parquet decoded at once.
+BATCH = 1 << 16
+
+
+class Blocks(ABC):
+    """A file of columns that can be read from any row on.
+
+    Attributes
+    ----------
+    path : Path
+    names : tuple of str
+    aliases : mapping of str to int
+    rows : int
+        Of text files, lines after the header: blank and comment lines count, and give no row when they are read.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    aliases: Mapping[str, int] = {}
+    rows: int
+
+    @abstractmethod
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return the rows from ``start`` to before ``stop`` of some columns."""
+
+    def table(self, start: int, stop: int) -> Table:
+        """Return a stretch of rows as a table, with all its checks."""
+        return Table(
+            self.path,
+            self.names,
+            lambda wanted: self.read(start, stop, wanted),
+            self.aliases,
+            lambda index: f"row {start + index + 1}",
+        )
+
+
+def open_blocks(path: str | Path) -> Blocks | None:
+    """Open a file to be read in stretches; None for a format that cannot be.
+
+    Raises
+    ------
+    InputError
+        For a file that is not what its ending says.
+    MissingExtraError
+        When the library for this format is not installed.
+    """
+    file = Path(path)
+    kind = KINDS.get(file.suffix.lower())
+    if kind is None:
+        return None
+    try:
+        return kind(file)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from error
+
+
+class _Text(Blocks):
+    """CSV and other text, by the places of every so many lines."""
+
+    def __init__(self, path: Path):
+        from sindyjoint.files.readers.text import layout_of
+
+        self.path = path
+        self._size = path.stat().st_size
+        head = self._bytes(0, min(self._size, 1 << 16))
+        cut = head.rfind(b"\n") + 1 or len(head)
+        layout = layout_of(path, head[:cut])
+        self.names = layout.names
+        # What stands above the first row of data goes before every stretch, so that each is read by the same rules.
+        self._head = b"".join(line + b"\n" for line in head[:cut].split(b"\n")[: layout.numbers[0] - 1])
+
+    @cached_property
+    def rows(self) -> int:  # type: ignore[override]
+        """Lines after the header."""
+        return self._index[1]
+
+    @cached_property
+    def _index(self) -> tuple[list[int], int]:
+        """Return where every so many lines begin, and how many lines there are."""
+        places, lines, at, last = [len(self._head)], 0, len(self._head), b"\n"
+        while at < self._size:
+            chunk = self._bytes(at, min(at + CHUNK, self._size))
+            ends = np.flatnonzero(np.frombuffer(chunk, dtype=np.uint8) == 10)
+            first = -(-(lines + 1) // STRIDE) * STRIDE - lines - 1
+            places += (at + ends[first::STRIDE] + 1).tolist()
+            lines, at, last = lines + ends.size, at + len(chunk), chunk[-1:]
+        return places, lines + (last != b"\n")
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns."""
+        from sindyjoint.files.readers.text import read_text
+
+        places, _ = self._index
+        first, last = start // STRIDE, -(-stop // STRIDE)
+        data = self._bytes(places[first], places[last] if last < len(places) else self._size)
+        lines = data.split(b"\n")[start - first * STRIDE : stop - first * STRIDE]
+        return list(read_text(self.path, self._head + b"\n".join(lines)).load(wanted))
+
+    def _bytes(self, start: int, stop: int) -> bytes:
+        with self.path.open("rb") as file:
+            file.seek(start)
+            return file.read(stop - start)
+
+
+class _Parquet(Blocks):
+    """Parquet, batch by batch of the row groups."""
+
+    def __init__(self, path: Path):
+        try:
+            import pyarrow.parquet as pq
+        except ImportError as error:
+            raise missing_extra(path, "pyarrow", error) from error
+        with foreign(path, "Parquet"):
+            file = pq.ParquetFile(path)
+            self.rows = file.metadata.num_rows
+            self.names = tuple(file.schema_arrow.names)
+            sizes = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
+        self.path, self._file = path, file
+        self._edges = np.concatenate([[0], np.cumsum(sizes)])
+        self._next = -1
+        self._wanted: tuple[int, ...] = ()
+        self._batches: Iterator[Any] = iter(())
+        self._left: list[NDArray] = []
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns; stretches that follow one another are decoded once."""
+        if start != self._next or tuple(wanted) != self._wanted:
+            group = int(np.searchsorted(self._edges, start, side="right")) - 1
+            names = [self.names[place] for place in wanted]
+            self._batches = self._file.iter_batches(
+                BATCH, row_groups=list(range(group, len(self._edges) - 1)), columns=names
+            )
+            self._wanted, self._next, self._left = tuple(wanted), int(self._edges[group]), []
+            self._take(start - self._next, names)
+        return self._take(stop - start, [self.names[place] for place in wanted])
+
+    def _take(self, count: int, names: Sequence[str]) -> list[NDArray]:
+        parts = [self._left] if self._left else []
+        have = self._left[0].size if self._left else 0
+        with foreign(self.path, "a table of numbers"):
+            while have < count:
+                batch = next(self._batches, None)
+                if batch is None:
+                    break
+                parts.append([batch.column(name).to_numpy(zero_copy_only=False) for name in names])
+                have += batch.num_rows
+        columns = [np.concatenate([part[i] for part in parts]) for i in range(len(names))] if parts else []
+        self._left = [column[count:] for column in columns]
+        self._next += count
+        return [column[:count] for column in columns]
+
+
+class _Hdf5(Blocks):
+    """HDF5: slices of its data sets."""
+
+    def __init__(self, path: Path):
+        try:
+            import h5py
+        except ImportError as error:
+            raise missing_extra(path, "h5py", error) from error
+        from sindyjoint.files.readers.hdf5 import datasets
+
+        self.path = path
+        self._columns: list[tuple[Any, int | str | None]] = []
+        names = []
+        with foreign(path, "HDF5"):
+            self._file = h5py.File(path, "r")
+            for name, dataset in datasets(self._file, h5py):
+                if dataset.dtype.names and dataset.ndim == 1:
+                    names += [f"{name}/{field}" for field in dataset.dtype.names]
+                    self._columns += [(dataset, field) for field in dataset.dtype.names]
+                elif dataset.dtype.kind not in "fiub":
+                    continue
+                elif dataset.ndim == 2 and 1 not in dataset.shape:
+                    names += [f"{name}[:,{place}]" for place in range(dataset.shape[1])]
+                    self._columns += [(dataset, place) for place in range(dataset.shape[1])]
+                elif dataset.ndim == 1:
+                    names.append(name)
+                    self._columns.append((dataset, None))
+        self.names = tuple(names)
+        self.aliases = short_names(names, "/")
+        self.rows = max((dataset.shape[0] for dataset, _ in self._columns), default=0)
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns."""
+        parts: list[NDArray] = []
+        for dataset, place in (self._columns[index] for index in wanted):
+            if isinstance(place, str):
+                parts.append(dataset.fields(place)[start:stop])
+            else:
+                parts.append(dataset[start:stop] if place is None else dataset[start:stop, place])
+        return parts
+
+
+class _Npy(Blocks):
+    """One NumPy array: a column for each of its own, called by its number from 1, or by its field.
+
+    Read, not mapped: pages of a map count as memory of the process for as long as the system likes.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        with foreign(path, "NPY"), path.open("rb") as file:
+            version = np.lib.format.read_magic(file)
+            read = (
+                np.lib.format.read_array_header_1_0
+                if version == (1, 0)
+                else np.lib.format.read_array_header_2_0
+            )
+            shape, self._fortran, self._dtype = read(file)
+            if self._dtype.hasobject or len(shape) not in (1, 2):
+                raise InputError(
+                    f"{path}: an array of {self._dtype} and shape {shape}; a table of numbers is wanted"
+                )
+            self._at = file.tell()
+        self.rows = shape[0]
+        self._width = shape[1] if len(shape) == 2 else 1
+        self.names = self._dtype.names or tuple(str(place + 1) for place in range(self._width))
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns."""
+        count = min(stop, self.rows) - start
+        if self._fortran and self._width > 1:
+            return [self._piece(place * self.rows + start, count) for place in wanted]
+        if self._dtype.names:
+            table = self._piece(start, count)
+            return [np.ascontiguousarray(table[self.names[place]]) for place in wanted]
+        table = self._piece(start * self._width, count * self._width).reshape(count, self._width)
+        return [np.ascontiguousarray(table[:, place]) for place in wanted]
+
+    def _piece(self, first: int, count: int) -> NDArray:
+        return np.fromfile(self.path, self._dtype, count, offset=self._at + first * self._dtype.itemsize)
+
+
+KINDS: dict[str, type[Any]] = {
+    ".csv": _Text,
+    ".tsv": _Text,
+    ".txt": _Text,
+    ".dat": _Text,
+    ".parquet": _Parquet,
+    ".h5": _Hdf5,
+    ".hdf5": _Hdf5,
+    ".npy": _Npy,
+}

@@ -1,0 +1,161 @@
+"""Tables of force states from disk: the same model as of rows in memory, in bounded memory."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from sindyjoint import JointRegressor
+from sindyjoint.discovery.catalogue import Reference
+from sindyjoint.errors import InputError
+from sindyjoint.files.blocks import open_blocks
+from sindyjoint.files.readers import read_table
+from sindyjoint.workflows.stream import discover_rows
+
+
+def motion(n, seed=0):
+    """Return moving states of the paper's joint: θ, θ̇, θ̈ and the transfer moment."""
+    rng = np.random.default_rng(seed)
+    phase = np.cumsum(rng.uniform(0.001, 0.003, n))
+    angle = 8e-4 * np.sin(phase) * (0.6 + 0.4 * np.sin(0.01 * phase))
+    rate = 0.02 * np.cos(phase) * (0.6 + 0.4 * np.sin(0.013 * phase))
+    moment = 6066 * angle - 2.684e9 * angle**3 + 48 * rate + 1.867 * np.sign(rate)
+    return angle, rate, rng.normal(size=n), moment + 0.02 * rng.normal(size=n)
+
+
+def write(path, columns):
+    """Write columns in the format of the path's ending."""
+    table = np.column_stack(list(columns.values()))
+    if path.suffix == ".npy":
+        np.save(path, np.asfortranarray(table) if "fortran" in path.stem else table)
+    elif path.suffix == ".parquet":
+        pa = pytest.importorskip("pyarrow")
+        from pyarrow import parquet
+
+        parquet.write_table(pa.table(columns), path, row_group_size=7000)
+    elif path.suffix == ".h5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            for name, values in columns.items():
+                file[f"states/{name}"] = values
+    else:
+        head = "# made by hand\n" + ",".join(columns) + "\nrad,rad/s,rad/s^2,N*m\n"
+        path.write_text(head + "\n".join(",".join(map(repr, row)) for row in table.tolist()) + "\n")
+
+
+FILES = ("rows.csv", "rows.parquet", "rows.h5", "rows.npy", "fortran.npy")
+NAMES = ("angle", "rate", "acceleration", "moment")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_stretches_are_what_the_reader_gives(tmp_path, name):
+    columns = dict(zip(NAMES, motion(20_011), strict=True))
+    write(tmp_path / name, columns)
+    wanted = [1, 4] if name.endswith("npy") else ["angle", "moment"]
+    blocks, whole = open_blocks(tmp_path / name), read_table(tmp_path / name)[0].columns(wanted)
+    assert blocks.rows == 20_011
+    for start, stop in ((0, 20_011), (0, 1), (6_999, 7_001), (12_345, 18_000), (3, 9_000), (20_000, 20_011)):
+        for part, column in zip(blocks.table(start, stop).columns(wanted), whole, strict=True):
+            np.testing.assert_array_equal(part, column[start:stop])
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_same_model_as_in_memory(tmp_path, name):
+    angle, rate, acceleration, moment = motion(30_001)
+    write(tmp_path / name, dict(zip(NAMES, (angle, rate, acceleration, moment), strict=True)))
+    columns = {"angle": 1, "rate": 2, "moment": 4} if name.endswith("npy") else None
+    streamed = discover_rows(tmp_path / name, columns=columns, size=1000)
+    memory = JointRegressor().fit(np.column_stack([angle, rate]), moment)
+    assert streamed.selected_ == memory.selected_ and len(memory.selected_) == 4
+    np.testing.assert_allclose(streamed.coef_, memory.coef_, rtol=1e-9)
+    np.testing.assert_allclose(streamed.model_.standard_errors, memory.model_.standard_errors, rtol=1e-6)
+
+
+def test_several_files_are_runs_and_processes_change_no_bit(tmp_path):
+    runs = [motion(8_000, seed) for seed in range(3)]
+    files = []
+    for number, run in enumerate(runs):
+        files.append(tmp_path / f"run-{number}.npy")
+        write(files[-1], dict(zip(NAMES, run, strict=True)))
+    columns = {"angle": 1, "rate": 2, "moment": 4}
+    one = discover_rows(files, "paper", columns=columns, groups=["a", "b", "a"])
+    two = discover_rows(files, "paper", columns=columns, groups=["a", "b", "a"], jobs=2)
+    assert [(run.name, run.group) for run in one.evidence_.runs] == [
+        ("run-0", "a"),
+        ("run-1", "b"),
+        ("run-2", "a"),
+    ]
+    assert np.array_equal(one.coef_, two.coef_)
+    X = np.vstack([np.column_stack(run[:2]) for run in runs])
+    names, groups = np.repeat(["run-0", "run-1", "run-2"], 8_000), np.repeat(["a", "b", "a"], 8_000)
+    memory = JointRegressor("paper").fit(X, np.concatenate([run[3] for run in runs]), groups, runs=names)
+    np.testing.assert_allclose(one.coef_, memory.coef_, rtol=1e-9)
+
+
+def test_inertia_known_or_found(tmp_path):
+    angle, rate, acceleration, moment = motion(20_000)
+    write(
+        tmp_path / "rows.npy",
+        dict(zip(NAMES, (angle, rate, acceleration, moment + 0.02 * acceleration), strict=True)),
+    )
+    columns = {"angle": 1, "rate": 2, "acceleration": 3, "moment": 4}
+    known = discover_rows(tmp_path / "rows.npy", "paper", columns=columns, inertia=0.02)
+    found = discover_rows(tmp_path / "rows.npy", "paper", columns=columns)
+    assert "inertia" in found.selected_ and "inertia" not in known.selected_
+    assert found.model_["inertia"].coefficient == pytest.approx(0.02, rel=0.02)
+    assert known.model_["linear_stiffness"].coefficient == pytest.approx(6066, rel=1e-3)
+
+
+def test_a_given_reference_is_used(tmp_path):
+    angle, rate, acceleration, moment = motion(10_000)
+    write(tmp_path / "rows.npy", dict(zip(NAMES, (angle, rate, acceleration, moment), strict=True)))
+    columns = {"angle": 1, "rate": 2, "moment": 4}
+    given = discover_rows(tmp_path / "rows.npy", columns=columns, reference=Reference(1e-3, 0.05, 5.0))
+    stribeck = next(term for term in given.terms_ if term.id == "stribeck_friction")
+    assert dict(stribeck.values)["v_s"] == pytest.approx(0.005)
+
+
+def test_what_cannot_be_is_refused(tmp_path):
+    angle, rate, acceleration, moment = motion(1_000)
+    moment[777] = np.nan
+    write(tmp_path / "rows.npy", dict(zip(NAMES, (angle, rate, acceleration, moment), strict=True)))
+    columns = {"angle": 1, "rate": 2, "moment": 4}
+    with pytest.raises(InputError, match=r"column 4 holds nan in row 778"):
+        discover_rows(tmp_path / "rows.npy", columns=columns)
+    with pytest.raises(InputError, match="column 'angle' is missing"):
+        discover_rows(tmp_path / "rows.npy")
+    with pytest.raises(InputError, match="columns name no acceleration"):
+        discover_rows(tmp_path / "rows.npy", columns=columns, inertia=0.02)
+    with pytest.raises(InputError, match="cannot be read in stretches"):
+        np.savez(tmp_path / "rows.npz", angle=angle)
+        discover_rows(tmp_path / "rows.npz")
+    with pytest.raises(InputError, match="nothing.npy: cannot be read"):
+        discover_rows(tmp_path / "nothing.npy")
+
+
+PEAK = """
+import sys
+from sindyjoint.workflows.stream import discover_rows
+columns = {"angle": 1, "rate": 2, "moment": 3}
+fit = discover_rows(sys.argv[1], "paper", columns=columns)
+# Not ru_maxrss: what the parent used counts there.
+peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+print(peak.split()[1], len(fit.selected_))
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the peak is read from /proc")
+def test_memory_does_not_grow_with_the_rows(tmp_path):
+    peaks = []
+    for n in (300_000, 4_500_000):
+        angle, rate, _, moment = motion(n)
+        np.save(tmp_path / "rows.npy", np.column_stack([angle, rate, moment]))
+        answer = subprocess.run(
+            [sys.executable, "-c", PEAK, tmp_path / "rows.npy"], capture_output=True, text=True
+        )
+        kilobytes, terms = map(int, answer.stdout.split())
+        peaks.append(kilobytes)
+        assert terms == 4
+    # Fifteen times the rows, 100 MB more of them; the two readings differ by the size of a stretch.
+    assert peaks[1] - peaks[0] < 30_000
