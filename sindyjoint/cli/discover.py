@@ -88,6 +88,13 @@ def discover(
     align: Annotated[
         bool, typer.Option("--align", help="Remove the time skew found between the channels.")
     ] = False,
+    correct: Annotated[
+        bool,
+        typer.Option(
+            "--correct/--no-correct",
+            help="Take out of the coefficients what noise and processing do to them, as a simulation of the model shows.",
+        ),
+    ] = True,
     refine: Annotated[
         bool, typer.Option("--refine", help="Refine the coefficients on the simulated response of the runs.")
     ] = False,
@@ -124,6 +131,7 @@ def discover(
             states=states.value,
             bandwidth=bandwidth,
             align=align,
+            correct=correct,
             random_state=random_state,
             progress=progress.say,
             method=method.value,

@@ -13,9 +13,11 @@ from sindyjoint.discovery.catalogue import Catalogue, as_catalogue, load_catalog
 from sindyjoint.discovery.model import INERTIA, Fitted, JointModel
 from sindyjoint.discovery.skew import Skew, estimate_skew, reference_of, shifted
 from sindyjoint.errors import InputError
+from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.workflows.cautions import cautions
+from sindyjoint.workflows.long_runs import LONGEST, Tally, fit_long, has_long_runs
 from sindyjoint.workflows.verdict import Verdict, judge
 
 if TYPE_CHECKING:
@@ -67,6 +69,7 @@ class Discovery:
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
         model, fitted = self.model, self.model.fitted
+        bias = {} if self.bias is None else dict(zip(self.bias.ids, self.bias.pooled.tolist(), strict=True))
         return {
             "schema": 1,
             "joint": {
@@ -82,6 +85,7 @@ class Discovery:
                     "unit": term.unit,
                     "standard_error": term.standard_error,
                     "interval95": list(term.interval95),
+                    "bias": bias.get(term.id),
                 }
                 for term in model.terms
             ],
@@ -113,6 +117,9 @@ def discover(
     correct: bool = True,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
     **options: Any,
 ) -> Discovery:
     """Find which terms the equation of a joint has.
@@ -135,6 +142,9 @@ def discover(
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
+    jobs, workers, cluster
+        Where the stretches of runs that are too long for memory are worked on; see
+        :func:`~sindyjoint.parallel.executor`.
     **options
         Parameters of :class:`~sindyjoint.JointRegressor`: method, threshold, selection, forced, forbidden, ...
 
@@ -153,20 +163,26 @@ def discover(
     catalogue = as_catalogue(library)
     if campaign is None:
         say("simulating the virtual test")
-    campaign = the_campaign(campaign, random_state)
+    campaign = the_campaign(campaign, random_state, LONGEST)
     inertia = campaign.joint.inertia
     say("force states")
     force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
     say("time skew of the channels")
     skew = _skew(force_states, inertia)
-    if align and skew is not None and skew.significant:
-        force_states = tuple(shifted(s, skew.time) for s in force_states)
+    lag = skew.time if align and skew is not None and skew.significant else 0.0
+    force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
-    regressor = JointRegressor(
-        catalogue, motion=campaign.joint.motion, random_state=random_state, **options
-    ).fit(**regression_rows(force_states, inertia).fit_arguments())
+    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
+    if has_long_runs(campaign):
+        with executor(jobs, workers, cluster) as here:
+            regressor, tallies = fit_long(
+                regressor, campaign, force_states, here, bandwidth=bandwidth, lag=lag, say=say
+            )
+    else:
+        regressor.fit(**regression_rows(force_states, inertia).fit_arguments())
+        tallies = tuple(Tally(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
     say("judging")
-    model = _campaign_model(regressor, campaign, force_states)
+    model = _campaign_model(regressor, campaign, force_states, tallies)
     verdict = judge(regressor, model)
     say("measuring the bias of the processing")
     fixed = _corrected(regressor, model, campaign, force_states) if correct else None
@@ -202,8 +218,10 @@ def _corrected(
     return corrected_model(model, fitted, campaign, states, known=known)
 
 
-def the_campaign(campaign: Campaign | str | Path | None, random_state: Any = None) -> Campaign:
-    """Return a campaign from itself, from a file, or the built-in virtual test."""
+def the_campaign(
+    campaign: Campaign | str | Path | None, random_state: Any = None, longest: int | None = None
+) -> Campaign:
+    """Return a campaign from itself, a file, or the built-in virtual test; of runs beyond ``longest`` a stretch."""
     if isinstance(campaign, Campaign):
         return campaign
     if campaign is None:
@@ -214,7 +232,7 @@ def the_campaign(campaign: Campaign | str | Path | None, random_state: Any = Non
         )
     from sindyjoint.files import load_campaign
 
-    return load_campaign(campaign)
+    return load_campaign(campaign, longest)
 
 
 def _skew(states: Sequence[ForceStates], inertia: float | None) -> Skew | None:
@@ -232,21 +250,21 @@ def _skew(states: Sequence[ForceStates], inertia: float | None) -> Skew | None:
 
 
 def _campaign_model(
-    regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates]
+    regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates], tallies: Sequence[Tally]
 ) -> JointModel:
     """Return the regressor's model with the joint and the data it came from."""
     model = regressor.model_
     inertia = campaign.joint.inertia
     if inertia is None and INERTIA in model:
         inertia = model[INERTIA].coefficient
-    count = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
+    count = np.array([tally.moving for tally in tallies], dtype=float)
     # What one sample of the transfer moment cannot repeat: sensor noise, and the inertia times noise of θ̈.
     variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
     fitted = Fitted(
         moment_rms=model.fitted.moment_rms,
         residual_rms=model.fitted.residual_rms,
         noise_floor=float(np.sqrt(np.average(variance, weights=count))),
-        moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
+        moving_fraction=float(count.sum() / sum(tally.samples for tally in tallies)),
         samples=int(count.sum()),
         runs=len(states),
         angle=model.fitted.angle,
