@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.discrepancy.effects import Effect
@@ -23,7 +24,9 @@ MOST_RUNS = 2
 ENOUGH = 0.95  # expected confidence after which no further run is asked for
 CLOSER_LOOK = 3  # runs in which the rivals are fitted anew
 LITTLE = 0.02  # less gain of confidence than this is none
-NO_RUN = "none: no motion separates them; read both channels with the joint unloaded and at rest"
+MOST_NATS = 30.0
+NO_RUN = "none: no prescribed angle that was tried separates them"
+READ_ZEROS = "none: no motion separates them; read both channels with the joint unloaded and at rest"
 
 
 def advise(
@@ -66,6 +69,7 @@ class _Rivals:
         self.rows, self.states, self.model, self.others = tuple(rows), tuple(states), model, tuple(others)
         self.members = tuple(members)
         self.weights = np.asarray(weights) / np.sum(weights)
+        self.before = [self._evidence([], index, closely=True) for index in range(len(self.members))]
 
     @classmethod
     def build(
@@ -89,7 +93,7 @@ class _Rivals:
         names = tuple(each.effect.id for each in self.members)
         added: list[GapRun] = []
         advice: list[Advice] = []
-        before = self.confidence([], closely=True)
+        before = float(self.weights @ self.weights)
         for _ in range(MOST_RUNS):
             best = self._best(added)
             if best is None or best[0] < before + LITTLE:
@@ -99,7 +103,10 @@ class _Rivals:
             advice.append(Advice(names, design.frequency, design.level, design.waveform, before))
             if before >= ENOUGH:
                 break
-        return advice or [Advice(names, 0.0, 0.0, NO_RUN, before)]
+        if advice:
+            return advice
+        channels = any(each.effect.enters != "moment" for each in self.members)
+        return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else NO_RUN, before)]
 
     def _best(self, added: Sequence[GapRun]) -> tuple[float, Design, GapRun] | None:
         """Return the run with the highest expected confidence: all at a glance, the best few with rivals refitted."""
@@ -107,26 +114,44 @@ class _Rivals:
         for design in designs(self.states):
             (row,) = gap_runs([expected_states(design, self.states)], self.model, ["advised"])
             if row.target.size:
-                tried.append((self.confidence([*added, row], closely=False), design, row))
-        tried.sort(key=lambda each: -each[0])
-        again = [(self.confidence([*added, row], closely=True), d, row) for _, d, row in tried[:CLOSER_LOOK]]
-        return max(again, key=lambda each: each[0]) if again else None
+                tried.append((*self.expected([*added, row], closely=False), design, row))
+        tried.sort(key=lambda each: each[:2], reverse=True)
+        again = [(*self.expected([*added, row], closely=True), d, row) for *_, d, row in tried[:CLOSER_LOOK]]
+        if not again:
+            return None
+        confidence, _, design, row = max(again, key=lambda each: each[:2])
+        return confidence, design, row
 
-    def confidence(self, added: Sequence[GapRun], closely: bool) -> float:
-        """Return the probability that the true member would have, on average over which of them is true."""
-        total = 0.0
-        for weight, true in zip(self.weights, self.members, strict=True):
-            problem = _as_if([*self.rows, *added], self.model, self.others, true)
-            fitted = []
-            for each in self.members:
-                if each is not true and closely:
-                    each = refine_effect(problem, each)
-                gain, coefficients = problem.gain(each.variant, each.values)
-                fitted.append(replace(each, gain=gain, coefficients=coefficients))
-            ranking = rank(problem, fitted)
-            place = [f.effect.id for f in ranking.fitted].index(true.effect.id)
-            total += weight * ranking.probabilities[place]
-        return float(total)
+    def expected(self, added: Sequence[GapRun], closely: bool) -> tuple[float, float]:
+        """Return expected confidence and margin with some runs more.
+
+        The confidence is the probability that the true member would have, on average over which of them is true:
+        today's odds times what the runs add to the evidence. The margin, in nats, goes on where it saturates.
+        """
+        confidence = margin = 0.0
+        for index, weight in enumerate(self.weights):
+            gained = self._evidence(added, index, closely) - self.before[index]
+            logarithms = np.log(self.weights) + gained
+            odds = np.exp(logarithms - logarithms.max())
+            confidence += weight * float(odds[index] / odds.sum())
+            others = np.delete(logarithms, index)
+            margin += weight * float(np.clip(logarithms[index] - others.max(), -MOST_NATS, MOST_NATS))
+        # Ties of the confidence are decided by the margin.
+        return round(confidence, 3), margin
+
+    def _evidence(self, added: Sequence[GapRun], index: int, closely: bool) -> NDArray[np.float64]:
+        """Return the logarithm of each member's probability if one of them is true."""
+        true = self.members[index]
+        problem = _as_if([*self.rows, *added], self.model, self.others, true)
+        fitted = []
+        for each in self.members:
+            if each is not true and closely:
+                each = refine_effect(problem, each)
+            gain, coefficients = problem.gain(each.variant, each.values)
+            fitted.append(replace(each, gain=gain, coefficients=coefficients))
+        ranking = rank(problem, fitted)
+        places = {f.effect.id: p for f, p in zip(ranking.fitted, ranking.probabilities, strict=True)}
+        return np.array([np.log(max(places[each.effect.id], 1e-300)) for each in self.members])
 
 
 def _as_if(

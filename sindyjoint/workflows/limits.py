@@ -1,0 +1,67 @@
+"""What a campaign cannot show: said beside every diagnosis, so that a short answer is not taken for a full one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sindyjoint.record import Campaign
+from sindyjoint.states import ForceStates
+
+# Swings within this factor are one level; frequencies within this factor are one frequency.
+SAME_LEVEL = 1.15
+SAME_FREQUENCY = 1.02
+LARGE_DROP = 0.25
+FEW_PERIODS = 8
+
+
+def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
+    """Return one line for each thing that a campaign's runs leave open.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    states : sequence of ForceStates
+        Of the runs that may be used for identification, whole.
+    """
+    lines = []
+    if campaign.simulated:
+        lines.append("the campaign is simulated (a virtual test), not measured")
+    if len(states) == 1:
+        held = (
+            "the runs kept for validation are all there is to check it"
+            if campaign.validation_runs
+            else "nothing could be held out, the gaps are those of stretches of that run"
+        )
+        lines.append(f"one run only: {held}")
+    frequencies = [s.frequency for s in states if s.frequency is not None]
+    if len(frequencies) == len(states) and max(frequencies) < SAME_FREQUENCY * min(frequencies):
+        lines.append("one frequency only: effects of frequency, of rate and of inertia cannot be told apart")
+    swings = [float(np.ptp(s.angle)) for s in states]
+    periodic = [s for s in states if s.method == "periodic"]
+    if len(periodic) == len(states) and max(swings) < SAME_LEVEL * min(swings):
+        lines.append("one level only: effects of amplitude cannot be told apart")
+    if not periodic:
+        lines.append("no run repeats: noise was judged from the spectrum, not from repetition")
+    short = [
+        s.run for s in periodic if s.frequency and s.n_samples * s.frequency < FEW_PERIODS * s.sample_rate
+    ]
+    if short:
+        lines.append(
+            f"fewer than {FEW_PERIODS} periods in {_some(short)}: what changes in time cannot be seen"
+        )
+    ends = {run.name: run.duration for run in campaign.runs}
+    late = [s.run for s in periodic if s.dropped > LARGE_DROP * ends[s.run]]
+    if late:
+        lines.append(
+            f"{max(s.dropped / ends[s.run] for s in periodic):.0%} of the record was left out as start-up in "
+            f"{_some(late)}: what changed in that time was not examined"
+        )
+    return lines
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return a few names, and how many more there are."""
+    shown = ", ".join(names[:3])
+    return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more runs"
