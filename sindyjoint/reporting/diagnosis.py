@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above
 
 if TYPE_CHECKING:
@@ -128,8 +126,6 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
         (("moment", result.noise_floor.moment), ("response", result.noise_floor.response))
     ):
         values = [100 * getattr(gap, name) for gap in gaps]
-        if np.all(np.isnan(values)):
-            continue  # no moment is measured in a structure
         place = [i + (index - 0.5) * 0.36 for i in range(len(gaps))]
         ax.bar(
             place, values, 0.34, color=PALETTE[index], label=f"{name} gap", hatch="" if index == 0 else "///"

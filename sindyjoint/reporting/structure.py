@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.reporting.diagnosis import words
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.workflows.oscillation import hilbert_envelope, main_frequency
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
     from sindyjoint.workflows.structure_gap import RecordGap
 
 CYCLES_SHOWN = 6
@@ -29,24 +31,62 @@ def _curves(record: RecordGap) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
     return curves
 
 
-def overlay(record: RecordGap, ax: Axes, cycles: bool = False) -> Axes:
-    """Draw measured and simulated displacement over time; with ``cycles``, the last ones of the record alone."""
+def overlay(record: RecordGap, ax: Axes) -> Axes:
+    """Draw the measured displacement and, over it, what the simulations miss of it, before and after."""
     factor, unit = prefixed(float(np.abs(record.measured).max()), "m")
-    kept = slice(None)
-    if cycles:
-        kept = _middle_cycles(record)
+    looks: list[tuple[str, np.ndarray | None, dict[str, Any]]] = [
+        ("measured", record.measured, {"color": PALETTE[0], "lw": 0.5, "alpha": 0.35}),
+        ("missed by the model alone", _missed(record, record.before), {"color": PALETTE[1], "lw": 0.7}),
+        ("missed with the effects", _missed(record, record.after), {"color": INK, "lw": 0.7}),
+    ]
+    for label, signal, look in looks:
+        if signal is not None:
+            ax.plot(record.time, signal * factor, label=label, rasterized=signal.size > 4000, **look)
+    ax.set_xlabel("Time (s)")
+    ax.set_ylabel(f"Displacement ({unit})")
+    ax.set_title(plain(shortened(record.name)))
+    if record.held_from:
+        ax.axvline(record.held_from, color=MUTED, lw=0.6)
+        ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
+                    xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
+    legend_above(ax, 2, columns=3)
+    return ax
+
+
+def _missed(record: RecordGap, simulated: np.ndarray | None) -> np.ndarray | None:
+    return None if simulated is None else simulated - record.measured
+
+
+def cycles(record: RecordGap, ax: Axes) -> Axes:
+    """Draw a few cycles of what the fit did not see, measured and simulated."""
+    factor, unit = prefixed(float(np.abs(record.measured).max()), "m")
+    kept = _middle_cycles(record)
     for label, signal, look in _curves(record):
-        ax.plot(
-            record.time[kept], signal[kept] * factor, label=label, rasterized=signal[kept].size > 4000, **look
-        )
+        ax.plot(record.time[kept], signal[kept] * factor, label=label, **look)
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"Displacement at {plain(shortened(record.name, 24))} ({unit})")
-    if cycles:
-        legend_above(ax, 3, columns=3)
-    elif record.held_from:
-        ax.axvline(record.held_from, color=MUTED, lw=0.6)
-        ax.annotate("kept out of the fit →", (record.held_from, 0.97), xycoords=("data", "axes fraction"),
-                    xytext=(3, 0), textcoords="offset points", va="top", color=MUTED)  # fmt: skip
+    legend_above(ax, 3, columns=3)
+    return ax
+
+
+def gap_by_step(result: StructureDiagnosis, ax: Axes) -> Axes:
+    """Draw the response gap of the model alone and after each effect, on a logarithmic scale down to the noise."""
+    rows = [("model alone", result.initial), *((f"+ {words(s.effect)}", s.gap_after) for s in result.steps)]
+    values = [100 * gap.response for _, gap in rows]
+    floor = 100 * result.noise_floor.response
+    left = 0.5 * min(floor, *(v for v in values if v == v))
+    for place, value in enumerate(values):
+        if value == value:
+            ax.barh(place, value - left, left=left, height=0.6, color=PALETTE[0])
+            ax.text(value * 1.05, place, f"{value:.3g} %", va="center", color=INK)
+    ax.axvline(floor, color=PALETTE[1], linestyle=(0, (4, 2)), label=f"noise floor, {floor:.3g} %")
+    ax.set_xscale("log")
+    ax.set_xlim(left, 2.5 * max([floor, *(v for v in values if v == v)]))
+    ax.set_yticks(range(len(rows)), [label for label, _ in rows])
+    ax.invert_yaxis()
+    ax.set_xlabel("response gap on what was kept out of the fit, relative RMS, %")
+    ax.set_title("Gap between simulation and measurement")
+    ax.legend(loc="lower right")
     return ax
 
 

@@ -72,13 +72,13 @@ def record_noise(displacement: ArrayLike, sample_rate: float) -> RecordNoise:
         return RecordNoise(max(white, 1e-9 * float(np.std(values))), 1.0)
     width = late.size // count
     windows = late[-count * width :].reshape(count, width)
-    lines = [frequency]
+    lines = [_refined(windows, sample_rate, [], frequency, sample_rate / values.size)]
     while True:
         left, used = _explained(windows, sample_rate, lines)
         extra = _line(left, sample_rate) if len(lines) < MOST_LINES and used + 4 < width // 2 else None
         if extra is None or min(abs(extra - f) for f in lines) < 0.5 * sample_rate / width:
             break
-        lines.append(extra)
+        lines.append(_refined(windows, sample_rate, lines, extra, sample_rate / width))
     sigma = float(np.sqrt(np.sum(left**2) / max(count * (width - used), 1)))
     least = max(white, 1e-9 * float(np.std(values)))
     return RecordNoise(max(sigma, least), _length(left) if sigma > 0 else 1.0)
@@ -96,6 +96,17 @@ def _explained(windows: Array, sample_rate: float, lines: list[float]) -> tuple[
             columns += [wave, ramp * wave]
     basis, _ = np.linalg.qr(np.array(columns).T)
     return windows - (windows @ basis) @ basis.T, len(columns)
+
+
+def _refined(windows: Array, sample_rate: float, lines: list[float], guess: float, width: float) -> float:
+    """Return the frequency within a resolution of a guess that leaves least, Hz."""
+    from scipy.optimize import minimize_scalar
+
+    def left(frequency: float) -> float:
+        return float(np.sum(_explained(windows, sample_rate, [*lines, frequency])[0] ** 2))
+
+    found = minimize_scalar(left, bounds=(max(guess - width, 0.1 * guess), guess + width), method="bounded")
+    return float(found.x) if left(float(found.x)) < left(guess) else guess
 
 
 def _line(windows: Array, sample_rate: float) -> float | None:

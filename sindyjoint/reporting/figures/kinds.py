@@ -266,10 +266,17 @@ STRUCTURE: dict[str, Kind] = DIAGNOSIS | {
     kind.name: kind
     for kind in (
         Kind(
+            "gap",
+            "Gap by step",
+            "Response gap before and after each named effect, down to the noise floor; the scale is logarithmic.",
+            _fixed(structure.gap_by_step),
+            wide=True,
+        ),
+        Kind(
             "overlay",
             "Before and after",
-            "Measured displacement, and the simulation with the model alone and with the effects. What lies behind the "
-            "line was kept out of the fit that is drawn.",
+            "Measured displacement, and what the simulations miss of it: with the model alone and with the effects. "
+            "What lies behind the line was kept out of the fit that is drawn.",
             _of_records(structure.overlay),
             wide=True,
         ),
@@ -277,7 +284,7 @@ STRUCTURE: dict[str, Kind] = DIAGNOSIS | {
             "cycles",
             "A few cycles",
             "Some cycles of what was kept out of the fit, measured and simulated.",
-            _of_records(partial(structure.overlay, cycles=True)),
+            _of_records(structure.cycles),
             wide=True,
         ),
         Kind(
