@@ -1,27 +1,49 @@
-"""Progress on stderr, only where a person looks at a terminal."""
+"""What a command says on stderr while it works: a spinner on a terminal, or steps with their times."""
 
 from __future__ import annotations
 
 import sys
+import time
 from types import TracebackType
-from typing import Any
+from typing import Annotated, Any
+
+import typer
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")]
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose", "-v", help="Steps with their times, and the numbers behind the result, on stderr."
+    ),
+]
 
 
 class Progress:
-    """A spinner with the name of the stage; silent where stderr is not a terminal.
+    """Tell of the stages: a spinner where stderr is a terminal, or lines with the time since the start.
 
     Parameters
     ----------
     quiet : bool
         Never show anything.
+    verbose : bool
+        A line per stage, terminal or not, and what lies behind the result.
+
+    Raises
+    ------
+    typer.BadParameter
+        If both are wanted.
     """
 
-    def __init__(self, quiet: bool = False):
-        self._active = not quiet and sys.stderr.isatty()
+    def __init__(self, quiet: bool = False, verbose: bool = False):
+        if quiet and verbose:
+            raise typer.BadParameter("contradicts --quiet; choose one of them", param_hint="--verbose")
+        self._verbose = verbose
+        self._spins = not quiet and not verbose and sys.stderr.isatty()
         self._status: Any = None
+        self._start = time.perf_counter()
 
     def __enter__(self) -> Progress:
-        if self._active:
+        if self._spins:
             from rich.console import Console
 
             self._status = Console(stderr=True).status("starting")
@@ -29,9 +51,20 @@ class Progress:
         return self
 
     def say(self, stage: str) -> None:
-        """Show the name of the stage that begins."""
+        """Name the stage that begins."""
         if self._status is not None:
             self._status.update(stage)
+        elif self._verbose:
+            print(f"{time.perf_counter() - self._start:7.2f} s  {stage}", file=sys.stderr, flush=True)
+
+    def tell(self, result: Any) -> None:
+        """Show the numbers behind a result, where that was asked for."""
+        if self._verbose:
+            from sindyjoint.reporting.details import details
+
+            self.say("done; what lies behind it:")
+            for line in details(result):
+                print(f"           {line}".rstrip(), file=sys.stderr)
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None

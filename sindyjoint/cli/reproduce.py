@@ -21,7 +21,8 @@ app = typer.Typer(
 def reproduce(
     context: typer.Context,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures.")
+        Path | None,
+        typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
