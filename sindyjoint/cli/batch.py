@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.discover import _Method, _Selection, _States
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 JobsOption = Annotated[
     int, typer.Option("--jobs", "-j", help="Processes of this machine; -1: one for each core.")
@@ -64,7 +64,8 @@ def batch(
         bool, typer.Option("--align", help="Remove the time skew between the channels.")
     ] = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Discover the joints of many campaigns; hold them against each other: outliers, trends.
 
@@ -78,7 +79,7 @@ def batch(
     from sindyjoint.files.atomic import check_output
 
     check_output(out)
-    with Progress(quiet) as progress:
+    with Progress(quiet, verbose) as progress:
         from sindyjoint.reporting.batch import campaign_files, show_batch, write_batch
         from sindyjoint.workflows.batch import batch as run
         from sindyjoint.workflows.batch_record import CampaignRecord
@@ -113,6 +114,7 @@ def batch(
             raise typer.Exit(130) from None
         progress.say("writing the page")
         write_batch(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+        progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

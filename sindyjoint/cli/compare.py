@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.discover import CampaignPath
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 
 def compare(
@@ -40,7 +40,8 @@ def compare(
     ] = 0.10,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Put the question of the terms to every method, every frequency and every library.
 
@@ -52,7 +53,7 @@ def compare(
 
     if out is not None:
         check_output(out)
-    with Progress(quiet) as progress:
+    with Progress(quiet, verbose) as progress:
         from sindyjoint.workflows.compare import compare as run
 
         result = run(
@@ -69,6 +70,7 @@ def compare(
 
             progress.say("writing the report")
             write_comparison(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+        progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +54,8 @@ def diagnose(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, show the gap shrink.
 
@@ -69,7 +70,7 @@ def diagnose(
 
     if out is not None:
         check_output(out)
-    with Progress(quiet) as progress:
+    with Progress(quiet, verbose) as progress:
         result = _diagnosed(
             campaign,
             model,
@@ -86,6 +87,7 @@ def diagnose(
 
             files = [path for path in (model, campaign) if path is not None and path.exists()]
             write_diagnosis(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
+        progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

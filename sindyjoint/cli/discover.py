@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
@@ -105,7 +105,8 @@ def discover(
         ),
     ] = None,
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Find which terms the joint's equation has, with coefficients and evidence.
 
@@ -121,7 +122,7 @@ def discover(
         raise typer.BadParameter(
             "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
         )
-    with Progress(quiet) as progress:
+    with Progress(quiet, verbose) as progress:
         # Not before the output is known to be writable: the imports alone take two seconds.
         from sindyjoint.workflows.discover import discover as run
 
@@ -150,6 +151,7 @@ def discover(
             from sindyjoint.reporting import write_discovery
 
             write_discovery(result, out, command_line=["sindyjoint", *sys.argv[1:]])
+        progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 app = typer.Typer(
     help="Make the paper's tables and figures from virtual tests of its two joints, with its numbers beside.",
@@ -26,7 +26,8 @@ def reproduce(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Make the paper's tables and figures from virtual tests of its two joints, with its numbers beside.
 
@@ -40,7 +41,7 @@ def reproduce(
 
     if out is not None:
         check_output(out)
-    with Progress(quiet) as progress:
+    with Progress(quiet, verbose) as progress:
         from sindyjoint.reporting.reproduction import show_reproduction, write_reproduction
         from sindyjoint.workflows.reproduce import reproduce as run
 
@@ -48,6 +49,7 @@ def reproduce(
         if out is not None:
             progress.say("drawing")
             write_reproduction(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+        progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
+
 
 class _Joint(StrEnum):
     inter_panel = "inter-panel"
@@ -64,6 +66,8 @@ def simulate(
     format: Annotated[_Format, typer.Option(help="Format of the run files.")] = _Format.csv,
     random_state: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Make a virtual test: simulate runs of a joint, with sensors and noise, and write them to files.
 
@@ -89,10 +93,14 @@ def simulate(
         settling=settling,
         skew=skew,
     )
-    made = run_tests(test, np.random.default_rng(random_state))
-    campaign = Campaign(campaign_joint(test), tuple(one.run for one in made), simulated=True)
-    channels = [one.raw for one in made] if raw else None
-    manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if raw else None, channels)
+    with Progress(quiet, verbose) as progress:
+        progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
+        made = run_tests(test, np.random.default_rng(random_state))
+        campaign = Campaign(campaign_joint(test), tuple(one.run for one in made), simulated=True)
+        channels = [one.raw for one in made] if raw else None
+        progress.say("writing the files")
+        manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if raw else None, channels)
+        progress.tell(campaign)
     if as_json:
         runs = [
             {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 
 def verify(
@@ -49,7 +49,8 @@ def verify(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Simulate a model and hold it against measured response.
 
@@ -64,7 +65,7 @@ def verify(
 
     if out is not None:
         check_output(out)
-    with Progress(quiet) as progress:
+    with Progress(quiet, verbose) as progress:
         from sindyjoint.workflows.verify import verify as run
 
         result = run(
@@ -84,6 +85,7 @@ def verify(
 
             progress.say("writing the results")
             write_verification(result, out, ["sindyjoint", *sys.argv[1:]], random_state, (model, against))
+        progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
