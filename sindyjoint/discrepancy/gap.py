@@ -20,14 +20,18 @@ from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import MeasuredMotion
 from sindyjoint.discrepancy.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.states import ForceStates
+from sindyjoint.states.broadband import smoothing_kernels
 
 Array = NDArray[np.float64]
 
 PHASES = 240
-STRETCHES = 5
+# A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
+STRETCHES = 20
+FOLDS = 5
+GOLDEN = 0.6180339887
 # Rows of a run that does not repeat: this many per period of its bandwidth, and of all runs together at most so many.
 ROWS_PER_PERIOD = 5
-MOST_ROWS = 40_000
+MOST_ROWS = 16_000
 STRETCH = 500
 # Internal states follow a motion that is interpolated within this share of its RMS.
 FOLLOWED_ERROR = 1e-4
@@ -57,6 +61,10 @@ class GapRun:
         Standard error of each row's moment by the moment's own noise, N·m.
     folded : bool
         Whether the rows are a mean period, whose noise repetition has measured.
+    variance : float
+        Mean variance of the rows by noise, (N·m)²; what a model leaves beyond it is the model's own error.
+    band : Band, optional
+        Where an acceleration enters: the band within which it is known.
     """
 
     name: str
@@ -67,6 +75,8 @@ class GapRun:
     factor: Array
     sigma: Array
     folded: bool
+    variance: float = 0.0
+    band: Band | None = None
 
     def white(self, rows: Array) -> Array:
         """Return rows of columns in units of independent noise; shape as given, (m,) or (m, k)."""
@@ -81,7 +91,8 @@ class GapRun:
         """Return what is held out together, per row: the run's group, or stretches of it where the run is alone."""
         if not alone:
             return np.full(self.target.size, self.group, dtype=object)
-        return (np.arange(self.target.size) * STRETCHES // self.target.size).astype(object)
+        stretch = np.arange(self.target.size) * STRETCHES // self.target.size
+        return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
 
     def rough(self) -> GapRun:
         """Return the run for searching inner parameters: internal states are integrated in longer steps."""
@@ -103,8 +114,29 @@ class GapRun:
         return self.motion.acceleration[self.motion.keep]
 
 
+@dataclass(frozen=True, eq=False)
+class Band:
+    """A low-pass over the even grid from which rows were taken."""
+
+    kernel: Array
+    places: NDArray[np.intp]
+
+    def within(self, left: Array) -> Array:
+        """Return what is left at the rows within the band, shape (m,); gaps between rows are bridged."""
+        from scipy.signal import fftconvolve
+
+        grid = np.interp(np.arange(self.places[0], self.places[-1] + 1), self.places, left)
+        half = self.kernel.size // 2
+        smooth = fftconvolve(np.pad(grid, half, mode="edge"), self.kernel, mode="valid")
+        return smooth[self.places - self.places[0]]
+
+
 def gap_runs(
-    states: Sequence[ForceStates], model: JointModel, groups: Sequence[str], phases: int = PHASES
+    states: Sequence[ForceStates],
+    model: JointModel,
+    groups: Sequence[str],
+    phases: int = PHASES,
+    errors: Sequence[float] | None = None,
 ) -> tuple[GapRun, ...]:
     """Return the rows of every run.
 
@@ -117,11 +149,15 @@ def gap_runs(
         What is held out together, one label per run.
     phases : int
         Samples of the mean period.
+    errors : sequence of float, optional
+        Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     """
     scale, most = model.fitted.moment_rms, MOST_ROWS // len(states)
     return tuple(
-        _folded(s, model, g, phases, scale) if s.method == "periodic" else _strided(s, model, g, scale, most)
-        for s, g in zip(states, groups, strict=True)
+        _folded(s, model, g, phases, scale)
+        if s.method == "periodic"
+        else _strided(s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), most)
+        for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
     )
 
 
@@ -175,7 +211,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
 
 
-def _strided(states: ForceStates, model: JointModel, group: str, scale: float, most: int) -> GapRun:
+def _strided(states: ForceStates, model: JointModel, group: str, error: float, most: int) -> GapRun:
     """Take evenly spaced moving samples of a run that does not repeat, and whiten them.
 
     The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
@@ -195,10 +231,12 @@ def _strided(states: ForceStates, model: JointModel, group: str, scale: float, m
         )
     keep = rows * between
     motion = _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
-    white = np.sqrt(states.noise.moment**2 + (CHAIN_ERROR * scale) ** 2)
-    sigma = np.full(rows.size, white)
-    factor = kernel_noise_factor(states, model, motion, rows * every, sigma)
-    return GapRun(states.run, group, states.level, motion, target, factor, sigma, False)
+    sigma = np.full(rows.size, float(np.hypot(states.noise.moment, error)))
+    factor, variance = kernel_noise_factor(states, model, motion, rows * every, sigma)
+    noise = float(np.mean(variance)) - error**2
+    kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
+    band = Band(kernel, rows) if model.inertia else None
+    return GapRun(states.run, group, states.level, motion, target, factor, sigma, False, noise, band)
 
 
 def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:

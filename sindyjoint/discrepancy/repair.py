@@ -166,6 +166,19 @@ def kept_gap(
     return _relative(runs, left, target, noise), float(np.sqrt(np.mean(whitened(runs, left) ** 2)))
 
 
+def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> list[float]:
+    """Return what model and effects leave of each run beyond its noise, RMS in N·m; zero where it repeats.
+
+    Where the model is wrong by more than the noise, weights that know of the noise alone would trust it too much.
+    """
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    left = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
+    return [
+        0.0 if run.folded else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
+        for run, r in zip(runs, left, strict=True)
+    ]
+
+
 def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
     """Return stacked rows of all runs in units of noise."""
     ends = np.cumsum([run.target.size for run in runs])[:-1]
@@ -173,8 +186,13 @@ def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
 
 
 def _relative(runs: Sequence[GapRun], left: Array, target: Array, noise: dict[str, float]) -> float:
-    added = [np.full(run.target.size, noise[run.name] ** 2 if run.folded else 0.0) for run in runs]
-    return float(np.sqrt(np.mean(left**2 + np.concatenate(added)) / np.mean(target**2)))
+    """Return the relative RMS of what is left, within the band in which accelerations are known."""
+    ends = np.cumsum([run.target.size for run in runs])[:-1]
+    square = []
+    for run, part in zip(runs, np.split(left, ends), strict=True):
+        within = part if run.band is None else run.band.within(part)
+        square.append(within**2 + (noise[run.name] ** 2 if run.folded else 0.0))
+    return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(target**2)))
 
 
 def _again(

@@ -74,8 +74,10 @@ def kernel_noise_factor(
     motion: MeasuredMotion,
     samples: NDArray[np.intp],
     sigma: Array,
-) -> Array:
-    """Return the banded Cholesky factor of the noise of broadband rows, shape (bands + 1, m), lower form.
+) -> tuple[Array, Array]:
+    """Return the banded Cholesky factor of the noise of broadband rows, lower form, and the variance of each row.
+
+    Shapes (bands + 1, m) and (m,).
 
     White noise of the angle comes out of the smoothing kernel and its derivatives correlated over the kernel's
     length, with Cov(i, j) = σ_θ² Σ_ab s_a(i) s_b(j) (h_a ⋆ h_b)(t_i − t_j) and s = (∂M/∂θ, ∂M/∂θ̇, I): at low
@@ -125,4 +127,4 @@ def kernel_noise_factor(
         row = sum(one[: lag.size] * other[band:] * correlation[place] for one, other, correlation in pairs)
         banded[band, : lag.size] = np.where(inside, row, 0.0)
     banded[0] += sigma**2
-    return cholesky_banded(banded, lower=True, check_finite=False)
+    return cholesky_banded(banded, lower=True, check_finite=False), banded[0]

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 # Two stretches are the same excitation when they differ by less than this share of their RMS (twice 5 % noise, and √2).
 SAME = 0.15
 FEWEST_PERIODS = 3
+# Samples after the last whole period are lost to the mean; where they are more than this, the record counts as it is.
+MOST_WASTED = 0.1
 SHORTEST = 256  # samples of a period
 # A first period that differs from the others by this much more than they do among one another holds a transient.
 TRANSIENT = 1.5
@@ -44,12 +46,15 @@ def repetition(run: Run) -> int | None:
     while top + 1 < near.size and near[top + 1] > near[top]:
         top += 1
     lag = SHORTEST + top
-    change = [signal[lag:] - signal[:-lag] for signal in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])]
+    change = [
+        signal[lag:] - signal[:-lag] for signal in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
+    ]
     alike = all(
         np.sqrt(np.mean(c**2)) <= SAME * np.sqrt(2) * np.std(s)
         for c, s in zip(change, (angle, moment), strict=True)
     )
-    return lag if alike else None
+    wasted = run.n_samples % lag
+    return lag if alike and wasted <= MOST_WASTED * run.n_samples else None
 
 
 def mean_period(run: Run, period: int) -> tuple[Run, int]:

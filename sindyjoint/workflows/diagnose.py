@@ -20,7 +20,7 @@ from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_ef
 from sindyjoint.discrepancy.pairs import hidden_pair
 from sindyjoint.discrepancy.repair import Repaired, refit
 from sindyjoint.record import Campaign
-from sindyjoint.states import ForceStates, campaign_states
+from sindyjoint.states import campaign_states
 from sindyjoint.workflows.advice import advise
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
 from sindyjoint.workflows.diagnosis_gap import gap_of, noise_floor
@@ -33,24 +33,20 @@ from sindyjoint.workflows.diagnosis_start import (
     kept_out,
     one_after_another,
 )
+from sindyjoint.workflows.diagnosis_verdict import humble, judge, unexplained_share
 from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.gap_response import processing_error
+from sindyjoint.workflows.limits import limits
 
 MAX_EFFECTS = 4
 # Nothing is claimed below this belief that something is missing.
 BELIEF = 0.9
-# Named effects must account for all but this share of what repeats; else something unknown is there.
-UNEXPLAINED = 0.15
-# Where nothing repeats, what could be explained is itself an estimate.
-UNEXPLAINED_BROADBAND = 0.5
 # An effect that helps the moment but makes the simulated response worse by this factor stands in for something else.
 WORSE_RESPONSE = 1.5
 LITTLE_HELP = 0.7
 # Where nothing repeats, an effect must win this share of the weighted gap, or of the response's, to be added.
 LEAST_GAIN = 0.02
 MOST_REFUSALS = 2
-# Beyond noise by less than this factor, the chain's own error is as good an explanation.
-SIGNIFICANT_EXCESS = 1.25
 
 
 def diagnose(
@@ -128,13 +124,14 @@ def diagnose(
         after = gap_of(work, work.model, ())
         steps.append(_drift_step(drift, before, after))
         before = after
-    repaired, steps, work, left = _loop(work, candidates, max_effects, steps, before, say)
+    repaired, steps, work, last = _loop(work, candidates, max_effects, steps, before, say)
     say("advice")
-    verdict, reason = _verdict(problem, steps, left, drift)
-    steps = _humble(steps, verdict)
-    advice = advise(work.rows, work.states, work.model, repaired.effects, steps, candidates)
     final = steps[-1].gap_after if steps else initial
     noise = noise_floor(initial_work)
+    left = unexplained_share(problem, last, initial, final, noise)
+    verdict, reason = judge(problem, steps, 0.0 if drift is not None else left)
+    steps = humble(steps, verdict)
+    advice = advise(work.rows, work.states, work.model, repaired.effects, steps, candidates)
     processing = processing_error(initial_work.campaign, initial_work.runs, initial_work.model)
     return Diagnosis(
         verdict=verdict,
@@ -146,7 +143,7 @@ def diagnose(
         where=where(problem) if verdict != "nothing_missing" else (),
         steps=tuple(steps),
         advice=advice,
-        warnings=tuple(_warnings(campaign, states, work)),
+        warnings=tuple(limits(campaign, states)),
         model=repaired.model,
         effects=repaired.effects,
         hidden=hidden,
@@ -160,7 +157,7 @@ def _loop(
     steps: list[Step],
     before: Gap,
     say: Callable[[str], None],
-) -> tuple[Repaired, list[Step], Work, float]:
+) -> tuple[Repaired, list[Step], Work, Problem]:
     """Add effects until the gap is noise, nothing explains it, or the count is reached."""
     found: list[FittedEffect] = []
     repaired = Repaired(work.model, ())
@@ -186,7 +183,7 @@ def _loop(
         work, found, repaired = trial, effects, fixed
         steps.append(_step(ranking, found, repaired, before, after))
         before = after
-    return Repaired(repaired.model, tuple(found), repaired.dropped), steps, work, problem.chi_square
+    return Repaired(repaired.model, tuple(found), repaired.dropped), steps, work, problem
 
 
 def _added(
@@ -199,8 +196,21 @@ def _added(
         found = _retested(work, found, candidates)
     shifts = [f for f in found if f.effect.enters == "time shift"]
     repaired = refit(work.rows, work.model, [f for f in found if f.effect.enters != "time shift"])
-    work = Work.build(work.campaign, work.runs, work.states, work.groups, repaired.model)
-    return work, [*shifts, *repaired.effects], repaired
+    work = Work.build(work.campaign, work.runs, work.states, work.groups, repaired.model, repaired.effects)
+    if not all(run.folded for run in work.rows):
+        # The rows are weighted anew by what is left now, and with them the inner parameters.
+        again = refit(work.rows, repaired.model, refined(work, repaired.model, repaired.effects))
+        repaired = replace(again, dropped=(*repaired.dropped, *again.dropped))
+    return replace(work, model=repaired.model), [*shifts, *repaired.effects], repaired
+
+
+def refined(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> list[FittedEffect]:
+    """Return effects with their inner parameters refitted beside one another."""
+    later = list(effects)
+    for index, each in enumerate(later):
+        others = later[:index] + later[index + 1 :]
+        later[index] = refine_effect(Problem.build(work.rows, model, others), each)
+    return later
 
 
 def _harms(before: Gap, after: Gap) -> bool:
@@ -273,10 +283,7 @@ def _retested(work: Work, found: list[FittedEffect], candidates: Sequence[Effect
     moving = [f for f in found if f.effect.enters != "time shift"]
     if len(moving) < 2:
         return found
-    for index in range(len(moving)):
-        others = moving[:index] + moving[index + 1 :]
-        problem = Problem.build(work.rows, work.model, others)
-        moving[index] = refine_effect(problem, moving[index])
+    moving = refined(work, work.model, moving)
     earlier = moving[:-1]
     for each in earlier:
         others = [f for f in moving if f is not each]
@@ -334,62 +341,3 @@ def _undrifted(work: Work, drift: ChannelDrift) -> Work:
     states = campaign_states(campaign, rate_share=RATE_SHARE)
     model = refit(gap_runs(states, work.model, work.groups), work.model, ()).model
     return Work.build(campaign, runs, states, work.groups, model)
-
-
-def _verdict(
-    problem: Problem, steps: Sequence[Step], left: float, drift: ChannelDrift | None
-) -> tuple[str, str]:
-    """Return the verdict and its reason."""
-    repeats = all(run.folded for run in problem.runs)
-    degrees = problem.degrees
-    excess = problem.chi_square / degrees
-    if repeats:
-        missing = max(problem.chi_square - degrees, 1e-9)
-        unexplained = (
-            float(np.clip((left - degrees) / missing, 0.0, 1.0))
-            if left / degrees > SIGNIFICANT_EXCESS
-            else 0.0
-        )
-    else:
-        from sindyjoint.discrepancy.budget import explained_by_state
-
-        could = explained_by_state(problem) * problem.chi_square
-        unexplained = float(np.clip(1 - (problem.chi_square - left) / could, 0.0, 1.0)) if could > 0 else 0.0
-    if not steps:
-        if repeats and excess > SIGNIFICANT_EXCESS:
-            return (
-                "unknown",
-                f"the gap is {excess:.1f} times noise in mean square and no known effect explains it",
-            )
-        return "nothing_missing", "what is left repeats no better than noise"
-    if drift is None and unexplained > (UNEXPLAINED if repeats else UNEXPLAINED_BROADBAND):
-        return "unknown", f"the effects found leave {unexplained:.0%} of the gap that repeats unexplained"
-    if any(len(s.members) > 1 for s in steps):
-        apart = "; ".join(
-            " or ".join(m.replace("_", " ") for m in s.members) for s in steps if len(s.members) > 1
-        )
-        return "ambiguous", f"these runs cannot tell apart: {apart}"
-    return "named", "found: " + ", then ".join(s.effect.replace("_", " ") for s in steps)
-
-
-def _humble(steps: Sequence[Step], verdict: str) -> list[Step]:
-    """Where something unknown remains, no name may be near certain: it may stand in for what is not known."""
-    if verdict != "unknown":
-        return list(steps)
-    return [replace(s, probability=min(0.5 * s.probability, 0.5)) for s in steps]
-
-
-def _warnings(campaign: Campaign, states: Sequence[ForceStates], work: Work) -> list[str]:
-    lines = []
-    if campaign.simulated:
-        lines.append("the campaign is simulated (a virtual test), not measured")
-    frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
-    if len(states) == 1:
-        lines.append("one run only: nothing could be held out, the gaps are those of the fit")
-    elif len(frequencies) == 1:
-        lines.append("one frequency only: effects of frequency and of rate cannot be told apart")
-    if len({s.level for s in states}) == 1 and len(states) > 1:
-        lines.append("one level only: effects of amplitude cannot be told apart")
-    if not any(s.method == "periodic" for s in states):
-        lines.append("no run repeats: noise was judged from the spectrum, not from repetition")
-    return lines

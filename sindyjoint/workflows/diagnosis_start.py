@@ -13,7 +13,8 @@ from sindyjoint.discovery.model import Fitted, JointModel
 from sindyjoint.discrepancy.change import MEMBER, changes, segments
 from sindyjoint.discrepancy.effects import Effect
 from sindyjoint.discrepancy.gap import GapRun, gap_runs
-from sindyjoint.discrepancy.repair import refit
+from sindyjoint.discrepancy.naming import FittedEffect
+from sindyjoint.discrepancy.repair import model_errors, refit
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, regression_rows
@@ -42,9 +43,13 @@ class Work:
         states: Sequence[ForceStates],
         groups: Sequence[str],
         model: JointModel,
+        effects: Sequence[FittedEffect] = (),
     ) -> Work:
-        """Return the work with the rows that its states and model make."""
+        """Return the work with the rows that its states, and the model with its effects, make."""
         rows = gap_runs(states, model, groups)
+        errors = model_errors(rows, model, effects)
+        if any(errors):
+            rows = gap_runs(states, model, groups, errors=errors)
         return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
 
     @property

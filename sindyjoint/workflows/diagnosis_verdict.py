@@ -1,0 +1,68 @@
+"""What a diagnosis comes to: named, ambiguous, unknown or nothing missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sindyjoint.discrepancy.budget import explained_by_state
+from sindyjoint.discrepancy.naming import Problem
+from sindyjoint.workflows.diagnosis import Gap, Step
+
+# Named effects must account for all but this share of what repeats; else something unknown is there.
+UNEXPLAINED = 0.15
+# Where nothing repeats, what could be explained is itself an estimate.
+UNEXPLAINED_BROADBAND = 0.3
+# Beyond noise by less than this factor, the chain's own error is as good an explanation.
+SIGNIFICANT_EXCESS = 1.25
+SIGNIFICANT_GAP = 2.0
+
+
+def unexplained_share(problem: Problem, last: Problem, initial: Gap, final: Gap, noise: Gap) -> float:
+    """Return the share of the gap beyond noise that the effects found leave, from 0 to 1.
+
+    Where every run repeats, noise is known and all that repeats beyond it counts. Elsewhere only what a law without
+    memory could still win, cross-validated, is known to be there.
+
+    Parameters
+    ----------
+    problem, last : Problem
+        Before the first effect and after the last one.
+    initial, final, noise : Gap
+    """
+    if all(run.folded for run in problem.runs):
+        if last.chi_square <= SIGNIFICANT_EXCESS * last.degrees:
+            return 0.0
+        missing = max(problem.chi_square - problem.degrees, 1e-9)
+        return float(np.clip((last.chi_square - last.degrees) / missing, 0.0, 1.0))
+    beyond = initial.moment**2 - noise.moment**2
+    if beyond <= 0 or final.moment <= SIGNIFICANT_GAP * noise.moment:
+        return 0.0
+    could = explained_by_state(last) * (final.moment**2 - noise.moment**2)
+    return float(np.clip(could / beyond, 0.0, 1.0))
+
+
+def judge(problem: Problem, steps: Sequence[Step], left: float) -> tuple[str, str]:
+    """Return the verdict and its reason; ``left`` is the share that the effects leave unexplained."""
+    repeats = all(run.folded for run in problem.runs)
+    if left > (UNEXPLAINED if repeats else UNEXPLAINED_BROADBAND):
+        if steps:
+            return "unknown", f"the effects found leave {left:.0%} of the gap beyond noise unexplained"
+        return "unknown", f"no known effect explains the gap; {left:.0%} of it is more than noise"
+    if not steps:
+        return "nothing_missing", "what is left repeats no better than noise"
+    if any(len(s.members) > 1 for s in steps):
+        apart = "; ".join(
+            " or ".join(m.replace("_", " ") for m in s.members) for s in steps if len(s.members) > 1
+        )
+        return "ambiguous", f"these runs cannot tell apart: {apart}"
+    return "named", "found: " + ", then ".join(s.effect.replace("_", " ") for s in steps)
+
+
+def humble(steps: Sequence[Step], verdict: str) -> list[Step]:
+    """Where something unknown remains, no name may be near certain: it may stand in for what is not known."""
+    if verdict != "unknown":
+        return list(steps)
+    return [replace(s, probability=min(0.5 * s.probability, 0.5)) for s in steps]
