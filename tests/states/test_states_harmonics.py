@@ -46,8 +46,24 @@ def test_rows_and_harmonics_can_be_taken():
     time = np.arange(1000) / RATE
     basis = HarmonicBasis.build(time, 4.0, np.array([1, 2, 3]))
     part = basis.take(np.array([True, False, True])).rows(slice(250, 500))
-    np.testing.assert_array_equal(part.cosine[:, 1], np.cos(2 * np.pi * 12 * time[250:500]))
+    # Phases of 6 rad are rounded to 1e-15, and thrice that by the sums of angles.
+    np.testing.assert_allclose(part.cosine[:, 1], np.cos(2 * np.pi * 12 * time[250:500]), atol=1e-13)
     np.testing.assert_array_equal(part.angular, 2 * np.pi * np.array([4.0, 12.0]))
+
+
+@pytest.mark.parametrize("count", [1, 2, 17, 120])
+def test_all_harmonics_together_are_fitted_as_any_of_them(count):
+    # The same least-squares problem, from the products of its columns one by one.
+    rng = np.random.default_rng(4)
+    time = np.arange(1999) / RATE
+    basis = HarmonicBasis.build(time, 3.7, np.arange(1, count + 1))
+    assert basis.complete
+    signal = rng.normal(size=time.size)
+    for rows in (slice(None), slice(300, 1500)):
+        design = np.column_stack([np.ones(time[rows].size), basis.cosine[rows], basis.sine[rows]])
+        expected = np.linalg.lstsq(design, signal[rows], rcond=None)[0]
+        mean, a, b = basis.rows(rows).fit(signal[rows])
+        np.testing.assert_allclose(np.concatenate([[mean], a, b]), expected, atol=1e-11)
 
 
 def test_local_noise_of_white_noise_is_its_variance():
