@@ -19,7 +19,6 @@ from sindyjoint.cli.verify import verify
 
 app = typer.Typer(
     name="sindyjoint",
-    help="Discover the equation of a nonlinear joint from vibration tests, with evidence.",
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -41,7 +40,10 @@ def options(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
     ] = False,
 ) -> None:
-    """Discover the equation of a nonlinear joint from vibration tests, with evidence."""
+    """Discover the equation of a nonlinear joint from vibration tests, with evidence.
+
+    Example: sindyjoint discover tests/campaign.toml --out results
+    """
 
 
 app.command("discover")(discover)

@@ -14,7 +14,9 @@ import typer
 if TYPE_CHECKING:
     from sindyjoint.discovery.catalogue import Catalogue, Parameter, Term
 
-app = typer.Typer(help="The catalogues of candidate terms.", no_args_is_help=True)
+app = typer.Typer(
+    help="The catalogues of candidate terms.\n\nExample: sindyjoint libraries show extended", no_args_is_help=True
+)
 
 
 class _Motion(StrEnum):

@@ -11,10 +11,7 @@ import typer
 
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
-app = typer.Typer(
-    help="Make the paper's tables and figures from virtual tests of its two joints, with its numbers beside.",
-    rich_markup_mode=None,
-)
+app = typer.Typer(rich_markup_mode=None)
 
 
 @app.callback(invoke_without_command=True)

@@ -1,6 +1,9 @@
 """Every command explains itself, with an example that begins with its own name."""
 
+import os
 import re
+import subprocess
+import sys
 
 import pytest
 import typer
@@ -36,6 +39,26 @@ def test_help_with_an_example(path, sindyjoint):
     assert re.search(rf"Examples?: .*sindyjoint {' '.join(path)}", text), text
     # A sentence comes first, and every option has one.
     assert re.search(r"Usage: sindyjoint .*? [A-Z][a-z]+ .+?\. ", text)
+
+
+@pytest.mark.parametrize("path", [(), ("libraries",)], ids=" ".join)
+def test_groups_have_an_example_too(path, sindyjoint):
+    text = " ".join(sindyjoint(*path, "--help").stdout.split())
+    assert re.search(r"Example: sindyjoint \w+", text), text
+
+
+def test_a_shell_completes_the_commands():
+    run = subprocess.run(
+        [sys.executable, "-m", "sindyjoint"],
+        env={**os.environ, "_SINDYJOINT_COMPLETE": "complete_bash", "COMP_WORDS": "sindyjoint ver", "COMP_CWORD": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert run.stdout.split() == ["verify"], run.stderr
+    script = subprocess.run(
+        [sys.executable, "-m", "sindyjoint", "--show-completion", "bash"], capture_output=True, text=True
+    )
+    assert "_SINDYJOINT_COMPLETE" in script.stdout, script.stderr
 
 
 @pytest.mark.parametrize("path", EVERY, ids=" ".join)
