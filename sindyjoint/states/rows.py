@@ -13,6 +13,8 @@ from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
 
+SAME = 0.01  # relative difference of two frequencies that count as one
+
 
 @dataclass(frozen=True, eq=False)
 class RegressionRows:
@@ -46,8 +48,20 @@ class RegressionRows:
 
 
 def group_labels(states: Sequence[ForceStates]) -> list[str]:
-    """Return what is held out together: runs of one frequency; or each run alone where all share one."""
-    labels = [f"{s.frequency:.4g} Hz" if s.frequency is not None else s.run for s in states]
+    """Return what is held out together: runs of one frequency; or each run alone where all share one.
+
+    Frequencies are refined run by run: within one per cent they are the same.
+    """
+    known: list[float] = []
+    labels = []
+    for state in states:
+        if state.frequency is None:
+            labels.append(state.run)
+            continue
+        same = [f for f in known if abs(state.frequency - f) <= SAME * f]
+        if not same:
+            known.append(state.frequency)
+        labels.append(f"{same[0] if same else state.frequency:.4g} Hz")
     return labels if len(set(labels)) > 1 else [s.run for s in states]
 
 

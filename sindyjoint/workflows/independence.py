@@ -42,7 +42,7 @@ def frequency_tests(
         variance = variance + bias.by_group_error[:, order] ** 2 + (DOUBT * shift) ** 2
     hertz = [frequency[group] for group in found.groups]
     return tuple(
-        frequency_test(term, hertz, values[:, i], np.sqrt(variance[:, i]), found.degrees[:, i], margin)
+        frequency_test(term, hertz, values[:, i], np.sqrt(variance[:, i]), found.degrees, margin)
         for i, term in enumerate(found.ids)
     )
 
