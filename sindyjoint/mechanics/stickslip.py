@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.excitation import Excitation, Interpolation, sampled
+from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import Law, as_compiled, softening_limit
 
 Array = NDArray[np.float64]
@@ -235,78 +235,6 @@ def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: flo
         many.time, many.angle[0], many.rate[0], many.acceleration[0], many.moment[0], many.stuck[0], many.state[0],
         many.steps,
     )  # fmt: skip
-
-
-def simulate_windows(
-    law: Law,
-    moment: ArrayLike,
-    sample_rate: float,
-    window: float,
-    initial: ArrayLike,
-    *,
-    interpolation: Interpolation = "linear",
-    initial_state: ArrayLike | None = None,
-    **options: Any,
-) -> Motion:
-    """Simulate a measured moment in windows, each restarted from a given state.
-
-    A drive without restoring stiffness drifts; restarting keeps the comparison with a measurement meaningful.
-
-    Parameters
-    ----------
-    law : Law
-    moment : array_like, shape (n,)
-        Measured moment, N·m (N).
-    sample_rate : float
-        Hz.
-    window : float
-        Time between restarts, s.
-    initial : array_like, shape (n, 2)
-        Measured angle and rate at every sample, from which each window starts.
-    interpolation : {"linear", "cubic", "hold"}
-    initial_state : array_like, shape (n_states, n), optional
-        Internal states at every sample.
-    **options
-        As in :func:`simulate_many`.
-
-    Returns
-    -------
-    Motion
-        One record of n samples, the windows behind one another.
-    """
-    values, start = np.asarray(moment, dtype=np.float64), np.asarray(initial, dtype=np.float64)
-    length = round(window * sample_rate)
-    if length < 4 or start.shape != (values.size, 2):
-        raise InputError(
-            f"window of {window!r} s at {sample_rate!r} Hz and initial of shape {start.shape}: at least four samples "
-            f"per window and shape ({values.size}, 2) are wanted"
-        )
-    starts = list(range(0, values.size, length))
-    if values.size - starts[-1] < 4:
-        starts.pop()  # a rest of a few samples joins the window before
-    ends = [*starts[1:], values.size]
-    parts = []
-    for a, b in zip(starts, ends, strict=True):
-        z0 = None if initial_state is None else np.asarray(initial_state)[:, a]
-        excitation = sampled(values[a:b], sample_rate, interpolation)
-        parts.append(
-            simulate(
-                law,
-                excitation,
-                (b - a) / sample_rate,
-                sample_rate,
-                initial=start[a],
-                initial_state=z0,
-                **options,
-            )
-        )
-    joined = {
-        name: np.concatenate([getattr(part, name) for part in parts], axis=-1)
-        for name in ("angle", "rate", "acceleration", "moment", "stuck", "state")
-    }
-    return Motion(
-        time=np.arange(values.size) / sample_rate, **joined, steps=sum(part.steps for part in parts)
-    )
 
 
 def slip_direction(rate: ArrayLike) -> Array:

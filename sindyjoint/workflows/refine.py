@@ -14,7 +14,8 @@ from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states
 from sindyjoint.workflows.discover import Discovery
 from sindyjoint.workflows.model_law import with_coefficients
-from sindyjoint.workflows.output_error import NUISANCE, Nuisance, OutputError, Parameter
+from sindyjoint.workflows.output_error import OutputError, without_pushing
+from sindyjoint.workflows.output_error_parts import NUISANCE, Nuisance, Parameter
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,8 @@ def refine(
 
     The runs that may be used for identification are simulated (see
     :func:`~sindyjoint.workflows.response.choose_drive`) and compared with the measured response in units of its
-    noise. Initial angle and rate of each run that does not repeat are estimated, too.
+    noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
+    restoring moment is simulated in windows, those of every window.
 
     Parameters
     ----------
@@ -132,7 +134,8 @@ def refine(
         max_nfev=MOST_EVALUATIONS,
     )  # fmt: skip
     found = solution.x * scale
-    covariance = problem.covariance(found) / np.outer(scale, scale)
+    lasting = scale[: problem.lasting]
+    covariance = problem.covariance(found) / np.outer(lasting, lasting)
     return _refinement(model, problem, found, covariance, scale, before, solution, states, left_out)
 
 
@@ -164,12 +167,14 @@ def _refinement(
     after = problem.nrmse(found)
     names = [parameter.name for parameter in problem.parameters]
     places = [names.index(term.id) for term in model.terms]
+    lasting = problem.parameters[: problem.lasting]
+    scale = scale[: problem.lasting]
     errors = np.sqrt(np.diag(covariance)) * scale
     physical = covariance * np.outer(scale, scale)
     new = with_coefficients(model, found[places], physical[np.ix_(places, places)])
     values = {
         parameter.name: (float(found[i]), float(errors[i]))
-        for i, parameter in enumerate(problem.parameters)
+        for i, parameter in enumerate(lasting)
         if parameter.kind == "nuisance"
     }
     at_bound = [
@@ -183,6 +188,8 @@ def _refinement(
         f"coefficients refined on the simulated response of {count} run(s): NRMSE {_pooled(before):.3%} before, "
         f"{_pooled(after):.3%} after"
     )
+    if without_pushing(model) is not model:
+        reason += "; negative Coulomb friction, which cannot be simulated, was started from none"
     if at_bound:
         reason += f"; at the end of the range searched: {', '.join(at_bound)}"
     if left_out:
@@ -194,7 +201,7 @@ def _refinement(
         before=before,
         after=after,
         nuisance=values,
-        undetermined=undetermined_directions(problem.parameters, covariance),
+        undetermined=undetermined_directions(lasting, covariance),
         evaluations=int(solution.nfev),  # type: ignore[attr-defined]
     )
 

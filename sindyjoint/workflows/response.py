@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
-from sindyjoint.mechanics.stickslip import simulate, simulate_windows, transfer_moment
+from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.windows import simulate_windows
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.workflows.model_law import elastic_moment

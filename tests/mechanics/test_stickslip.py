@@ -18,10 +18,10 @@ from sindyjoint.mechanics.laws import (
 from sindyjoint.mechanics.stickslip import (
     simulate,
     simulate_many,
-    simulate_windows,
     slip_direction,
     transfer_moment,
 )
+from sindyjoint.mechanics.windows import simulate_windows
 
 REST = harmonic(0.0, 1.0)
 
@@ -184,6 +184,8 @@ def test_windows_restart_from_the_measured_state():
     assert kept < drift / 5
     assert windowed.angle.size == truth.angle.size
     assert windowed.angle[250] == truth.angle[250]
+    with pytest.raises(InputError, match="window is 0.004 s at 500.0 Hz; at least four samples are wanted"):
+        simulate_windows(law, biased, 500.0, 0.004, start)
 
 
 def test_formula_function_and_paper_law_move_alike():

@@ -6,12 +6,13 @@ from made_models import FORMULAS, model_of, paper_model, term
 
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.excitation import sweep
-from sindyjoint.mechanics.laws import INTER_PANEL
+from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.states import campaign_states
-from sindyjoint.workflows.output_error import OutputError, Parameter
+from sindyjoint.workflows.output_error import OutputError
+from sindyjoint.workflows.output_error_parts import Parameter
 from sindyjoint.workflows.refine import refine, undetermined_directions
 from sindyjoint.workflows.verify import verify
 
@@ -110,6 +111,60 @@ def test_initial_states_of_a_run_that_does_not_repeat_are_estimated():
     assert [p.name for p in problem.parameters[5:]] == ["initial angle of sweep", "initial rate of sweep"]
     found = refine(wrong_model(), made)
     assert np.all(np.abs(found.model.coefficients / TRUTH - 1) < [0.005, 0.2, 0.02, 0.01, 0.01])
+
+
+def free_mass(friction=0.8, seed=5):
+    """Return two runs of a mass with friction that nothing pulls back, with 1 % noise on the angle."""
+    law = PaperLaw(k1=0.0, c1=2.0, M_F=friction, inertia=0.1)
+    rng, runs = np.random.default_rng(seed), []
+    for name, drive in (("slow", sweep(3.0, 0.7, 1.5, 12.0)), ("fast", sweep(5.0, 1.5, 3.0, 12.0))):
+        motion = simulate(law, drive, 12.0, 500.0)
+        noisy = motion.angle + 0.01 * np.std(motion.angle) * rng.standard_normal(6000)
+        runs.append(Run(name, motion.moment, noisy, 500.0))
+    return Campaign(Joint(inertia=0.1), tuple(runs))
+
+
+def free_model(damping, friction):
+    terms = (
+        term("linear_damping", "omega", damping, 0.05, 0.3),
+        term("coulomb_friction", "sign(omega)", friction, 0.02, 0.5),
+    )
+    return model_of(terms, inertia=0.1)
+
+
+def test_without_a_restoring_moment_every_window_starts_from_a_state_of_its_own():
+    made = free_mass()
+    problem = OutputError.of(free_model(2.2, 0.7), made.runs, campaign_states(made), (), 1.0)
+    names = [p.name for p in problem.parameters]
+    assert {record.drive for record in problem.runs} == {"windows"}
+    assert names[2:4] == ["initial angle of slow, window 1", "initial rate of slow, window 1"]
+    # One perturbed simulation serves all windows: the same as one for each.
+    x = np.array([p.start for p in problem.parameters])
+    jacobian, place = problem.jacobian(x), names.index("initial rate of fast, window 3")
+    step = np.zeros(x.size)
+    step[place] = 2e-4 * problem.parameters[place].scale
+    alone = (problem.residual(x + step) - problem.residual(x)) / step[place]
+    np.testing.assert_allclose(jacobian[:, place], alone, atol=1e-6 * np.abs(alone).max())
+    found = refine(free_model(2.2, 0.7), made)
+    errors = found.model.standard_errors
+    # Seed 5. Within four of its own standard errors, and those are below a per cent.
+    assert np.all(np.abs(found.model.coefficients - [2.0, 0.8]) < 4 * errors)
+    assert np.all(errors < [0.02, 0.008])
+    # Windows of a second at 1 % noise: the noise, less what two initial values of 500 samples take.
+    assert max(found.after.values()) < 0.0105 < 0.02 < min(found.before.values())
+
+
+def test_negative_friction_is_started_from_none():
+    found = refine(free_model(2.6, -0.3), free_mass())
+    assert (
+        found.refined
+        and "negative Coulomb friction, which cannot be simulated, was started from none" in found.reason
+    )
+    assert found.model["coulomb_friction"].coefficient == pytest.approx(0.8, abs=0.05)
+    assert found.model["linear_damping"].coefficient == pytest.approx(2.0, abs=0.05)
+    # A truth without friction stays at none, and that is no end of the range worth a word.
+    none = refine(free_model(2.0, -0.1), free_mass(friction=0.0))
+    assert none.model["coulomb_friction"].coefficient == pytest.approx(0.0, abs=0.02)
 
 
 def test_runs_that_the_first_model_cannot_follow_are_left_out():
