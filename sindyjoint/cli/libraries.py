@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.catalogue import Catalogue, Parameter, Term
 
 app = typer.Typer(
-    help="The catalogues of candidate terms.\n\nExample: sindyjoint libraries show extended", no_args_is_help=True
+    help="The catalogues of candidate terms.\n\nExample: sindyjoint libraries show extended",
+    no_args_is_help=True,
 )
 
 

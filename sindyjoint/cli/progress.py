@@ -48,6 +48,7 @@ class Progress:
 
             self._status = Console(stderr=True).status("starting")
             self._status.start()
+        self.say("starting")
         return self
 
     def say(self, stage: str) -> None:

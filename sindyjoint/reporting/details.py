@@ -71,9 +71,8 @@ def _discovery(result: Discovery) -> Iterator[str]:
     model = result.model
     yield from state_lines(result.states, model.joint.motion)
     if result.skew is not None:
-        yield (
-            f"time by which the moment lags: {1e3 * result.skew.time:.4f} ms ± {1e3 * result.skew.standard_error:.4f} ms"
-        )
+        late, error = 1e3 * result.skew.time, 1e3 * result.skew.standard_error
+        yield f"time by which the moment lags: {late:.4f} ms ± {error:.4f} ms"
     path, chosen = result.selection.path, result.selection.chosen
     yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
     first, last = (0, len(path)) if chosen is None else (max(0, chosen - NEIGHBOURS), chosen + NEIGHBOURS + 1)

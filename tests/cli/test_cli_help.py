@@ -15,7 +15,7 @@ def commands(command=None, path=()):
     """Yield (words, command) of every command that does something."""
     command = command or typer.main.get_command(app)
     children = getattr(command, "commands", None)
-    if not children:
+    if not children or getattr(command, "invoke_without_command", False):
         yield path, command
     for name, child in (children or {}).items():
         yield from commands(child, (*path, name))
@@ -50,7 +50,12 @@ def test_groups_have_an_example_too(path, sindyjoint):
 def test_a_shell_completes_the_commands():
     run = subprocess.run(
         [sys.executable, "-m", "sindyjoint"],
-        env={**os.environ, "_SINDYJOINT_COMPLETE": "complete_bash", "COMP_WORDS": "sindyjoint ver", "COMP_CWORD": "1"},
+        env={
+            **os.environ,
+            "_SINDYJOINT_COMPLETE": "complete_bash",
+            "COMP_WORDS": "sindyjoint ver",
+            "COMP_CWORD": "1",
+        },
         capture_output=True,
         text=True,
     )
