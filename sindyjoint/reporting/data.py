@@ -22,6 +22,7 @@ from sindyjoint.surface import ForceStateMap, force_state_map, map_of_states
 if TYPE_CHECKING:
     from sindyjoint.discovery.evidence import Evidence
     from sindyjoint.states import ForceStates
+    from sindyjoint.workflows.bias import Bias
     from sindyjoint.workflows.discover import Discovery
 
 Array = NDArray[np.float64]
@@ -219,7 +220,7 @@ def gather(result: Discovery | ReportData) -> ReportData:
         ),
         chosen=selection.chosen,
         candidates=tuple(ids),
-        groups=_group_fits(result.regressor.evidence_, model),
+        groups=_group_fits(result.regressor.evidence_, model, result.bias),
     )
 
 
@@ -309,8 +310,8 @@ def _over_phase(state: ForceStates, residual: Array) -> Array:
     return np.where(count >= 0.5 * np.median(count[count > 0]), mean, np.nan)
 
 
-def _group_fits(evidence: Evidence, model: JointModel) -> tuple[GroupFit, ...]:
-    """Fit the model's terms to each group alone, where there are several."""
+def _group_fits(evidence: Evidence, model: JointModel, bias: Bias | None) -> tuple[GroupFit, ...]:
+    """Fit the model's terms to each group alone, where there are several; less the bias of each, where it is known."""
     from sindyjoint.discovery.evidence import Evidence as Problem
     from sindyjoint.discovery.evidence import fit_columns
 
@@ -327,8 +328,25 @@ def _group_fits(evidence: Evidence, model: JointModel) -> tuple[GroupFit, ...]:
             values, errors = fit.coefficients, fit.standard_errors
         except np.linalg.LinAlgError:
             values = errors = np.full(len(columns), np.nan)
+        if bias is not None and group in bias.groups:
+            values, errors = _unbiased(values, errors, model.ids, bias, bias.groups.index(group))
         fits.append(GroupFit(f"part {int(group) + 1}" if stretches else group, values, errors))
     return tuple(fits)
+
+
+def _unbiased(
+    values: Array, errors: Array, ids: Sequence[str], bias: Bias, group: int
+) -> tuple[Array, Array]:
+    """Take the bias of a group out of its coefficients; their errors grow by what is not known of it."""
+    from sindyjoint.workflows.bias import DOUBT
+
+    known = [i for i, name in enumerate(ids) if name in bias.ids]
+    at = [bias.ids.index(ids[i]) for i in known]
+    values, errors = values.copy(), errors.copy()
+    shift = bias.by_group[group, at]
+    values[known] -= shift
+    errors[known] = np.sqrt(errors[known] ** 2 + bias.by_group_error[group, at] ** 2 + (DOUBT * shift) ** 2)
+    return values, errors
 
 
 def run_labels(loops: Sequence[Loop]) -> list[str]:
