@@ -5,7 +5,9 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -77,6 +79,16 @@ def test_what_is_shown_is_what_was_found(discovery):
     # One frequency alone has fewer data and the same law: within six of its own standard errors.
     for group in data.groups:
         assert all(abs(group.coefficients - discovery.model.coefficients) < 6 * group.standard_errors)
+
+
+def test_coefficients_by_frequency_are_free_of_the_bias_that_was_measured(discovery):
+    bias, data = discovery.bias, gather(discovery)
+    assert [group.group for group in data.groups] == list(bias.groups) == ["3 Hz", "4 Hz", "6 Hz"]
+    with_bias = gather(replace(discovery, bias=None)).groups
+    for index, (one, other) in enumerate(zip(data.groups, with_bias, strict=True)):
+        at = [bias.ids.index(name) for name in discovery.model.ids]
+        np.testing.assert_allclose(other.coefficients - one.coefficients, bias.by_group[index, at])
+        assert np.all(one.standard_errors >= other.standard_errors)
 
 
 def test_a_loop_is_one_period(discovery):
