@@ -80,6 +80,30 @@ class Source:
     sha256: str
 
 
+@dataclass(frozen=True)
+class LongRecord:
+    """Where the whole of a run lies that is too long for memory; the run itself then holds its first stretch.
+
+    Parameters
+    ----------
+    manifest : str
+        The campaign's file.
+    index : int
+        Of the run in it.
+    edges : tuple of int
+        Rows of its file at which it is cut into stretches.
+    """
+
+    manifest: str
+    index: int
+    edges: tuple[int, ...]
+
+    @property
+    def n_stretches(self) -> int:
+        """Number of stretches."""
+        return len(self.edges) - 1
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One measured run, uniformly sampled.
@@ -100,6 +124,8 @@ class Run:
     use : {"identify", "validate"}
         Runs marked ``"validate"`` are never used for fitting.
     source : Source, optional
+    whole : LongRecord, optional
+        Where the rest of it is, if the run is longer than what is in memory.
 
     Raises
     ------
@@ -117,6 +143,7 @@ class Run:
     level: str | None = None
     use: Use = "identify"
     source: Source | None = field(default=None)
+    whole: LongRecord | None = field(default=None)
 
     def __post_init__(self) -> None:
         for name in ("moment", "angle", "rate"):

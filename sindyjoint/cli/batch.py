@@ -11,16 +11,7 @@ import typer
 
 from sindyjoint.cli.discover import _Method, _Selection, _States
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
-
-JobsOption = Annotated[
-    int, typer.Option("--jobs", "-j", help="Processes of this machine; -1: one for each core.")
-]
-WorkersOption = Annotated[
-    int | None, typer.Option(min=1, help="Start a Dask cluster of so many processes on this machine.")
-]
-ClusterOption = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Address of a running Dask scheduler to work on.")
-]
+from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 
 def batch(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
@@ -105,6 +106,9 @@ def discover(
         ),
     ] = None,
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
+    jobs: JobsOption = 1,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -135,6 +139,9 @@ def discover(
             correct=correct,
             random_state=random_state,
             progress=progress.say,
+            jobs=jobs,
+            workers=workers,
+            cluster=cluster,
             method=method.value,
             selection=selection.value,
             threshold=threshold,

@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
+from sindyjoint.files.blocks import Blocks, open_blocks
 from sindyjoint.files.channels import KEYS, RunReader, check_keys
-from sindyjoint.files.manifest import JointTable, Manifest, RunTable, read_manifest
-from sindyjoint.files.readers import read_table
+from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
+from sindyjoint.files.readers import read_table, sha256_of
+from sindyjoint.files.readers.table import Table
 from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.record import Campaign, Joint, Motion, Run, Source
+from sindyjoint.record import Campaign, Joint, LongRecord, Motion, Run, Source
+
+# Samples that a stretch of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
+# than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.
+STRETCH, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
+# Periods that it has at least, and stretches that a run of a sine is cut into: their scatter tells the errors.
+PERIODS, FEWEST = 16, 16
 
 
-def load_campaign(path: str | os.PathLike[str]) -> Campaign:
+def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> Campaign:
     """Read a campaign: its manifest, its runs, units to SI, everything checked.
 
     Parameters
     ----------
     path : path-like
         ``campaign.toml``, or a folder that holds one.
+    longest : int, optional
+        Of a run with more samples only the first stretch is loaded, where its format can be read in stretches; its
+        ``whole`` says where the rest is. Default: everything is loaded.
 
     Returns
     -------
@@ -42,13 +54,42 @@ def load_campaign(path: str | os.PathLike[str]) -> Campaign:
     """
     file, manifest = read_manifest(Path(path))
     joint = _joint(manifest.joint, str(file))
-    door = _Door(file, manifest, joint.motion)
+    door = _Door(file, manifest, joint.motion, longest)
     runs = tuple(door.run(index, table) for index, table in enumerate(manifest.run))
     notes = tuple(dict.fromkeys([*manifest.notes, *door.notes]))
     try:
         return Campaign(joint, runs, simulated=manifest.simulated, skew=door.declared_skew(), notes=notes)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
+
+
+def load_stretch(record: LongRecord, number: int, margin: int = 0) -> Run:
+    """Read one stretch of a long run.
+
+    Parameters
+    ----------
+    record : LongRecord
+    number : int
+        Of the stretch.
+    margin : int
+        Samples to read beyond it on either side, as far as there are any.
+
+    Raises
+    ------
+    InputError
+        For rows that cannot be used.
+    """
+    file, manifest = read_manifest(Path(record.manifest))
+    door = _Door(file, manifest, manifest.joint.motion)
+    start = max(record.edges[0], record.edges[number] - margin)
+    stop = min(record.edges[-1], record.edges[number + 1] + margin)
+    return door.run(record.index, manifest.run[record.index], (start, stop))
+
+
+@lru_cache(maxsize=4)
+def _opened(path: str, changed: int) -> Blocks | None:
+    """Return an open file; the places of lines in a text are then looked for once per process."""
+    return open_blocks(path)
 
 
 def _joint(table: JointTable, file: str) -> Joint:
@@ -87,6 +128,7 @@ class _Door:
     file: Path
     manifest: Manifest
     motion: Motion
+    longest: int | None = None
     notes: list[str] = field(default_factory=list)
 
     def declared_skew(self) -> float | None:
@@ -95,18 +137,22 @@ class _Door:
         text = channels.skew if channels.skew is not None else channels.skew_removed
         return None if text is None else parse_quantity(text, "s", f"{self.file}: [channels] skew")
 
-    def run(self, index: int, table: RunTable) -> Run:
-        """Read one run."""
+    def run(self, index: int, table: RunTable, rows: tuple[int, int] | None = None) -> Run:
+        """Read one run, or some of its rows."""
         entry = f"{self.file}: [[run]] {index + 1}"
         channels = self.manifest.channels.overridden_by(table.channels)
         check_keys(channels, self.manifest.rig, self.motion, self.file)
         path = self.file.parent / table.file
-        opened, sha256 = read_table(path)
-        reader = RunReader(opened, channels, self.manifest.rig, self.motion, self.file, self.notes)
-        signals, rate = reader.read()
         frequency = table.frequency
         if isinstance(frequency, str):
             frequency = parse_quantity(frequency, "Hz", f"{entry} frequency")
+        first = rows is None
+        whole = self._long(path, index, channels, frequency) if first else None
+        if whole is not None:
+            rows = whole.edges[0], whole.edges[1]
+        opened, sha256 = read_table(path) if rows is None else self._stretch(path, *rows)
+        reader = RunReader(opened, channels, self.manifest.rig, self.motion, self.file, self.notes)
+        signals, rate = reader.read()
         try:
             run = Run(
                 str(PurePosixPath(table.file).with_suffix("")) if table.name is None else table.name,
@@ -118,10 +164,34 @@ class _Door:
                 level=None if table.level is None else str(table.level),
                 use=table.use,
                 source=Source(table.file, sha256),
+                whole=whole,
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error
-        if run.frequency is not None:
+        # Of a long run the first stretch has been looked at; the joint may rest in a later one.
+        if first and run.frequency is not None:
             moment = None if np.ptp(run.moment) == 0 else run.moment
             check_frequency(run.angle, moment, rate, run.frequency, str(path))
         return run
+
+    def _stretch(self, path: Path, start: int, stop: int) -> tuple[Table, str]:
+        """Return some rows of a file; its hash where they are the first ones."""
+        blocks = _opened(str(path), path.stat().st_mtime_ns)
+        assert blocks is not None
+        return blocks.table(start, stop), "" if start else sha256_of(path)
+
+    def _long(self, path: Path, index: int, channels: Channels, frequency: float | None) -> LongRecord | None:
+        """Return how a file is cut that is too long to be read at once; None for one that is not."""
+        # A row is eight letters at least: most files need not be opened to know.
+        if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
+            return None
+        blocks = _opened(str(path), path.stat().st_mtime_ns)
+        if blocks is None or blocks.rows <= self.longest:
+            return None
+        head = RunReader(blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file)
+        # Without the filters that cost samples at the ends: only the sampling rate is wanted.
+        rate = replace(head, channels=channels.model_copy(update={"skew": None})).read()[1]
+        wanted = WITHOUT_FREQUENCY if frequency is None else max(STRETCH, PERIODS * rate / frequency)
+        count = max(4 if frequency is None else FEWEST, int(blocks.rows // wanted))
+        edges = tuple(int(edge) for edge in np.linspace(0, blocks.rows, count + 1))
+        return LongRecord(str(self.file), index, edges)

@@ -79,3 +79,9 @@ def read_table(path: str | Path) -> tuple[Table, str]:
 def _neighbours(file: Path) -> list[str]:
     """Return the names of the files beside a missing one."""
     return os.listdir(file.parent) if os.path.isdir(file.parent) else []
+
+
+def sha256_of(path: Path) -> str:
+    """Return the hash of a file that is read in pieces."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
