@@ -79,7 +79,10 @@ def test_dependence_on_frequency_is_reported():
     assert tests["linear_stiffness"].change == pytest.approx(0.095, abs=0.01)
     branch = discover(maxwell_campaign(plan, 0.01, 600.0, 0.03), library="paper")
     tests = {t.name: t for t in frequency_tests(branch, branch.bias)}
-    assert tests["linear_stiffness"].answer == tests["linear_damping"].answer == "depends on frequency"
+    for name in ("linear_stiffness", "linear_damping"):
+        # a change smaller than the margin is still told
+        assert tests[name].p_value < 0.05
+        assert tests[name].answer == "depends on frequency" or "and significant" in tests[name].reason
     assert tests["linear_stiffness"].change > 0 > tests["linear_damping"].change
     constant = discover(plan.campaign(0.01), library="paper")
     tests = {t.name: t for t in frequency_tests(constant, constant.bias)}
