@@ -117,8 +117,8 @@ _WHOLE = (
         "coefficients",
         "Coefficients by frequency, or by part of the record",
         "The chosen terms fitted to each frequency (or part) alone, with 95 % intervals, the bias of the "
-        "processing taken out where it is known. Line: all together. Grey: ±10 %. Crosses: the paper's tables, where the joint is "
-        "one of the paper's.",
+        "processing taken out where it is known. Line: all together. Grey: ±10 %. Crosses: the paper's "
+        "tables, where the joint is one of the paper's.",
         _coefficients,
     ),
     Kind(
