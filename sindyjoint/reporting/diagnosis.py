@@ -130,6 +130,8 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
         ax.bar(
             place, values, 0.34, color=PALETTE[index], label=f"{name} gap", hatch="" if index == 0 else "///"
         )
+        if floor != floor:
+            continue  # not known
         ax.axhline(
             100 * floor, color=PALETTE[index], linestyle=(0, (4, 2)), label=f"noise floor of the {name}"
         )

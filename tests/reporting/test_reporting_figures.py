@@ -30,11 +30,16 @@ def laid_out(figure, what):
     with style():
         renderer = FigureCanvasAgg(figure).get_renderer()
         boxes = [ax.get_tightbbox(renderer) for ax in figure.axes]
+        legends = [(ax, ax.get_legend().get_window_extent(renderer)) for ax in figure.axes if ax.get_legend()]
     sheet = figure.bbox
     for box in boxes:
         # Half a point of rounding of text sizes.
         inside = box.x0 > -0.7 and box.y0 > -0.7 and box.x1 < sheet.x1 + 0.7 and box.y1 < sheet.y1 + 0.7
         assert inside, f"{what}: {box} leaves {sheet}"
+    for ax, box in legends:
+        # A legend that stands out at the side lies on the numbers of the axis.
+        frame = ax.get_window_extent(renderer)
+        assert box.x0 > frame.x0 - 2 and box.x1 < frame.x1 + 2, f"{what}: the legend {box} leaves {frame}"
     for one, other in combinations(boxes, 2):
         apart = min(one.x1, other.x1) - max(one.x0, other.x0), min(one.y1, other.y1) - max(one.y0, other.y0)
         assert min(apart) < 0.7, f"{what}: {one} overlaps {other}"

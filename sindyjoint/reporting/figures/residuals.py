@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from sindyjoint.reporting.data import gather, run_labels
 from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups, spread
-from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, plain, prefixed, shortened
+from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
 
 
@@ -71,13 +71,12 @@ def residual_time(result: Any, ax: Axes) -> Axes:
     tops = [
         np.nanmax(loop.residual_over_time) for loop in chosen if np.isfinite(loop.residual_over_time).any()
     ]
-    # Room for the legend above the lines.
-    ax.set_ylim(0, 1.7 * factor * max([floor, *tops]))
+    ax.set_ylim(0, 1.05 * factor * max([floor, *tops]))
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"RMS residual ({unit})")
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"
     ax.set_title(f"Residual over time{shown}")
-    ax.legend(loc="upper center", ncols=3, columnspacing=1.0)
+    legend_above(ax, -(-(len(chosen) + 1) // 2), columns=2)
     return ax
 
 
