@@ -1,5 +1,7 @@
 """A report's data made by hand, from formulas alone: what pages and figures show does not hang on any algorithm."""
 
+from itertools import cycle
+
 import numpy as np
 
 from sindyjoint.discovery.model import Fitted, JointModel, ModelTerm
@@ -60,7 +62,7 @@ def report_data(
     law = model(motion, name, terms)
     loops = [
         _loop(law, run, f, level, periodic)
-        for run, f, level in zip(runs, frequencies, ("low", "high"), strict=False)
+        for run, f, level in zip(runs, frequencies, cycle(("low", "high")), strict=False)
     ]
     angle, rate, moment, residual = (
         np.concatenate(part) for part in zip(*(one[1] for one in loops), strict=True)

@@ -22,6 +22,10 @@ CASES = {
     "aperiodic": {"periodic": False, "runs": ("swing",), "frequencies": (3.0,)},
     "hostile": {"name": HOSTILE, "runs": (HOSTILE, HOSTILE + "2"), "periodic": False},
     "no model": {"terms": []},
+    "many runs": {
+        "runs": tuple(f"run {i} of a long campaign" for i in range(8)),
+        "frequencies": (3.0, 3.0, 4.0, 4.0, 5.0, 5.0, 6.0, 6.0),
+    },
 }
 
 

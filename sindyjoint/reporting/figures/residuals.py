@@ -76,7 +76,7 @@ def residual_time(result: Any, ax: Axes) -> Axes:
     ax.set_ylabel(f"RMS residual ({unit})")
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"
     ax.set_title(f"Residual over time{shown}")
-    legend_above(ax, -(-(len(chosen) + 1) // 2), columns=2)
+    legend_above(ax, 1 + -(-(len(chosen) + 1) // 2), columns=2)
     return ax
 
 
