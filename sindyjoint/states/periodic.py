@@ -70,9 +70,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         replicate = (angle.replicates(edges)[0], *rate.replicates(edges)[:2])
         rate_noise, acceleration_noise = rate.derivative_noise(0), rate.derivative_noise(1)
         series = (angle.harmonics, rate.harmonics)
-    guard = max(2, int(np.ceil(GUARD_PERIODS * run.sample_rate / angle.highest)))
-    # Displacement-driven runs have one harmonic; half its period would leave nothing.
-    guard = min(guard, max(2, int(GUARD_LIMIT * per)))
+    guard = reversal_guard(run.sample_rate, frequency, angle.highest)
     slowest = rate_limit(motion[1], rate_noise, RATE_SHARE if rate_share is None else rate_share)
     moving = moving_mask(motion[1], slowest, guard)
     moment = run.moment[start:stop]
@@ -98,6 +96,13 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         guard=guard,
         series=series,
     )
+
+
+def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
+    """Return the samples left out on either side of a reversal; the motion has harmonics up to ``highest`` Hz."""
+    guard = max(2, int(np.ceil(GUARD_PERIODS * sample_rate / highest)))
+    # Displacement-driven runs have one harmonic; half its period would leave nothing.
+    return min(guard, max(2, int(GUARD_LIMIT * sample_rate / frequency)))
 
 
 def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:

@@ -19,6 +19,7 @@ from sindyjoint.discrepancy.naming import FittedEffect, Problem, fit_effect, ran
 from sindyjoint.states import ForceStates
 from sindyjoint.workflows.designs import Design, designs, expected_states
 from sindyjoint.workflows.diagnosis import Advice, Step
+from sindyjoint.workflows.diagnosis_start import RATE_SHARE
 
 MOST_RUNS = 2
 ENOUGH = 0.95  # expected confidence after which no further run is asked for
@@ -112,7 +113,7 @@ class _Rivals:
         """Return the run with the highest expected confidence: all at a glance, the best few with rivals refitted."""
         tried = []
         for design in designs(self.states):
-            (row,) = gap_runs([expected_states(design, self.states)], self.model, ["advised"])
+            (row,) = gap_runs([expected_states(design, self.states, RATE_SHARE)], self.model, ["advised"])
             if row.target.size:
                 tried.append((*self.expected([*added, row], closely=False), design, row))
         tried.sort(key=lambda each: each[:2], reverse=True)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.periodic import RATE_SHARE, reversal_guard
 from sindyjoint.states.record import NoiseFloor
 
 Array = NDArray[np.float64]
@@ -25,7 +26,6 @@ FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of tho
 LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
 LEAST_PERIODS = 4
 SAMPLES_PER_PERIOD = 40  # of the highest harmonic
-RATE_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,9 @@ def designs(states: Sequence[ForceStates]) -> tuple[Design, ...]:
     )
 
 
-def expected_states(design: Design, states: Sequence[ForceStates]) -> ForceStates:
+def expected_states(
+    design: Design, states: Sequence[ForceStates], rate_share: float = RATE_SHARE
+) -> ForceStates:
     """Return the force states that a run would have, its moment left at zero.
 
     It is as long as the longest of the campaign, or four periods, and as noisy as the one of the nearest level.
@@ -96,7 +98,8 @@ def expected_states(design: Design, states: Sequence[ForceStates]) -> ForceState
         float(error * np.sqrt(np.sum(orders**2))),
         float(error * np.sqrt(np.sum(orders**4))),
     )
-    moving = moving_mask(rate, rate_limit(rate, noise.rate, RATE_SHARE), 2)
+    guard = reversal_guard(sample_rate, design.frequency, highest)
+    moving = moving_mask(rate, rate_limit(rate, noise.rate, rate_share), guard)
     return replace(
         like,
         run=f"advised {design.frequency:g} Hz {design.level:g} {design.waveform}",
@@ -115,6 +118,8 @@ def expected_states(design: Design, states: Sequence[ForceStates]) -> ForceState
         method="periodic",
         bandwidth=highest,
         dropped=0.0,
+        guard=guard,
+        series=(),
     )
 
 
