@@ -8,18 +8,14 @@ import tomllib
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
 import pytest
+from fresh_clone import blocks, commands_of, write_own_data
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("**/*.md"))
 API = (DOCS / "api.md").read_text(encoding="utf-8")
 START = (DOCS / "guide" / "start.md").read_text(encoding="utf-8")
-
-
-def blocks(text, language):
-    return re.findall(rf"```{language}\n(.*?)```", text, re.S)
 
 
 def test_it_builds_without_a_warning(tmp_path):
@@ -75,31 +71,13 @@ def test_the_guide_names_files_that_exist():
             assert (ROOT / name).exists(), f"{page.name}: {name}"
 
 
-def logged(path, frequency, level, seed):
-    """Write a run the way a logger would: a joint of k1, c1 and friction, moved by a sine, with 1 % noise."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(0, 4, 1e-3)
-    phase = 2 * np.pi * frequency * time
-    angle, rate = level * np.sin(phase), level * 2 * np.pi * frequency * np.cos(phase)
-    moment = 0.02 * -level * (2 * np.pi * frequency) ** 2 * np.sin(phase)
-    moment += 6000 * angle + 50 * rate + 1.9 * np.sign(rate)
-    moment += 0.01 * np.std(moment) * rng.normal(size=time.size)
-    angle += 0.01 * np.std(angle) * rng.normal(size=time.size)
-    rows = [f"{t:.4f},{m:.6f},{1e3 * a:.7f}" for t, m, a in zip(time, moment, angle, strict=True)]
-    path.write_text("time,moment,angle\n" + "\n".join(rows) + "\n")
-
-
 def test_a_newcomer_gets_there_in_three_commands(tmp_path):
-    commands = [line for block in blocks(START, "sh") for line in block.strip().splitlines()]
-    # The first installs; its words are those that the README has, which the script that checks everything runs.
+    commands = commands_of(START)
+    # The first installs: the script that checks everything types it in a fresh clone.
     assert len(commands) <= 3
     assert commands[0] in (ROOT / "README.md").read_text(encoding="utf-8")
-    (manifest,) = blocks(START, "toml")
-    (tmp_path / "tests").mkdir()
-    (tmp_path / "tests" / "campaign.toml").write_text(manifest, encoding="utf-8")
-    for seed, run in enumerate(tomllib.loads(manifest)["run"]):
-        level = 7e-4 if run["level"] == "high" else 4e-4
-        logged(tmp_path / "tests" / run["file"], run["frequency"], level, seed)
+    assert "tests/docs/fresh_clone.py" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    write_own_data(START, tmp_path / "tests")
     for command in commands[1:]:
         words = shlex.split(command)
         assert words[0] == ".venv/bin/sindyjoint"
