@@ -13,7 +13,7 @@ from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.workflows.diagnosis import Diagnosis, Gap
+    from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap
 
 WIDTH = 100
 
@@ -54,16 +54,22 @@ def show_diagnosis(result: Diagnosis) -> None:
     for place in result.where:
         console.print(f"- {escape(place.words)}")
     for advice in result.advice:
-        apart = " and ".join(words(a) for a in advice.separates)
-        console.print(
-            f"to tell {apart} apart: a {advice.waveform} at {advice.frequency:g} Hz with a peak of "
-            f"{advice.level:.3g} {level_unit(result)} "
-            f"(expected confidence {advice.expected_confidence:.2f})"
-        )
+        level = f"{advice.level:.3g} {level_unit(result)}"
+        console.print(escape(advice_words(advice, level)))
     if result.hidden is not None:
         console.print(f"\nhidden in this virtual test was: [bold]{words(result.hidden)}[/]")
     for warning in result.warnings:
         console.print(f"- {escape(warning)}")
+
+
+def advice_words(advice: Advice, level: str) -> str:
+    """Return in a sentence which run to make, at a level in its unit, or that none would help."""
+    *first, last = map(words, advice.separates)
+    apart = f"to tell {', '.join(first)} and {last} apart"
+    if not advice.frequency:
+        return f"{apart}: {advice.waveform.removeprefix('none: ')}"
+    run = f"a {advice.waveform}, at f = {advice.frequency:.4g} Hz with a peak of {level}"
+    return f"{apart}: {run}; the true one should then have a probability of {advice.expected_confidence:.2f}"
 
 
 def level_unit(result: Diagnosis) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.reporting.diagnosis import level_unit
+from sindyjoint.reporting.diagnosis import advice_words, level_unit
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures import kinds_of
 from sindyjoint.reporting.page import inline_svg, markup, number, render
@@ -104,12 +104,7 @@ def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, by
             for step in result.steps
             for name, value in step.parameters.items()
         ],
-        advices=[
-            f"To tell {' and '.join(map(words, advice.separates))} apart: a {advice.waveform} at "
-            f"{advice.frequency:.4g} Hz with a peak of {_amount(advice.level, unit)}; the true one would then have a "
-            f"probability of {advice.expected_confidence:.2f}."
-            for advice in result.advice
-        ],
+        advices=[f"T{advice_words(advice, _amount(advice.level, unit))[1:]}." for advice in result.advice],
         **_common(result, pictures),
     )
 

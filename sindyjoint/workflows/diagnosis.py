@@ -61,18 +61,19 @@ class Step:
 
 @dataclass(frozen=True)
 class Advice:
-    """A run that would tell two effects apart.
+    """A run that would tell effects apart.
 
     Parameters
     ----------
     separates : tuple of str
     frequency : float
-        Hz.
+        Hz; zero where no run would help, and ``waveform`` says what to do instead.
     level : float
         Peak angle, rad.
     waveform : str
+        Of the prescribed angle, f being the frequency.
     expected_confidence : float
-        Probability that the true one of the two would then have.
+        Probability that the true one of them should then have; of the second run for the same effects, after both.
     """
 
     separates: tuple[str, ...]

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.reporting.diagnosis import advice_words
 from sindyjoint.states import force_states
 from sindyjoint.workflows.designs import WAVEFORMS, Design, designs, expected_states
 from sindyjoint.workflows.diagnose import diagnose
+from sindyjoint.workflows.diagnosis import Advice
 from tests.diagnosis.hidden_effects import hide, one_more
 
 RATE, NOISE = 1000.0, 0.01
@@ -98,3 +100,13 @@ def test_a_campaign_without_a_frequency_gets_no_designs():
     run = Run("sweep", 6000 * angle + 0.01 * rng.standard_normal(time.size), angle, RATE)
     campaign = Campaign(Joint(inertia=0.0), (run,))
     assert designs([force_states(r) for r in campaign.runs]) == ()
+
+
+def test_advice_in_words_says_the_run_or_that_none_helps():
+    run = Advice(("dahl_friction", "lugre_friction", "jenkins_element"), 0.5, 3e-4, "sinusoidal angle", 0.9)
+    assert advice_words(run, "0.3 mrad") == (
+        "to tell dahl friction, lugre friction and jenkins element apart: a sinusoidal angle, at f = 0.5 Hz with a peak "
+        "of 0.3 mrad; the true one should then have a probability of 0.90"
+    )
+    none = replace(run, frequency=0.0, level=0.0, waveform="none: no motion separates them")
+    assert advice_words(none, "").endswith("apart: no motion separates them")
