@@ -77,7 +77,7 @@ def test_a_newcomer_gets_there_in_three_commands(tmp_path):
     assert len(commands) <= 3
     assert commands[0] in (ROOT / "README.md").read_text(encoding="utf-8")
     assert "tests/docs/fresh_clone.py" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-    write_own_data(START, tmp_path / "tests")
+    write_own_data(START, tmp_path / "hinge")
     for command in commands[1:]:
         words = shlex.split(command)
         assert words[0] == ".venv/bin/sindyjoint"
