@@ -24,10 +24,10 @@ from sindyjoint.errors import InputError
 
 Array = NDArray[np.float64]
 
-# Rows worked on at once: twenty columns of these are a third of a megabyte.
-TILE = 2048
+# Rows worked on at once: twenty columns of these are two thirds of a megabyte.
+TILE = 4096
 # Rows that the compiled sweep takes together: within the first level of the cache.
-SWEEP = 128
+SWEEP = 256
 # Rounding of the Gram matrix, relative to its weakest direction, beyond which rows are decomposed instead.
 TOLERANCE = 1e-11
 # A column that is so dependent on those before it is told from them by nobody.
@@ -48,7 +48,7 @@ class FactorSum:
         self.rows = 0
         self._triangle = np.zeros((self.size, self.size))  # of all rows up to the last renewal
         self._base: Array | None = None  # P
-        self._gram = np.zeros((self.size, self.size))  # H of all rows, in the coordinates of P
+        self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows, in the coordinates of P
         self._weakest, self._weight = 0.0, 0.0
         self._free = np.zeros(self.size)
         self._scratch = np.empty((self.size, SWEEP))
@@ -60,23 +60,30 @@ class FactorSum:
         ----------
         block : ndarray, shape (p + 1, n)
             Columns and target as the rows of a C-ordered array.
+
+        Raises
+        ------
+        InputError
+            For a value that is not finite.
         """
         n = block.shape[1]
-        self.rows += n
         if self._base is None or n < self.size:
             self._renew(block)
             return
         gram = np.zeros((self.size, self.size))
         _sweep()(block, self._base, self._scratch, gram)
-        weight = self._weight + float(np.trace(gram))
+        weight = self._weight + float(gram.trace())
+        if not np.isfinite(weight):
+            raise _not_finite(block)
         if not self._accurate(weight):
             # More rows have come since: the weakest direction can only have grown.
-            total = self._gram + np.triu(gram) + np.triu(gram, 1).T + np.diag(self._free)
-            self._weakest = float(np.linalg.eigvalsh(total)[0]) if np.isfinite(weight) else 0.0
+            total = _symmetric(self._gram + gram) + np.diag(self._free)
+            self._weakest = float(np.linalg.eigvalsh(total)[0])
             if not self._accurate(weight):
                 self._renew(block)
                 return
-        self._gram += np.triu(gram) + np.triu(gram, 1).T
+        self.rows += n
+        self._gram += gram
         self._weight = weight
 
     def factor(self) -> Factor:
@@ -89,13 +96,16 @@ class FactorSum:
     def _current(self) -> Array:
         if self._base is None:
             return self._triangle
-        values, vectors = np.linalg.eigh(self._gram)
+        values, vectors = np.linalg.eigh(_symmetric(self._gram))
         root = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")
         return np.triu(root @ self._base)
 
     def _renew(self, block: Array) -> None:
         """Decompose rows by themselves, and take what is known now for the base."""
+        if not np.isfinite(block).all():
+            raise _not_finite(block)
         known = Factor(self._current(), 1.0)
+        self.rows += block.shape[1]
         self._triangle = merge([known, Factor.of(block[:-1].T, block[-1])]).triangle
         if self.rows < 2 * self.size:
             return
@@ -105,9 +115,7 @@ class FactorSum:
         weak = np.abs(diagonal) < least
         base = self._triangle / np.sqrt(self.rows)
         base[weak, weak.nonzero()[0]] = least[weak] / np.sqrt(self.rows)
-        from scipy.linalg import solve_triangular
-
-        root = solve_triangular(base.T, self._triangle.T, lower=True).T
+        root = _divided(self._triangle, base)
         self._base, self._gram = np.ascontiguousarray(base), root.T @ root
         # Directions in which the rows say nothing set no standard.
         self._free = np.where(weak, float(self.rows), 0.0)
@@ -154,18 +162,34 @@ class TermSum:
                 [*(s[start:stop] for s in inputs), *extra], self._scratch[:, : stop - start], block
             )
             block[-1] = target[start:stop]
-            # One sum per column finds NaN and infinity without an array of the same size.
-            if not np.isfinite(block.sum()):
-                row = int(np.flatnonzero(~np.isfinite(block).all(axis=0))[0])
-                raise InputError(
-                    f"a term has no finite value at row {start + row} of this block "
-                    f"({', '.join(f'{s[start + row]:.6g}' for s in inputs)}); leave the term out or repair the row"
-                )
-            self._sum.add(block)
+            try:
+                self._sum.add(block)
+            except InputError as error:
+                raise InputError(f"rows from {start} of this stretch: {error}") from None
 
     def factor(self) -> Factor:
         """Return the factor of all rows so far."""
         return self._sum.factor()
+
+
+def _symmetric(matrix: Array) -> Array:
+    """Return the symmetric matrix that has the upper half of another."""
+    return np.triu(matrix) + np.triu(matrix, 1).T
+
+
+def _not_finite(block: Array) -> InputError:
+    """Say where a block has no finite value; looked for only once its products have shown that it has."""
+    row, column = (int(places[0]) for places in np.nonzero(~np.isfinite(block.T)))
+    what = "the target" if column == block.shape[0] - 1 else f"column {column + 1} (of {block.shape[0] - 1})"
+    return InputError(f"{what} has no finite value at row {row}; leave the term out or repair the row")
+
+
+def _divided(matrix: Array, triangle: Array) -> Array:
+    """Return matrix · triangle⁻¹ for an upper triangle, column by column."""
+    result = np.empty_like(matrix)
+    for j in range(triangle.shape[0]):
+        result[:, j] = (matrix[:, j] - result[:, :j] @ triangle[:j, j]) / triangle[j, j]
+    return result
 
 
 @cache

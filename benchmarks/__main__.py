@@ -1,0 +1,174 @@
+"""Speed and memory beside pysindy, scikit-learn, solve_ivp, OpenSees and the limit of the machine, in one command.
+
+    python -m benchmarks                      # some minutes
+    python -m benchmarks --rows 100000000     # 2.4 GB on disk, in --folder
+    python -m benchmarks --campaigns 200      # the batch on one process, two processes, two Dask workers
+
+Prints a table of ratios and writes all numbers to --out. Every measurement has a process of its own; ratios compare
+processes of one call. On a machine that others use too, believe processor times before those of the clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+
+
+def run(task: str, *arguments: object) -> Any:
+    """Return what one measurement prints."""
+    print(f"… {task} {' '.join(map(str, arguments))}", file=sys.stderr, flush=True)
+    command = [sys.executable, str(HERE / "tasks.py"), task, *map(str, arguments)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def line(text: str, value: str, note: str = "") -> None:
+    print(f"{text:<58}{value:>16}  {note}", flush=True)
+
+
+def exponent(sizes: list[int], times: list[float]) -> float:
+    """Return the slope of log time over log size."""
+    return float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
+
+
+def fits(sizes: list[int], folder: str) -> list[dict[str, Any]]:
+    record = []
+    for n in sizes:
+        path = run("table", n, folder)["path"]
+        ours, theirs = run("fit_ours", n, path, "memory"), run("fit_pysindy", n, path)
+        streamed = run("fit_ours", n, path, "disk")
+        a, b = np.array(ours["coefficients"]), np.array(theirs["coefficients"])
+        apart = float(np.max(np.abs(a - b)) / np.max(np.abs(b)))
+        record.append(
+            {"rows": n, "ours": ours, "ours from disk": streamed, "pysindy": theirs, "difference": apart}
+        )
+        clock, processor = (theirs[key] / ours[key] for key in ("seconds", "cpu"))
+        line(
+            f"fit, {n:.0e} rows x 20: ours, pysindy",
+            f"{ours['seconds']:.3g} s, {theirs['seconds']:.3g} s",
+            f"ratio {clock:.0f}, by processor {processor:.0f}; coefficients differ by {apart:.0e}",
+        )
+        line(
+            "  peak memory: ours from disk, pysindy",
+            f"{streamed['peak']:.0f}, {theirs['peak']:.0f} MB",
+            f"ratio {theirs['peak'] / streamed['peak']:.1f}; ours from arrays {ours['peak']:.0f} MB",
+        )
+    return record
+
+
+def from_disk(sizes: list[int], limit: dict[str, float], folder: str) -> dict[str, Any]:
+    record: dict[str, Any] = {"runs": []}
+    for n in sizes:
+        run("table", n, folder)
+        done = run("disk", n, folder)
+        arithmetic = n * limit["dsyrk ns per row of 21 columns in cache"] / 1e9
+        bound = max(done["reading"], arithmetic)
+        record["runs"].append({**done, "limit": bound})
+        line(f"from disk, {n:.0e} rows x 20", f"{done['seconds']:.3g} s",
+             f"{done['seconds'] / bound:.2f} x the limit of {bound:.3g} s (reading {done['reading']:.3g}, dsyrk "
+             f"{arithmetic:.3g}); peak {done['peak']:.0f} MB")  # fmt: skip
+    if len(sizes) > 1:
+        record["exponent"] = exponent(sizes, [r["cpu"] for r in record["runs"]])
+        line("  growth with the rows (processor time)", f"n^{record['exponent']:.3f}")
+    return record
+
+
+def statistics(n: int, small: int, folder: str) -> dict[str, Any]:
+    run("table", n, folder)
+    ours, theirs = run("statistics", n, folder), run("statistics_pysindy", small)
+    names = ("leave one frequency out", "bootstrap of 500")
+    extra = sum(ours[name]["cpu"] for name in names) / ours["single pass"]["cpu"]
+    other = sum(theirs[name]["cpu"] for name in names) / theirs["single pass"]["cpu"]
+    line(f"leave-one-out and 500 replicates on top of a pass, {n:.0e}", f"{extra:.1%}", "of the single pass")
+    line(f"  the same by refits of pysindy, {small:.0e} rows", f"{other:.0%}", f"ratio {other / extra:.0f}")
+    return {"ours": ours, "pysindy": theirs, "share": extra, "share by refits": other}
+
+
+def others() -> dict[str, Any]:
+    subset, motion, flows = run("best_subset", 10_000), run("simulation"), run("workflows")
+    ratio = subset["scikit-learn"]["cpu"] / subset["ours"]["cpu"]
+    line(
+        "best sets of every size, 12 candidates",
+        f"{subset['ours']['seconds'] * 1e3:.3g} ms",
+        f"{subset['sets']} refits of scikit-learn: ratio {ratio:.0f}",
+    )
+    joint = motion["one joint, 10 s"]
+    ratio = motion["solve_ivp"]["cpu"] / joint["cpu"]
+    line(
+        "simulation of a stick-slip joint, 10 s",
+        f"{joint['seconds'] * 1e3:.3g} ms",
+        f"solve_ivp: ratio {ratio:.0f}",
+    )
+    if isinstance(motion["OpenSees"], dict):
+        line("simulation of a chain of panels, 5 s", f"{motion['chain, 5 s']['seconds'] * 1e3:.3g} ms",
+             f"OpenSees: ratio {motion['OpenSees']['cpu'] / motion['chain, 5 s']['cpu']:.0f}")  # fmt: skip
+    for name in ("discover, warm", "diagnose", "report"):
+        line(name, f"{flows[name]['seconds']:.3g} s", f"{flows[name]['cpu']:.3g} s of the processor")
+    line("discover as a cold command, 12 CSV runs", f"{flows['discover, cold command']:.3g} s",
+         f"{flows['of it imports']:.3g} s of it are imports")  # fmt: skip
+    print("where the time of a discovery goes, once everything is imported:")
+    for text in flows["profile"]:
+        print(f"  {text}")
+    return {"best subset": subset, "simulation": motion, "workflows": flows}
+
+
+def batches(campaigns: int, folder: str) -> dict[str, Any]:
+    ways = ("--jobs 1", "--jobs 2", "--workers 1", "--workers 2")
+    record = {way: run("batch", campaigns, folder, way) for way in ways}
+    for way in ways:
+        ratio = record["--jobs 1"]["seconds"] / record[way]["seconds"]
+        line(
+            f"batch of {campaigns} campaigns, {way}",
+            f"{record[way]['seconds']:.1f} s",
+            f"{ratio:.2f} x one process",
+        )
+    return record
+
+
+def main() -> None:
+    """Measure, print, write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rows", type=int, default=10_000_000, help="most rows from disk [1e7]")
+    parser.add_argument("--campaigns", type=int, default=0, help="campaigns of the batch; 0: no batch")
+    parser.add_argument("--only", nargs="+", choices=["fit", "disk", "statistics", "others", "batch"])
+    parser.add_argument("--folder", help="where large files are made and kept; default: a temporary one")
+    parser.add_argument("--out", default="benchmarks.json", help="file for all numbers")
+    given = parser.parse_args()
+    wanted = given.only or ["fit", "disk", "statistics", "others", *(["batch"] if given.campaigns else [])]
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = given.folder or temporary
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        limit = run("limits")
+        record: dict[str, Any] = {"load at the beginning": os.getloadavg()[0], "limits": limit}
+        for name, value in limit.items():
+            line(name, f"{value:.3g}")
+        if "fit" in wanted:
+            record["fit"] = fits([10_000, 100_000, 2_000_000], folder)
+        if "disk" in wanted:
+            sizes = [n for n in (10_000, 100_000, 1_000_000, 10_000_000, 100_000_000) if n <= given.rows]
+            record["disk"] = from_disk(sizes, limit, folder)
+        if "statistics" in wanted:
+            record["statistics"] = statistics(min(given.rows, 10_000_000), 20_000, folder)
+        if "others" in wanted:
+            record["others"] = others()
+        if "batch" in wanted:
+            record["batch"] = batches(given.campaigns or 12, folder)
+        record["load at the end"] = os.getloadavg()[0]
+    Path(given.out).write_text(json.dumps(record, indent=1) + "\n")
+    print(f"all numbers: {given.out}")
+
+
+if __name__ == "__main__":
+    main()
