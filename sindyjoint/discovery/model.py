@@ -302,8 +302,11 @@ def _product(symbol: str, formula: str, times: str) -> str:
 
 
 def _latex_symbol(symbol: str) -> str:
-    """Return k1 as k_{1} and M_F as M_{F}."""
+    r"""Return k1 as k_{1}, M_F as M_{F} and mu_a as \mu_{a}."""
+    from sympy.core.alphabets import greeks
+
     head, _, tail = symbol.partition("_")
-    if not tail and len(head) > 1:
+    if not tail and len(head) > 1 and head not in greeks:
         head, tail = head[0], head[1:]
+    head, tail = (f"\\{part}" if part in greeks else part for part in (head, tail))
     return f"{head}_{{{tail}}}" if tail else head

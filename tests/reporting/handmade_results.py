@@ -94,7 +94,7 @@ def comparison(name="bench joint", method="stlsq"):
 
     def choice(title, ids=found, **scores):
         terms = tuple(
-            ChosenTerm(i, v, abs(v) / 100, (0.98 * v, 1.02 * v))
+            ChosenTerm(i, v, abs(v) / 100, (v - 0.02 * abs(v), v + 0.02 * abs(v)))
             for i, v in zip(found, values, strict=True)
             if i in ids
         )
