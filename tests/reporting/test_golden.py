@@ -1,0 +1,89 @@
+"""What people read, held against files: terminal, pages and equations of every result.
+
+Each text was looked at before it was kept. To renew one after a wanted change: delete the file, run twice, look again.
+"""
+
+from pathlib import Path
+
+import pytest
+from handmade import ORIGIN, model
+from handmade_results import comparison, diagnosis, verification
+from test_reporting_page import read
+from test_reporting_results import written
+
+from sindyjoint.discovery.catalogue import list_catalogues, load_catalogue
+from sindyjoint.reporting.comparison import show_comparison
+from sindyjoint.reporting.diagnosis import show_diagnosis
+from sindyjoint.reporting.output import draw_all
+from sindyjoint.reporting.result_pages import diagnosis_page, verification_page
+from sindyjoint.reporting.verification import show_verification
+
+GOLDEN = Path(__file__).resolve().parents[1] / "golden"
+
+TERMINALS = {
+    "verification": (show_verification, lambda: verification(runs=("pulse at tip", "3Hz [bold] high"))),
+    "verification-failed": (show_verification, lambda: verification(failed=True)),
+    "diagnosis": (show_diagnosis, diagnosis),
+    "comparison": (show_comparison, comparison),
+}
+
+
+def held(name, text):
+    """Hold a text against its file; write the file where there is none."""
+    text = "".join(line.rstrip() + "\n" for line in text.splitlines())
+    path = GOLDEN / f"{name}.txt"
+    if not path.exists():
+        path.write_text(text, encoding="utf-8")
+        pytest.fail(f"{path.name} was missing and has been written; look at it and run again")
+    assert text == path.read_text(encoding="utf-8"), (
+        f"if the new text reads well, delete {path.name} and run twice"
+    )
+
+
+@pytest.mark.parametrize("name", TERMINALS)
+def test_terminal(name, capsys):
+    show, make = TERMINALS[name]
+    show(make())
+    held(f"terminal-{name}", capsys.readouterr().out)
+
+
+def words_of(html):
+    """Return what a reader sees, down to the versions and dates."""
+    lines = read(html).lines
+    return "\n".join(lines[: lines.index("Where this comes from")])
+
+
+def test_page_of_a_verification():
+    made = verification()
+    held("page-verification", words_of(verification_page(made, ORIGIN, draw_all(made))))
+
+
+def test_page_of_a_diagnosis():
+    made = diagnosis()
+    held("page-diagnosis", words_of(diagnosis_page(made, ORIGIN, draw_all(made))))
+
+
+def test_page_of_a_comparison(tmp_path):
+    folder = written(comparison(), tmp_path / "out")
+    held("page-comparison", words_of((folder / "report.html").read_text(encoding="utf-8")))
+
+
+def equations():
+    """Yield every shipped term without inner parameters as text and as LaTeX, and a whole model."""
+    seen = set()
+    for summary in list_catalogues():
+        for term in load_catalogue(summary.name):
+            if term.id in seen or term.parameters or "alpha" in term.formula:
+                continue
+            seen.add(term.id)
+            unit = term.unit_for("rotation")
+            made = model(
+                terms=[(term.id, term.symbol, term.name, term.family, term.formula, unit, "", 1.5, 0.1, 1.0)]
+            )
+            yield f"{term.id}: {made.equation()}    {made.latex()}"
+    yield model().equation()
+    yield model(motion="translation").latex()
+
+
+def test_equations():
+    held("equations", "\n".join(equations()))
