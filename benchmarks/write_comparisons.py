@@ -1,7 +1,8 @@
 """Make the guide's page of measured comparisons by running the benchmarks.
 
-    python benchmarks/write_comparisons.py            # as published: an hour on two cores
-    python benchmarks/write_comparisons.py --quick    # a few seeds each
+    python benchmarks/write_comparisons.py            # all seeds: half an hour of one core
+    python benchmarks/write_comparisons.py --size middle    # a fifth of that
+    python benchmarks/write_comparisons.py --size quick     # a few seeds each
 
 Every table of ``docs/comparisons.md`` is what a benchmark printed, under the command that printed it.
 """
@@ -24,39 +25,52 @@ HEAD = """# Measured comparisons
 Every table on this page was printed by the command above it; `python benchmarks/write_comparisons.py` makes the page
 anew. Joints, noise and seeds are those of virtual tests: the truth is known, and nobody chose the data.
 
-Made with {versions}.
+Made with {versions}. {size}
 """
+SIZES = {
+    "full": "All seeds were run.",
+    "middle": "Of the seeds a part was run; each command says how many, and the script without `--size` runs all.",
+    "quick": "A few seeds were run; each command says how many, and the script without `--size` runs all.",
+}
 
-# Title, what to look for, script, arguments as published, arguments when quick.
+# Title, what to look for, script, arguments by size.
 PARTS = (
     (
         "pysindy on the same campaigns",
         "How often exactly the paper's five terms come back, from the same candidates and the same runs. `plain` is "
         "pysindy as it comes; `oracle` has the best of 31 thresholds picked by someone who knows the answer.",
         "bench_pysindy.py",
-        ["--seeds", "20", "--noise", "0.001", "0.01", "0.05"],
-        ["--seeds", "3", "--noise", "0.01", "--joints", "inter-panel"],
+        {
+            "full": ["--seeds", "20", "--noise", "0.001", "0.01", "0.05"],
+            "middle": ["--seeds", "4", "--noise", "0.001", "0.01", "0.05"],
+            "quick": ["--seeds", "3", "--noise", "0.01", "--joints", "inter-panel"],
+        },
     ),
     (
         "The paper's averaged map and surface fit",
         "Errors of the coefficients beside the paper's own way: cells of the map averaged, a surface fitted.",
         "bench_map_fit.py",
-        ["--seeds", "20", "--noise", "0.01"],
-        ["--seeds", "3", "--noise", "0.01"],
+        {
+            "full": ["--seeds", "20", "--noise", "0.01"],
+            "middle": ["--seeds", "6", "--noise", "0.01"],
+            "quick": ["--seeds", "3", "--noise", "0.01"],
+        },
     ),
     (
         "Recovery of the paper's joints",
         "How often the five terms, and nothing else, come back, and how far the coefficients are off.",
         "bench_recovery_paper.py",
-        ["--seeds", "50", "--noise", "0.001", "0.01", "0.05"],
-        ["--seeds", "5", "--noise", "0.01", "0.05"],
+        {
+            "full": ["--seeds", "50", "--noise", "0.001", "0.01", "0.05"],
+            "middle": ["--seeds", "10", "--noise", "0.001", "0.01", "0.05"],
+            "quick": ["--seeds", "5", "--noise", "0.01", "0.05"],
+        },
     ),
     (
         "Simulation",
         "Steps of the stick–slip joint and of the rig beside SciPy and OpenSees.",
         "bench_simulation.py",
-        [],
-        [],
+        {"full": [], "middle": [], "quick": []},
     ),
 )
 
@@ -77,15 +91,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="a few seeds of each")
-    quick = parser.parse_args().quick
+    parser.add_argument("--size", choices=("full", "middle", "quick"), default="full", help="how many seeds")
+    size = parser.parse_args().size
     names = ("pysindy", "scikit-learn", "numpy", "scipy")
     versions = ", ".join(
         [f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in names)]
     )
-    text = [HEAD.format(versions=versions)]
-    for title, what, script, full, short in PARTS:
-        arguments = short if quick else full
+    text = [HEAD.format(versions=versions, size=SIZES[size])]
+    for title, what, script, sizes in PARTS:
+        arguments = sizes[size]
         print(script, *arguments, file=sys.stderr)
         command = " ".join(["python", f"benchmarks/{script}", *arguments])
         text.append(
