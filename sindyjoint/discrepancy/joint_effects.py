@@ -165,13 +165,14 @@ def joint_changes(
         for index, variant in enumerate(effect.variants):
             if not _knows_only_the_state(variant):
                 continue
-            for replaces in (False, True):
-                if replaces and (FRICTION not in own or not _is_friction(variant, reference)):
-                    continue
+            stands_in = FRICTION in own and _is_friction(variant, reference)
+            for replaces in (True, False) if stands_in else (False,):
                 key = f"{effect.id}_{index}{'r' if replaces else 'a'}"
                 addition = Addition(key, variant, replaces)
                 laws.additions[key] = addition
-                changes.append(_added(effect, addition, reference, moment))
+                change = _added(effect, addition, reference, moment)
+                # Beside a friction that is there already, a second one is the less likely way, and costs more.
+                changes.append(replace(change, spare=stands_in and not replaces))
     return tuple(changes)
 
 

@@ -124,6 +124,8 @@ class Change:
         Whether it acts in the joint.
     memory : bool
         Whether it remembers.
+    spare : bool
+        Whether it is tried only where no other way explains the gap.
     """
 
     effect: str
@@ -138,6 +140,7 @@ class Change:
     report: Callable[[Array], dict[str, float]]
     inside: bool = False
     memory: bool = False
+    spare: bool = False
 
     @property
     def size(self) -> int:

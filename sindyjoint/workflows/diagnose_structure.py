@@ -116,8 +116,8 @@ def diagnose_structure(
     given = state.best
     steps: list[Step] = []
     drops: list[tuple[str, float]] = []
-    before = held_out_gap(state, others, as_given=True)
-    initial = before
+    records = record_gaps(problem, state, others)
+    before = initial = held_out_gap(records, as_given=True)
     rankings: list[StructureRanking] = []
     while len(steps) < max_effects and not (steps and _is_noise(state)):
         ranking = _ranked(state, changes, period, say)
@@ -128,7 +128,8 @@ def diagnose_structure(
         state = _with(state, ranking.fitted[0])
         kind = ranking.fitted[0].change
         drops.append((kind_of(kind), cost - state.best.cost))
-        after = held_out_gap(state, others)
+        records = record_gaps(problem, state, others)
+        after = held_out_gap(records)
         steps.append(_step(ranking, before, after))
         rankings.append(ranking)
         before = after
@@ -138,8 +139,7 @@ def diagnose_structure(
         steps = [replace(s, probability=min(0.5 * s.probability, 0.5)) for s in steps]
     say("advice")
     advice = advise(state.problem, [r.members() for r in rankings], period)
-    records = record_gaps(problem, state, others)
-    final = held_out_gap(state, others)
+    final = held_out_gap(records)
     return StructureDiagnosis(
         verdict=verdict, reason=reason, initial=initial, final=final, noise_floor=noise_floor(records),
         budget=budget_of(problem, given, state, drops), where=places_of(problem, verdict), steps=tuple(steps),
@@ -235,7 +235,8 @@ def _other(problem: PulseProblem, rig: Rig) -> PulseProblem:
 
 
 def _first_fit(problem: PulseProblem) -> Fit:
-    best = fit(problem, problem.start(), problem.duration, iterations=4)
+    # Whole cycles off, the model's coefficients only follow the gap: a few parts in a hundred are not worth the time.
+    best = fit(problem, problem.start(), problem.duration, iterations=4, relative=0.02)
     if best is None:
         raise InputError(
             f"the rig {problem.rig.name!r} cannot be simulated with the model and its uncertainty"

@@ -48,14 +48,10 @@ class State:
     named: tuple[FittedChange, ...] = ()
 
 
-def held_out_gap(state: State, others: Sequence[PulseProblem], as_given: bool = False) -> Gap:
+def held_out_gap(records: Sequence[RecordGap], as_given: bool = False) -> Gap:
     """Return the relative RMS of the response gap on what was held out; no moment is measured in a structure."""
-    gaps = [
-        (r.gap_before if as_given else r.gap_after, r.measured.size)
-        for r in record_gaps(state.problem, state, others)
-    ]
-    squares = [gap**2 for gap, _ in gaps]
-    return Gap(float("nan"), float(np.sqrt(np.mean(squares))))
+    gaps = [record.gap_before if as_given else record.gap_after for record in records]
+    return Gap(float("nan"), float(np.sqrt(np.mean(np.square(gaps)))))
 
 
 def record_gaps(problem: PulseProblem, state: State, others: Sequence[PulseProblem]) -> list[RecordGap]:

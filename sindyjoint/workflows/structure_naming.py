@@ -30,6 +30,8 @@ RACE_STEPS, RACED = 2, 12
 POLISHED = 4
 # With less than this left in units of noise, the response is linear in what is missing.
 LINEAR = 4.0
+# With no more than this left, there is nothing for spare ways to explain.
+LEFT_OVER = 1.1
 MOST_SCREENED = 10
 
 
@@ -134,6 +136,8 @@ def search(
 ) -> list[FittedChange]:
     """Fit every candidate beside the base, and return those that were followed to the whole record.
 
+    Spare ways are tried only where the others leave more than noise.
+
     Parameters
     ----------
     problem : PulseProblem
@@ -144,6 +148,17 @@ def search(
         Of the main oscillation, s.
     say : callable
     """
+    found = _search(problem, base, [change for change in changes if not change.spare], period, say)
+    spare = [change for change in changes if change.spare]
+    left = min((base.cost - each.gain for each in found), default=base.cost) / rows_of(problem)
+    if spare and left > LEFT_OVER:
+        found += _search(problem, base, spare, period, say)
+    return found
+
+
+def _search(
+    problem: PulseProblem, base: Fit, changes: Sequence[Change], period: float, say: Callable[[str], None]
+) -> list[FittedChange]:
     steps = horizons(problem, period)
     rows = rows_of(problem)
     small = base.cost < LINEAR * rows

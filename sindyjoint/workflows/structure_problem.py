@@ -259,6 +259,7 @@ def fit(
     base_jacobian: Array | None = None,
     iterations: int = 6,
     tolerance: float = 0.1,
+    relative: float = 1e-4,
 ) -> Fit | None:
     """Return the numbers near `x` that leave least over a horizon, by Levenberg's and Marquardt's method.
 
@@ -274,8 +275,8 @@ def fit(
         Columns of the base, which are then not worked out but corrected as the search goes (Broyden 1965). The
         candidate's own columns are worked out anew only after a step that fell short of what they promised.
     iterations : int
-    tolerance : float
-        Fall of the cost at which the search ends.
+    tolerance, relative : float
+        Fall of the cost, and share of the cost beyond one per row, at which the search ends.
 
     Returns
     -------
@@ -319,7 +320,7 @@ def fit(
             jacobian += np.outer(trial - promised, step) / float(step @ step)
         x, residual, cost = x + step, trial, float(trial @ trial)
         damping = max(damping / 10, 1e-9)
-        if gain < max(tolerance, 1e-4 * cost):
+        if gain < max(tolerance, relative * (cost - residual.size)):
             if stale or not fixed or gain < tolerance:
                 break
             stale = True
