@@ -13,6 +13,7 @@ from sindyjoint.discrepancy.naming import Problem, stack
 Array = NDArray[np.float64]
 
 CELLS = (6, 6)
+RANK = 1e-6  # singular values below this share of the largest are nothing
 FINE = 24
 
 
@@ -113,9 +114,13 @@ def _ridge_error(
     """Return the squared error on held-out rows of a ridge fit; the ridge is relative to the largest column."""
     norm = np.linalg.norm(columns, axis=0)
     norm[norm < 1e-9 * norm.max()] = np.inf
-    left, singular, right = np.linalg.svd(columns / norm, full_matrices=False)
-    damped = singular / (singular**2 + (ridge + 1e-12) * singular[0] ** 2)
-    solution = (right.T * damped) @ (left.T @ target)
+    scaled = columns / norm
+    # Many rows and few columns: the eigenvectors of the products are the right singular vectors.
+    square, right = np.linalg.eigh(scaled.T @ scaled)
+    singular = np.sqrt(np.maximum(square, 0.0))
+    kept = singular > RANK * singular[-1]
+    damped = np.where(kept, 1 / np.where(kept, square + ridge * square[-1], 1.0), 0.0)
+    solution = right @ (damped * (right.T @ (scaled.T @ target)))
     rest = other_target - (other / norm) @ solution
     return float(rest @ rest)
 

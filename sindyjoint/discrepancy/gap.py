@@ -152,11 +152,13 @@ def gap_runs(
     errors : sequence of float, optional
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     """
-    scale, most = model.fitted.moment_rms, MOST_ROWS // len(states)
+    scale, samples = model.fitted.moment_rms, sum(s.n_samples for s in states)
     return tuple(
         _folded(s, model, g, phases, scale)
         if s.method == "periodic"
-        else _strided(s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), most)
+        else _strided(
+            s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), MOST_ROWS * s.n_samples // samples
+        )
         for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
     )
 

@@ -117,7 +117,7 @@ def kernel_noise_factor(
     ]
     spacing = int(np.min(np.diff(samples))) if samples.size > 1 else 1
     bands = min(longest // max(spacing, 1), samples.size - 1)
-    banded = np.zeros((bands + 1, samples.size))
+    banded = np.zeros((bands + 1, samples.size), order="F")
     for band in range(bands + 1):
         lag = (
             samples[: samples.size - band] - samples[band:]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +10,18 @@ import numpy as np
 
 from sindyjoint.discovery.catalogue import Catalogue
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discovery.skew import shifted
 from sindyjoint.discrepancy.budget import make_budget, where
 from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.discrepancy.effects import Effect, load_effects
 from sindyjoint.discrepancy.gap import gap_runs
-from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank, refine_effect
+from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank
 from sindyjoint.discrepancy.pairs import hidden_pair
 from sindyjoint.discrepancy.repair import Repaired, refit
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.advice import advise
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
+from sindyjoint.workflows.diagnosis_add import BELIEF, Added, add_effect
 from sindyjoint.workflows.diagnosis_gap import gap_of, noise_floor
 from sindyjoint.workflows.diagnosis_start import (
     RATE_SHARE,
@@ -39,8 +38,6 @@ from sindyjoint.workflows.gap_response import processing_error
 from sindyjoint.workflows.limits import limits
 
 MAX_EFFECTS = 4
-# Nothing is claimed below this belief that something is missing.
-BELIEF = 0.9
 # An effect that helps the moment but makes the simulated response worse by this factor stands in for something else.
 WORSE_RESPONSE = 1.5
 LITTLE_HELP = 0.7
@@ -173,44 +170,18 @@ def _loop(
             break
         best = ranking.fitted[0]
         say(f"adding {best.effect.name}")
-        trial, effects, fixed = _added(work, [*found, best], candidates)
-        after = gap_of(trial, fixed.model, effects)
+        added = add_effect(work, found, best, candidates)
+        after = gap_of(added.work, added.repaired.model, added.effects)
         if not paired and _harms(before, after) and len(refused) < MOST_REFUSALS:
             refused.add(best.effect.id)
             continue
         if not paired and _idle(problem, before, after):
             break
-        work, found, repaired = trial, effects, fixed
+        work, found, repaired = added.work, list(added.effects), added.repaired
+        steps = _renamed(steps, added)
         steps.append(_step(ranking, found, repaired, before, after))
         before = after
     return Repaired(repaired.model, tuple(found), repaired.dropped), steps, work, problem
-
-
-def _added(
-    work: Work, found: list[FittedEffect], candidates: Sequence[Effect]
-) -> tuple[Work, list[FittedEffect], Repaired]:
-    """Add the last of some effects to those before it: align or retest, then estimate everything together."""
-    if found[-1].effect.enters == "time shift":
-        work, found = _aligned(work, found)
-    else:
-        found = _retested(work, found, candidates)
-    shifts = [f for f in found if f.effect.enters == "time shift"]
-    repaired = refit(work.rows, work.model, [f for f in found if f.effect.enters != "time shift"])
-    work = Work.build(work.campaign, work.runs, work.states, work.groups, repaired.model, repaired.effects)
-    if not all(run.folded for run in work.rows):
-        # The rows are weighted anew by what is left now, and with them the inner parameters.
-        again = refit(work.rows, repaired.model, refined(work, repaired.model, repaired.effects))
-        repaired = replace(again, dropped=(*repaired.dropped, *again.dropped))
-    return replace(work, model=repaired.model), [*shifts, *repaired.effects], repaired
-
-
-def refined(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> list[FittedEffect]:
-    """Return effects with their inner parameters refitted beside one another."""
-    later = list(effects)
-    for index, each in enumerate(later):
-        others = later[:index] + later[index + 1 :]
-        later[index] = refine_effect(Problem.build(work.rows, model, others), each)
-    return later
 
 
 def _harms(before: Gap, after: Gap) -> bool:
@@ -253,57 +224,15 @@ def _ranked(
     return rank(problem, fitted), False
 
 
-def _aligned(work: Work, found: list[FittedEffect]) -> tuple[Work, list[FittedEffect]]:
-    """Shift the states by the delay found, and correct what the linear estimate missed."""
-    delay = found[-1]
-    total = 0.0
-    states = work.states
-    for _ in range(4):
-        step = float(delay.coefficients[0])
-        total += step
-        states = tuple(shifted(s, total) for s in work.states)
-        rows = gap_runs(states, work.model, work.groups)
-        model = refit(rows, work.model, [f for f in found[:-1] if f.effect.enters != "time shift"]).model
-        problem = Problem.build(
-            gap_runs(states, model, work.groups),
-            model,
-            [f for f in found[:-1] if f.effect.enters != "time shift"],
-        )
-        gain, coefficients = problem.gain(delay.variant, delay.values)
-        delay = replace(delay, coefficients=coefficients)
-        if gain < 1.0:
-            break
-    found = [*found[:-1], replace(delay, coefficients=np.array([total]), gain=found[-1].gain)]
-    return Work.build(work.campaign, work.runs, states, work.groups, work.model), found
-
-
-def _retested(work: Work, found: list[FittedEffect], candidates: Sequence[Effect]) -> list[FittedEffect]:
-    """Refit the inner parameters of all effects beside one another; drop one whose part the others have taken over."""
-    fixed = [f for f in found if f.effect.enters == "time shift"]
-    moving = [f for f in found if f.effect.enters != "time shift"]
-    if len(moving) < 2:
-        return found
-    moving = refined(work, work.model, moving)
-    earlier = moving[:-1]
-    for each in earlier:
-        others = [f for f in moving if f is not each]
-        problem = Problem.build(work.rows, work.model, others)
-        taken = {o.effect.id for o in others}
-        # Memory effects are many times dearer to fit: they are tried again only in the place of one of their own.
-        trial = [
-            e
-            for e in candidates
-            if e.id not in taken and (e.family == each.effect.family or not e.variants[0].states)
-        ]
-        again = rank(problem, fit_effects(problem, trial))
-        best = again.fitted[0]
-        if 1 - again.nothing < BELIEF:
-            moving = others
-        elif best.effect.id != each.effect.id and each.effect.id not in {
-            f.effect.id for f in again.members()
-        }:
-            moving = [best if f is each else f for f in moving]
-    return [*fixed, *moving]
+def _renamed(steps: Sequence[Step], added: Added) -> list[Step]:
+    """Return earlier steps under the names that they have beside the effect just added; a dropped one goes."""
+    later: list[Step] = []
+    for step in steps:
+        if step.effect not in added.again:
+            later.append(step)
+        elif (ranking := added.again[step.effect]) is not None:
+            later.append(_step(ranking, added.effects, added.repaired, step.gap_before, step.gap_after))
+    return later
 
 
 def _step(

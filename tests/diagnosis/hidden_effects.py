@@ -184,20 +184,34 @@ class Hidden:
 
 
 def hide(name, seed, size=0.06, noise=0.01, **fixed):
-    """Return a random joint's virtual test in which an effect carries ``size`` of the moment's RMS."""
+    """Return a random joint's virtual test in which an effect carries ``size`` of the moment's RMS.
+
+    Two names joined by ``+`` hide two effects of that size each; the second may be one of the channels.
+    """
     generator = np.random.default_rng(50_000 + seed)
     fixed = {"drive": ("moment", "displacement")[seed % 2], "sample_rate": 1000.0, "duration": 8.0, **fixed}
     plan = random_plan(seed, **fixed)
     if name == "nothing":
         return Hidden(name, 0.0, plan.campaign(noise), plan, ())
-    if name in CHANNELS or name in DRIFTS:
-        return _in_channels(name, plan, size, noise, generator)
+    first, _, second = name.partition("+")
+    if first in CHANNELS or first in DRIFTS:
+        return _in_channels(first, plan, size, noise, generator)
+    law = _law(first, plan, size, generator)
+    if not second:
+        return Hidden(name, size, plan.campaign(noise, hidden=law), plan, law.parameters)
+    if second in CHANNELS:
+        return replace(_in_channels(second, plan, size, noise, generator, law), name=name)
+    both = SumLaw(law, _law(second, plan, size, generator))
+    return Hidden(name, size, plan.campaign(noise, hidden=both), plan, law.parameters)
+
+
+def _law(name, plan, size, generator):
+    """The law of an effect with drawn inner parameters, scaled to its share of the moment's RMS."""
     function, states, draw = LAWS[name]
     peak, rate = _peaks(plan)
     inner = tuple(map(float, draw(peak, rate, generator)))
     unit, base = _rms(plan, FunctionLaw(function, (1.0, *inner), states))
-    law = FunctionLaw(function, (size * base / unit, *inner), states)
-    return Hidden(name, size, plan.campaign(noise, hidden=law), plan, law.parameters)
+    return FunctionLaw(function, (size * base / unit, *inner), states)
 
 
 def _peaks(plan):
@@ -221,20 +235,21 @@ def _rms(plan, law):
     )
 
 
-def _in_channels(name, plan, size, noise, generator):
+def _in_channels(name, plan, size, noise, generator, law=None):
+    """What the channels (or the runs) do, beside an effect of the joint itself where ``law`` is one."""
     sign = generator.choice([-1.0, 1.0])
     _, rms = _rms(plan, plan.law)
-    clean = plan.campaign(0.0)
+    clean = plan.campaign(0.0, hidden=law)
     amount = 0.0
     if name == "channel_delay":
         slope = np.sqrt(
             np.mean(np.concatenate([np.gradient(r.moment) * r.sample_rate for r in clean.runs]) ** 2)
         )
         amount = float(np.clip(size * rms / slope, 0.0, 4e-3))
-        clean = plan.campaign(0.0, skew=sign * amount)
+        clean = plan.campaign(0.0, hidden=law, skew=sign * amount)
     elif name == "angle_offset":
         amount = size * rms / plan.law.k1
-        clean = plan.campaign(0.0, angle_offset=sign * amount)
+        clean = plan.campaign(0.0, hidden=law, angle_offset=sign * amount)
     elif name == "inertia_error":
         peak, _ = _peaks(plan)
         amount = size * rms / (0.7 * peak * (2 * np.pi * np.mean(plan.frequencies)) ** 2)
