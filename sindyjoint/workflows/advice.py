@@ -24,7 +24,8 @@ from sindyjoint.workflows.diagnosis_start import RATE_SHARE
 MOST_RUNS = 2
 ENOUGH = 0.95  # expected confidence after which no further run is asked for
 CLOSER_LOOK = 3  # runs in which the rivals are fitted anew
-LITTLE = 0.02  # less gain of confidence than this is none
+# Less gain than this is none: of confidence, and of margin in nats.
+LITTLE, LITTLE_MARGIN = 0.02, 0.3
 MOST_NATS = 30.0
 NO_RUN = "none: no prescribed angle that was tried separates them"
 READ_ZEROS = "none: no motion separates them; read both channels with the joint unloaded and at rest"
@@ -94,12 +95,12 @@ class _Rivals:
         names = tuple(each.effect.id for each in self.members)
         added: list[GapRun] = []
         advice: list[Advice] = []
-        before = float(self.weights @ self.weights)
+        before, margin = self.expected([], closely=True)
         for _ in range(MOST_RUNS):
             best = self._best(added)
-            if best is None or best[0] < before + LITTLE:
+            if best is None or (best[0] < before + LITTLE and best[1] < margin + LITTLE_MARGIN):
                 break
-            before, design, row = best
+            before, margin, design, row = best
             added.append(row)
             advice.append(Advice(names, design.frequency, design.level, design.waveform, before))
             if before >= ENOUGH:
@@ -109,7 +110,7 @@ class _Rivals:
         channels = any(each.effect.enters != "moment" for each in self.members)
         return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else NO_RUN, before)]
 
-    def _best(self, added: Sequence[GapRun]) -> tuple[float, Design, GapRun] | None:
+    def _best(self, added: Sequence[GapRun]) -> tuple[float, float, Design, GapRun] | None:
         """Return the run with the highest expected confidence: all at a glance, the best few with rivals refitted."""
         tried = []
         for design in designs(self.states):
@@ -118,10 +119,7 @@ class _Rivals:
                 tried.append((*self.expected([*added, row], closely=False), design, row))
         tried.sort(key=lambda each: each[:2], reverse=True)
         again = [(*self.expected([*added, row], closely=True), d, row) for *_, d, row in tried[:CLOSER_LOOK]]
-        if not again:
-            return None
-        confidence, _, design, row = max(again, key=lambda each: each[:2])
-        return confidence, design, row
+        return max(again, key=lambda each: each[:2]) if again else None
 
     def expected(self, added: Sequence[GapRun], closely: bool) -> tuple[float, float]:
         """Return expected confidence and margin with some runs more.
