@@ -14,6 +14,7 @@ from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.packing import pack, unpack
 from sindyjoint.reporting.reproduction_figures import ReproductionFigures
+from sindyjoint.reporting.rig_motion import RigFigures
 from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.diagnosis import Diagnosis
@@ -37,6 +38,7 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "Verification": lambda data: unpack(Verification, data, model=JointModel.from_dict),
     "Diagnosis": lambda data: unpack(Diagnosis, data, model=JointModel.from_dict, effects=lambda _: ()),
     "Batch": lambda data: unpack(Batch, data),
+    "Rig": lambda data: unpack(RigFigures, data),
     "Reproduction": lambda data: unpack(ReproductionFigures, data),
     "StructureDiagnosis": lambda data: unpack(
         StructureDiagnosis, data, model=JointModel.from_dict, effects=lambda _: ()
@@ -46,7 +48,7 @@ READERS: dict[str, Callable[[Any], Any]] = {
 
 
 def saved_text(
-    result: ReportData | Verification | Diagnosis | Comparison | Batch | ReproductionFigures,
+    result: ReportData | Verification | Diagnosis | Comparison | Batch | ReproductionFigures | RigFigures,
 ) -> str:
     """Return a result as the text of ``figures/data.json``."""
     if isinstance(result, ReportData):
@@ -57,6 +59,8 @@ def saved_text(
         record = {"kind": "Batch", **pack(replace(result, records=records))}
     elif isinstance(result, ReproductionFigures):
         record = {"kind": "Reproduction", **pack(result)}
+    elif isinstance(result, RigFigures):
+        record = {"kind": "Rig", **pack(result)}
     elif isinstance(result, Comparison):
         record = {"kind": "Comparison", **pack(result, skip=("discovery", "left_out"))}
     else:
@@ -99,7 +103,7 @@ def load_results(path: str | os.PathLike[str]) -> Any:
 
     Returns
     -------
-    ReportData, Verification, Diagnosis, Comparison, Batch or ReproductionFigures
+    ReportData, Verification, Diagnosis, Comparison, Batch, ReproductionFigures or RigFigures
 
     Raises
     ------

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.reporting.figures import DISCOVERY, draw, drawable
-from sindyjoint.reporting.figures.kinds import Kind
+from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, new_figure, style
 
 CASES = {

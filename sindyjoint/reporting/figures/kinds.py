@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -13,14 +12,16 @@ from sindyjoint.reporting import (
     batch_figures,
     comparison,
     diagnosis,
-    reproduction_figures,
     structure,
     verification,
 )
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.figures import evidence, loops, maps, residuals
+from sindyjoint.reporting.figures.kind import Kind, Panel, fixed
 from sindyjoint.reporting.figures.places import where
+from sindyjoint.reporting.figures.rig_kinds import REPRODUCTION, RIG
 from sindyjoint.reporting.reproduction_figures import ReproductionFigures
+from sindyjoint.reporting.rig_motion import RigFigures
 from sindyjoint.reporting.style import plain, shortened
 from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
@@ -28,43 +29,7 @@ from sindyjoint.workflows.diagnosis import Diagnosis
 from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
 from sindyjoint.workflows.verification import Verification
 
-Panel = Callable[[Any, Axes], Axes]
 MOST_PANELS = 6
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A figure: its name, what it shows, and the panels it is made of.
-
-    Parameters
-    ----------
-    name, title : str
-    caption : str
-        One sentence that says how to read it; also what a screen reader says.
-    panels : callable
-        Result → panels to draw, in order; none: the result has nothing of this kind.
-    part : bool
-        Whether it is one panel of another kind, for drawing alone.
-    wide : bool
-        Whether a single panel takes the whole width.
-    height : callable, optional
-        Result → height of a panel in inches; default: by its width.
-    projection : str, optional
-        Of the axes: ``"3d"``.
-    """
-
-    name: str
-    title: str
-    caption: str
-    panels: Callable[[Any], list[Panel]]
-    part: bool = False
-    wide: bool = False
-    height: Callable[[Any], float] | None = None
-    projection: str | None = None
-
-
-def _fixed(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
-    return lambda data: list(panels)
 
 
 def _loops(data: ReportData) -> list[Panel]:
@@ -92,7 +57,7 @@ _WHOLE = (
         "Force–state map",
         "Transfer moment averaged over cells of angle and rate, samples per cell, and cuts through the map: at "
         "zero rate the friction shows as a step, at the middle angle as a jump of the line.",
-        _fixed(maps.map_moment, maps.map_counts, maps.cut_at_rest, maps.cut_at_centre),
+        fixed(maps.map_moment, maps.map_counts, maps.cut_at_rest, maps.cut_at_centre),
     ),
     Kind(
         "loops",
@@ -111,7 +76,7 @@ _WHOLE = (
         "path",
         "Choice of the terms",
         "Fit residual and held-out error over the number of terms, and the number of terms over the threshold.",
-        _fixed(evidence.path, evidence.threshold),
+        fixed(evidence.path, evidence.threshold),
     ),
     Kind(
         "coefficients",
@@ -147,7 +112,7 @@ _PARTS: dict[str, tuple[str, Panel]] = {
 DISCOVERY: dict[str, Kind] = {
     **{kind.name: kind for kind in _WHOLE},
     **{
-        name: Kind(name, name.replace("-", ", "), caption, _fixed(panel), part=True)
+        name: Kind(name, name.replace("-", ", "), caption, fixed(panel), part=True)
         for name, (caption, panel) in _PARTS.items()
     },
 }
@@ -221,7 +186,7 @@ DIAGNOSIS: dict[str, Kind] = {
             "gap",
             "Gap by step",
             "Gap between model and measurement before and after each named effect, beside the noise floor.",
-            _fixed(diagnosis.gap_by_step),
+            fixed(diagnosis.gap_by_step),
             wide=True,
         ),
         Kind(
@@ -236,7 +201,7 @@ DIAGNOSIS: dict[str, Kind] = {
             "Budget of the gap",
             "What the first gap is made of: a function of the state, memory, differences between runs, processing, "
             "noise.",
-            _fixed(diagnosis.budget_parts),
+            fixed(diagnosis.budget_parts),
             wide=True,
         ),
         Kind(
@@ -270,7 +235,7 @@ STRUCTURE: dict[str, Kind] = DIAGNOSIS | {
             "gap",
             "Gap by step",
             "Response gap before and after each named effect, down to the noise floor; the scale is logarithmic.",
-            _fixed(structure.gap_by_step),
+            fixed(structure.gap_by_step),
             wide=True,
         ),
         Kind(
@@ -301,7 +266,7 @@ STRUCTURE: dict[str, Kind] = DIAGNOSIS | {
             "What the first gap is made of: memoryless effects of the joint and its coefficients (state), memory in "
             "the joint (history), what lies outside the joint or is not explained (run), the time step (processing), "
             "noise.",
-            _fixed(diagnosis.budget_parts),
+            fixed(diagnosis.budget_parts),
             wide=True,
         ),
     )
@@ -314,7 +279,7 @@ COMPARISON: dict[str, Kind] = {
             "inclusion",
             "Inclusion map",
             comparison.MAP_CAPTION,
-            _fixed(comparison.inclusion),
+            fixed(comparison.inclusion),
             wide=True,
             height=comparison.inclusion_height,
         ),
@@ -354,67 +319,7 @@ BATCH: dict[str, Kind] = {
 }
 
 
-def _per_joint(panel: Callable[..., Any]) -> Callable[[Any], list[Panel]]:
-    return lambda result: [partial(panel, joint=joint) for joint in result.joints]
-
-
-_SOLID: dict[str, Any] = {"height": lambda _: 3.2, "projection": "3d"}
-_PAPER = reproduction_figures
-
-REPRODUCTION: dict[str, Kind] = {
-    kind.name: kind
-    for kind in (
-        Kind(
-            "figure-05",
-            "Figure 5",
-            "Figure 5: moment over angle at 3 Hz; four of nine levels, periods averaged.",
-            _per_joint(_PAPER.loops),
-        ),
-        Kind(
-            "figure-06",
-            "Figure 6",
-            "Figure 6: force–state map of a linear spring, mass and damper: an oblique plane.",
-            _fixed(_PAPER.surface),
-            **_SOLID,
-        ),
-        Kind(
-            "figure-07",
-            "Figure 7",
-            "Figure 7: force–state maps at 3 Hz; moving samples averaged in 24 × 24 cells.",
-            _per_joint(_PAPER.surface),
-            **_SOLID,
-        ),
-        Kind("figure-09", "Figure 9", "Figure 9: the exciting force.", _fixed(_PAPER.force)),
-        Kind(
-            "figure-10",
-            "Figure 10",
-            "Figure 10: displacement of the free end after the pulse, 20 s.",
-            _fixed(_PAPER.measured),
-            wide=True,
-        ),
-        Kind(
-            "figure-11",
-            "Figure 11",
-            "Figure 11: virtual test and identified model, first 10 s.",
-            _fixed(*(partial(_PAPER.compared, truth=truth) for truth in _PAPER.TRUTHS)),
-        ),
-        Kind(
-            "amplitude-and-period",
-            "Amplitude and period",
-            "Amplitude and period, swing by swing, of both virtual tests and the model.",
-            _fixed(
-                *(
-                    partial(_PAPER.swings, truth=truth, of=of)
-                    for truth in _PAPER.TRUTHS
-                    for of in ("amplitude", "period")
-                )
-            ),
-        ),
-    )
-}
-
-
-OTHERS = (Verification, Diagnosis, Comparison, Batch, ReproductionFigures)
+OTHERS = (Verification, Diagnosis, Comparison, Batch, ReproductionFigures, RigFigures)
 
 
 def kinds_of(result: Any) -> dict[str, Kind]:
@@ -429,4 +334,6 @@ def kinds_of(result: Any) -> dict[str, Kind]:
         return BATCH
     if isinstance(result, ReproductionFigures):
         return REPRODUCTION
+    if isinstance(result, RigFigures):
+        return RIG
     return COMPARISON if isinstance(result, Comparison) else DISCOVERY
