@@ -13,6 +13,7 @@ from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
 from sindyjoint.cli.plot import plot
+from sindyjoint.cli.rig import rig
 from sindyjoint.cli.schema import schema
 from sindyjoint.cli.simulate import simulate
 from sindyjoint.cli.verify import verify
@@ -51,6 +52,7 @@ app.command("compare")(compare)
 app.command("batch")(batch)
 app.command("simulate")(simulate)
 app.command("verify")(verify)
+app.command("rig")(rig)
 app.add_typer(reproduce.app, name="reproduce")
 app.command("diagnose")(diagnose)
 app.command("export")(export)

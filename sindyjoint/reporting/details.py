@@ -30,6 +30,7 @@ def details(result: Any) -> Iterator[str]:
         "Reproduction": _reproduction,
         "Batch": _batch,
         "Campaign": _campaign,
+        "RigMotion": _rig,
     }
     teller = tellers.get(type(result).__name__)
     return teller(result) if teller else iter(())  # type: ignore[operator]
@@ -123,6 +124,13 @@ def _campaign(campaign: Campaign) -> Iterator[str]:
             )
         )
     yield from _aligned(rows)
+
+
+def _rig(result: Any) -> Iterator[str]:
+    response = result.response
+    yield f"{response.time.size} samples, steps of {1e3 * response.step:g} ms, {response.events} events of joints"
+    before, after = response.energy.max(), response.energy[-1]
+    yield f"largest energy {before:.4g} J, left at the end {after:.4g} J, became heat {sum(result.heat.values()):.4g} J"
 
 
 def _comparison(result: Comparison) -> Iterator[str]:
