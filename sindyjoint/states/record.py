@@ -94,6 +94,8 @@ class ForceStates:
         Samples left out on either side of a reversal.
     series : tuple of Harmonics
         Of the angle and, where it was measured, of the rate; empty where the states are no series.
+    completed : bool
+        Whether the harmonics that the series lacks were added from a simulation of the model.
     """
 
     run: str
@@ -118,6 +120,7 @@ class ForceStates:
     slowest: float = 0.0
     guard: int = 0
     series: tuple[Harmonics, ...] = ()
+    completed: bool = False
 
     @property
     def n_samples(self) -> int:

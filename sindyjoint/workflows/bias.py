@@ -176,8 +176,13 @@ def corrected_model(
     pairs: int = PAIRS,
     random_state: Any = 0,
     known: Sequence[ResolvedTerm] = (),
+    moved: Array | None = None,
 ) -> Corrected:
-    """Return a model with its bias taken out; parameters are those of :func:`measure_bias`."""
+    """Return a model with its bias taken out.
+
+    Parameters are those of :func:`measure_bias`; ``moved``, shape (k,), is by how much an earlier correction has
+    moved the coefficients, of which a part stays in doubt, too.
+    """
     if not model.terms:
         return Corrected(model, None)
     try:
@@ -195,6 +200,8 @@ def corrected_model(
         at = bias.ids.index(term.id)
         shift = float(bias.pooled[at])
         extra = float(bias.pooled_error[at]) ** 2 + (DOUBT * shift) ** 2
+        if moved is not None:
+            extra += (DOUBT * float(moved[at])) ** 2
         error = float(np.sqrt(term.standard_error**2 + extra))
         half = term.interval95[1] - term.coefficient
         half *= error / term.standard_error if term.standard_error > 0 else 0.0

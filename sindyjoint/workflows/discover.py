@@ -12,13 +12,18 @@ import numpy as np
 from sindyjoint.discovery.catalogue import Catalogue, as_catalogue, load_catalogue
 from sindyjoint.discovery.model import INERTIA, Fitted, JointModel
 from sindyjoint.discovery.skew import Skew, estimate_skew, reference_of, shifted
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.workflows.cautions import cautions
 from sindyjoint.workflows.long_runs import LONGEST, Tally, fit_long, has_long_runs
-from sindyjoint.workflows.verdict import Verdict, judge
+from sindyjoint.workflows.verdict import PAPER_TERMS, Verdict, judge
+
+# The model that completes the states is itself found on incomplete ones: as often as its terms change, at most.
+COMPLETIONS = 4
+# By how much the residual must fall for the new end of that search to be taken.
+BETTER = 0.998
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
@@ -183,11 +188,19 @@ def discover(
         tallies = tuple(Tally(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
     say("judging")
     model = _campaign_model(regressor, campaign, force_states, tallies)
-    verdict = judge(regressor, model)
+    measured = regressor
+    if correct and not has_long_runs(campaign):
+        regressor, model, force_states = _completed(regressor, model, campaign, force_states, tallies, say)
+    verdict = judge(regressor, model, completed=measured is not regressor)
     say("measuring the bias of the processing")
-    fixed = _corrected(regressor, model, campaign, force_states) if correct else None
+    fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     warnings = [*cautions(campaign, force_states, model, skew, align, regressor.indistinct_)]
+    if measured is not regressor:
+        warnings.append(
+            "the inertia makes weak harmonics of the motion matter: those not known to a tenth were taken from a "
+            "simulation of the model, and the terms chosen again"
+        )
     if fixed is not None and fixed.reason:
         warnings.append(
             f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"
@@ -206,16 +219,93 @@ def discover(
     )
 
 
+def _completed(
+    regressor: JointRegressor,
+    model: JointModel,
+    campaign: Campaign,
+    states: tuple[ForceStates, ...],
+    tallies: Sequence[Tally],
+    say: Callable[[str], None],
+) -> tuple[JointRegressor, JointModel, tuple[ForceStates, ...]]:
+    """Choose the terms again on states whose weak harmonics are the model's, where those matter to the moment.
+
+    The model that completes the states was itself found on incomplete ones: the search starts from it and from the
+    paper's terms alone, and the end that leaves less of the moment unexplained is taken.
+    """
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.workflows.completion import completed_states
+    from sindyjoint.workflows.model_law import model_law
+
+    best = (regressor, model, states)
+    starts = [model] if model.terms else []
+    paper = paper_model(regressor, model)
+    if paper is not None and set(paper.ids) != set(model.ids):
+        starts.append(paper)
+    for start in starts:
+        found = start
+        for _ in range(COMPLETIONS):
+            try:
+                more = completed_states(model_law(found), campaign.identification_runs, states)
+            except (SimulationError, InputError):
+                break
+            if more is None:
+                break
+            say("selecting terms with the harmonics below the noise")
+            fitted = JointRegressor(**regressor.get_params(deep=False))
+            fitted.fit(**regression_rows(more, campaign.joint.inertia).fit_arguments())
+            before, found = found.ids, _campaign_model(fitted, campaign, more, tallies)
+            if not found.terms:
+                break
+            if found.fitted.residual_rms < best[1].fitted.residual_rms * BETTER:
+                best = (fitted, found, more)
+            if found.ids == before:
+                break
+    return best
+
+
+def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | None:
+    """Return the paper's five terms, and inertia where it is one, fitted to a regressor's data; None if not offered."""
+    from sindyjoint.discovery.evidence import fit_columns
+    from sindyjoint.discovery.model import model_terms
+
+    ids = regressor.evidence_.ids
+    wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
+    if regressor.fixed or not set(wanted) <= set(ids):
+        return None
+    columns = sorted(ids.index(term) for term in wanted)
+    fit = fit_columns(regressor.evidence_, columns)
+    resolved = {term.id: term for term in regressor.terms_}
+    kept = [resolved[ids[column]] for column in columns]
+    terms = model_terms(
+        kept, fit.coefficients, fit.covariance, fit.unique_share, fit.effective_degrees, model.joint.motion
+    )
+    return replace(model, terms=terms, covariance=tuple(map(tuple, fit.covariance.tolist())))
+
+
 def _corrected(
-    regressor: JointRegressor, model: JointModel, campaign: Campaign, states: Sequence[ForceStates]
+    regressor: JointRegressor,
+    measured: JointRegressor,
+    model: JointModel,
+    campaign: Campaign,
+    states: Sequence[ForceStates],
 ) -> Corrected:
-    """Take out of a model's coefficients what the processing does to them."""
+    """Take out of a model's coefficients what the processing does to them.
+
+    ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that
+    stays in doubt as of any correction.
+    """
+    from sindyjoint.discovery.evidence import fit_columns
     from sindyjoint.workflows.bias import corrected_model
 
     chosen = [term for term in regressor.terms_ if term.id in model]
     fitted = [term for term in chosen if term.id in regressor.evidence_.ids]
     known = [term for term in chosen if term.id not in regressor.evidence_.ids]
-    return corrected_model(model, fitted, campaign, states, known=known)
+    moved = None
+    if measured is not regressor and {term.id for term in fitted} <= set(measured.evidence_.ids):
+        columns = [measured.evidence_.ids.index(term.id) for term in fitted]
+        before = fit_columns(measured.evidence_, columns).coefficients
+        moved = np.array([model[term.id].coefficient for term in fitted]) - before
+    return corrected_model(model, fitted, campaign, states, known=known, moved=moved)
 
 
 def the_campaign(

@@ -62,6 +62,10 @@ class PeriodicTwin:
         Samples of this grid.
     weight : float
         Samples of the run for each of the twin.
+    motion : ndarray, shape (n, 3)
+        Angle, rate and acceleration with every harmonic.
+    completed : bool
+        Whether the run's states hold the model's harmonics beside those kept.
     """
 
     run: str
@@ -75,12 +79,25 @@ class PeriodicTwin:
     slowest: float
     guard: int
     weight: float
+    motion: Array
+    completed: bool
 
     def noise(self, rng: np.random.Generator) -> tuple[float, tuple[Complex, ...]]:
         """Draw the noise of the mean and of every kept harmonic."""
         drawn = (rng.normal(size=(2, part.orders.size)) for part in self.kept)
         return self.mean_error * rng.normal(), tuple(
             part.standard_error * (d[0] + 1j * d[1]) for part, d in zip(self.kept, drawn, strict=True)
+        )
+
+    def beyond(self, kept: tuple[Harmonics, ...]) -> Array:
+        """Return angle, rate and acceleration without the kept harmonics, shape (n, 3)."""
+        n = self.moment.size
+        values = tuple(
+            np.fft.rfft(signal)[part.orders] * 2 / n
+            for signal, part in zip(self.motion.T[: len(kept)], kept, strict=True)
+        )
+        return self.motion - np.column_stack(
+            _motion(values, kept, self.angular, n, float(self.motion[:, 0].mean()))
         )
 
     def rows(
@@ -92,15 +109,25 @@ class PeriodicTwin:
         if noise is not None:
             mean = mean + sign * noise[0]
             values = tuple(c + sign * e for c, e in zip(values, noise[1], strict=True))
-        speed = [1j * self.angular * part.orders for part in self.kept]
-        angle = series(values[0], self.kept[0].orders, n, mean)
-        rate, acceleration = (
-            series(values[-1] * speed[-1] ** order, self.kept[-1].orders, n)
-            for order in ((1, 2) if len(self.kept) == 1 else (0, 1))
-        )
+        angle, rate, acceleration = _motion(values, self.kept, self.angular, n, mean)
         # The cycle has no ends: a guard that begins before its first sample covers its last ones.
         moving = moving_mask(np.tile(rate, 3), self.slowest, self.guard)[n : 2 * n]
-        return np.column_stack([angle, rate, acceleration])[moving], self.moment[moving]
+        motion = np.column_stack([angle, rate, acceleration])
+        if self.completed:
+            motion += self.beyond(self.kept)
+        return motion[moving], self.moment[moving]
+
+
+def _motion(
+    values: tuple[Complex, ...], kept: tuple[Harmonics, ...], angular: float, n: int, mean: float
+) -> tuple[Array, Array, Array]:
+    """Return angle, rate and acceleration of the kept harmonics of the angle, or of angle and rate."""
+    orders = kept[-1].orders
+    rate, acceleration = (
+        series(values[-1] * (1j * angular * orders) ** order, orders, n)
+        for order in ((1, 2) if len(kept) == 1 else (0, 1))
+    )
+    return series(values[0], kept[0].orders, n, mean), rate, acceleration
 
 
 def series(values: Complex, orders: NDArray[np.intp], n: int, mean: float = 0.0) -> Array:
@@ -218,7 +245,7 @@ def periodic_twin(law: Law, state: ForceStates, spectrum: Spectrum, front: float
         rate, acceleration = (series(spectrum.angle[orders - 1] * speed**k, orders, n) for k in (1, 2))
         moment, _ = transfer_moment(law, angle, rate, n * frequency, acceleration=acceleration)
     else:
-        angle, rate, moment = moved
+        angle, rate, acceleration, moment = moved
     coefficients = tuple(
         _as_kept(np.fft.rfft(signal)[part.orders] * 2 / n, part, moved is not None)
         for signal, part in zip((angle, rate), state.series, strict=False)
@@ -235,6 +262,8 @@ def periodic_twin(law: Law, state: ForceStates, spectrum: Spectrum, front: float
         slowest=state.slowest,
         guard=state.guard * finer,
         weight=state.n_samples / n,
+        motion=np.column_stack([angle, rate, acceleration]),
+        completed=state.completed,
     )
 
 
@@ -250,8 +279,8 @@ def _as_kept(values: Complex, kept: Harmonics, simulated: bool) -> Complex:
 
 def _driven(
     law: Law, state: ForceStates, spectrum: Spectrum, front: float, n: int
-) -> tuple[Array, Array, Array] | None:
-    """Return angle, rate and moment of the last of some periods under the run's drive; None where that fails.
+) -> tuple[Array, Array, Array, Array] | None:
+    """Return angle, rate, acceleration and moment of the last of some periods under the run's drive, if it works.
 
     The drive M + J·θ̈ must have fewer harmonics than the angle: where the motion was prescribed it has more, and the
     friction's steps cannot be told from it.
@@ -289,7 +318,7 @@ def _driven(
         return None
     if not _alike(np.fft.rfft(last) * 2 / n, state, spectrum):
         return None
-    return last, motion.rate[-n:], motion.moment[-n:]
+    return last, motion.rate[-n:], motion.acceleration[-n:], motion.moment[-n:]
 
 
 def _alike(twin: Complex, state: ForceStates, spectrum: Spectrum) -> bool:

@@ -47,7 +47,7 @@ class Verdict:
     reason: str
 
 
-def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
+def judge(regressor: JointRegressor, model: JointModel, completed: bool = False) -> Verdict:
     """Say whether the campaign confirms the paper's five terms.
 
     Parameters
@@ -56,11 +56,21 @@ def judge(regressor: JointRegressor, model: JointModel) -> Verdict:
         Fitted; holds the candidates and their evidence.
     model : JointModel
         What it found, with the noise floor of the campaign.
+    completed : bool
+        Whether weak harmonics of the motion are a model's: the scatter of blocks then lacks their noise, and terms look
+        surer than they are.
     """
     found = [term for term in model.ids if term != INERTIA]
     missing = tuple(term for term in PAPER_TERMS if term not in found)
     extra = tuple(term for term in found if term not in PAPER_TERMS)
     verdict, reason = _answer(regressor, model, missing, extra)
+    if completed and extra and verdict == "refuted" and _paper_suffices(regressor, model):
+        verdict, reason = (
+            "undecided",
+            (
+                f"{_names(extra)} fits best, yet within the doubt of the noise the paper's five terms do as well"
+            ),
+        )
     gap, (word, _) = model.fitted.misfit, channel_words(model)
     if found and gap > TOLERATED_MISFIT and "nor noise" not in reason:
         reason += f"; {gap:.1%} of the {word} is neither model nor noise"
@@ -124,6 +134,17 @@ def _needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
     fit = fit_columns(regressor.evidence_, columns)
     others = [i for i, column in enumerate(columns) if ids[column] in extra]
     return bool(np.any(fit.t_ratios[others] >= regressor.significance))
+
+
+def _paper_suffices(regressor: JointRegressor, model: JointModel) -> bool:
+    """Return whether the five terms alone leave no more than the noise or the found ones, within the noise's doubt."""
+    ids = regressor.evidence_.ids
+    wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
+    if not set(wanted) <= set(ids):
+        return False
+    fit = fit_columns(regressor.evidence_, [ids.index(term) for term in wanted])
+    left = max(model.fitted.noise_floor, model.fitted.residual_rms)
+    return bool(fit.residual_rms**2 < (1 + NOISE_DOUBT**2) * left**2)
 
 
 def _names(terms: Sequence[str]) -> str:
