@@ -26,10 +26,14 @@ Array = NDArray[np.float64]
 
 # Rows worked on at once: twenty columns of these are two thirds of a megabyte.
 TILE = 4096
-# Rows that the compiled sweep takes together: within the first level of the cache.
-SWEEP = 256
+# Rows that a compiled sweep takes together.
+SWEEP = 1024
 # Rounding of the Gram matrix, relative to its weakest direction, beyond which rows are decomposed instead.
-TOLERANCE = 1e-11
+TOLERANCE = 1e-10
+# By which the rows so far are to keep away from that, if their columns are to be multiplied as they are.
+MARGIN = 2.0
+# The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-10.
+RESIDUAL = 1e5
 # A column that is so dependent on those before it is told from them by nobody.
 DEPENDENT = 1e-9
 
@@ -48,6 +52,10 @@ class FactorSum:
         self.rows = 0
         self._triangle = np.zeros((self.size, self.size))  # of all rows up to the last renewal
         self._base: Array | None = None  # P
+        self._plain, self._norms = (
+            True,
+            np.ones((self.size, self.size)),
+        )  # whether P is diagonal, and its products
         self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows, in the coordinates of P
         self._weakest, self._weight = 0.0, 0.0
         self._free = np.zeros(self.size)
@@ -71,14 +79,18 @@ class FactorSum:
             self._renew(block)
             return
         gram = np.zeros((self.size, self.size))
-        _sweep()(block, self._base, self._scratch, gram)
+        plain, solved = _compiled()
+        if self._plain:
+            plain(block, gram)
+            gram /= self._norms
+        else:
+            solved(block, self._base, self._scratch, gram)
         weight = self._weight + float(gram.trace())
         if not np.isfinite(weight):
             raise _not_finite(block)
         if not self._accurate(weight):
             # More rows have come since: the weakest direction can only have grown.
-            total = _symmetric(self._gram + gram) + np.diag(self._free)
-            self._weakest = float(np.linalg.eigvalsh(total)[0])
+            self._weakest = _weakest(_symmetric(self._gram + gram) + np.diag(self._free))
             if not self._accurate(weight):
                 self._renew(block)
                 return
@@ -113,13 +125,24 @@ class FactorSum:
         least = np.where(norms > 0, DEPENDENT * norms, 1.0)
         diagonal = np.diag(self._triangle)
         weak = np.abs(diagonal) < least
-        base = self._triangle / np.sqrt(self.rows)
-        base[weak, weak.nonzero()[0]] = least[weak] / np.sqrt(self.rows)
-        root = _divided(self._triangle, base)
-        self._base, self._gram = np.ascontiguousarray(base), root.T @ root
         # Directions in which the rows say nothing set no standard.
         self._free = np.where(weak, float(self.rows), 0.0)
-        self._weakest = float(np.linalg.eigvalsh(self._gram + np.diag(self._free))[0])
+        scale = np.maximum(norms, np.where(norms > 0, 0.0, 1.0)) / np.sqrt(self.rows)
+        self._plain = True
+        self._take(np.diag(scale))
+        self._norms = np.outer(scale, scale)
+        if not self._accurate(MARGIN * self._weight):
+            # The columns by themselves are too much alike.
+            base = self._triangle / np.sqrt(self.rows)
+            base[weak, weak.nonzero()[0]] = least[weak] / np.sqrt(self.rows)
+            self._plain = False
+            self._take(base)
+
+    def _take(self, base: Array) -> None:
+        """Take a triangle for P."""
+        root = _divided(self._triangle, base)
+        self._base, self._gram = np.ascontiguousarray(base), root.T @ root
+        self._weakest = _weakest(self._gram + np.diag(self._free))
         self._weight = float(np.trace(self._gram))
 
 
@@ -172,6 +195,15 @@ class TermSum:
         return self._sum.factor()
 
 
+def _weakest(gram: Array) -> float:
+    """Return the least that a unit combination of columns leaves; of the target, what they leave, to fewer digits."""
+    least, vectors = np.linalg.eigh(gram[:-1, :-1])
+    if not least[0] > 0:
+        return 0.0
+    left = float(gram[-1, -1] - np.sum((vectors.T @ gram[:-1, -1]) ** 2 / least))
+    return min(float(least[0]), RESIDUAL * left)
+
+
 def _symmetric(matrix: Array) -> Array:
     """Return the symmetric matrix that has the upper half of another."""
     return np.triu(matrix) + np.triu(matrix, 1).T
@@ -193,60 +225,86 @@ def _divided(matrix: Array, triangle: Array) -> Array:
 
 
 @cache
-def _sweep() -> Any:
-    """Return the compiled sweep: solve the rows of a block with P, add their products to the upper half of a matrix."""
+def _compiled() -> tuple[Any, Any]:
+    """Return two compiled sweeps over a block: its products; and those of its rows once they are solved with P.
+
+    Both add to the upper half of a matrix. Sums are of SWEEP rows at a time, always in the same order.
+    """
     import numba
 
-    @numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
-    def sweep(block, base, scratch, gram):  # pragma: no cover
+    jit = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+
+    # Rows are taken by slices of one axis: of two, numba no longer knows them to be contiguous, and vectorises nothing.
+    @jit
+    def products(block, start, stop, gram):  # pragma: no cover
+        last = block.shape[0] - 1
+        # Three by three: nine products for six loads. At the edge the last column stands in, and is not written.
+        for j in range(0, last + 1, 3):
+            a = block[j, start:stop]
+            b, c = block[min(j + 1, last), start:stop], block[min(j + 2, last), start:stop]
+            for i in range(0, j + 1, 3):
+                d = block[i, start:stop]
+                e, f = block[min(i + 1, last), start:stop], block[min(i + 2, last), start:stop]
+                da = db = dc = ea = eb = ec = fa = fb = fc = 0.0
+                for r in range(stop - start):
+                    da += d[r] * a[r]
+                    db += d[r] * b[r]
+                    dc += d[r] * c[r]
+                    ea += e[r] * a[r]
+                    eb += e[r] * b[r]
+                    ec += e[r] * c[r]
+                    fa += f[r] * a[r]
+                    fb += f[r] * b[r]
+                    fc += f[r] * c[r]
+                sums = ((da, db, dc), (ea, eb, ec), (fa, fb, fc))
+                for row in range(min(3, last + 1 - i)):
+                    for column in range(min(3, last + 1 - j)):
+                        gram[i + row, j + column] += sums[row][column]
+
+    @jit
+    def plain(block, gram):  # pragma: no cover
+        rows = block.shape[1]
+        for start in range(0, rows, SWEEP):
+            products(block, start, min(start + SWEEP, rows), gram)
+
+    @jit
+    def solved(block, base, scratch, gram):  # pragma: no cover
         size, rows = block.shape
-        width = scratch.shape[1]
-        for start in range(0, rows, width):
-            n = min(width, rows - start)
-            for j in range(size):
-                x, source = scratch[j], block[j]
-                for r in range(n):
-                    x[r] = source[start + r]
-                i = 0
-                # Four columns at a time: each is loaded once, the result stored a quarter as often.
-                while i + 4 <= j:
+        for start in range(0, rows, SWEEP):
+            n = min(SWEEP, rows - start)
+            for j in range(0, size, 2):
+                pair = j + 1 < size
+                k = j + 1 if pair else j
+                x, y = scratch[j, :n], scratch[k, :n]
+                x[:], y[:] = block[j, start : start + n], block[k, start : start + n]
+                # Two columns less four at a time: fourteen loads and stores for sixteen operations.
+                for i in range(0, j - 3, 4):
                     c0, c1, c2, c3 = base[i, j], base[i + 1, j], base[i + 2, j], base[i + 3, j]
-                    x0, x1, x2, x3 = scratch[i], scratch[i + 1], scratch[i + 2], scratch[i + 3]
+                    d0, d1, d2, d3 = base[i, k], base[i + 1, k], base[i + 2, k], base[i + 3, k]
+                    x0, x1, x2, x3 = (
+                        scratch[i, :n],
+                        scratch[i + 1, :n],
+                        scratch[i + 2, :n],
+                        scratch[i + 3, :n],
+                    )
                     for r in range(n):
-                        x[r] -= (c0 * x0[r] + c1 * x1[r]) + (c2 * x2[r] + c3 * x3[r])
-                    i += 4
-                while i < j:
-                    c0, x0 = base[i, j], scratch[i]
+                        p, q, u, v = x0[r], x1[r], x2[r], x3[r]
+                        x[r] -= (c0 * p + c1 * q) + (c2 * u + c3 * v)
+                        if pair:
+                            y[r] -= (d0 * p + d1 * q) + (d2 * u + d3 * v)
+                for i in range(j // 4 * 4, j):
+                    c0, d0, x0 = base[i, j], base[i, k], scratch[i, :n]
                     for r in range(n):
                         x[r] -= c0 * x0[r]
-                    i += 1
+                        if pair:
+                            y[r] -= d0 * x0[r]
                 inverse = 1.0 / base[j, j]
                 for r in range(n):
                     x[r] *= inverse
-            j = 0
-            while j + 1 < size:
-                a, b = scratch[j], scratch[j + 1]
-                # Two by two: four products for four loads.
-                for i in range(0, j + 1, 2):
-                    c, d = scratch[i], scratch[i + 1]
-                    s0 = s1 = s2 = s3 = 0.0
+                if pair:
+                    inverse, c0 = 1.0 / base[k, k], base[j, k]
                     for r in range(n):
-                        s0 += a[r] * c[r]
-                        s1 += a[r] * d[r]
-                        s2 += b[r] * c[r]
-                        s3 += b[r] * d[r]
-                    gram[i, j] += s0
-                    gram[i + 1, j] += s1
-                    gram[i, j + 1] += s2
-                    gram[i + 1, j + 1] += s3
-                j += 2
-            if j < size:
-                a = scratch[j]
-                for i in range(size):
-                    c = scratch[i]
-                    s0 = 0.0
-                    for r in range(n):
-                        s0 += a[r] * c[r]
-                    gram[i, j] += s0
+                        y[r] = (y[r] - c0 * x[r]) * inverse
+            products(scratch, 0, n, gram)
 
-    return sweep
+    return plain, solved
