@@ -204,10 +204,16 @@ def _resampled_blocks(evidence: Evidence, rng: np.random.Generator) -> Factor:
 
 
 def _quiet(fit: Callable[[], Any]) -> Any:
-    """Run a pysindy fit; its notices that a threshold removed everything are what a path is made of."""
+    """Run a pysindy fit; its notices that a threshold removed everything are what a path is made of.
+
+    A path is some hundred fits of two dozen rows: scikit-learn's checks of what is known to be sound took a third of
+    the time.
+    """
     import warnings
 
-    with warnings.catch_warnings():
+    from sklearn import config_context
+
+    with warnings.catch_warnings(), config_context(assume_finite=True, skip_parameter_validation=True):
         warnings.simplefilter("ignore")
         return fit()
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from sindyjoint.discovery.catalogue import as_catalogue
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
-from sindyjoint.discovery.evidence import Evidence, fit_columns
+from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.discovery.frequency import MARGIN
 from sindyjoint.discovery.methods import METHODS
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.discovery.model import JointModel, model_terms
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
-from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
@@ -242,47 +242,56 @@ def _left_out(
 
 
 def _with_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
-    """Add the error of the simulated response of left-out frequencies, each distinct set of terms once.
-
-    Sets beyond the paper's five terms would each need a simulator compiled for them; they are left out.
-    """
+    """Add the error of the simulated response of left-out frequencies, each distinct set of terms once."""
     from dataclasses import replace
 
-    known: dict[tuple[str, ...], float] = {}
+    known: dict[tuple[str, ...], tuple[float, str]] = {(): (float("nan"), "no model")}
     for choice in choices:
-        if choice.terms and set(choice.ids) <= set(PAPER_TERMS) and choice.ids not in known:
+        if choice.ids not in known:
             known[choice.ids] = _response_error(found, evidence, choice.ids)
-    return tuple(replace(choice, response=known.get(choice.ids, float("nan"))) for choice in choices)
+    return tuple(
+        replace(choice, response=known[choice.ids][0], not_simulated=known[choice.ids][1])
+        for choice in choices
+    )
 
 
-def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> float:
+def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> tuple[float, str]:
+    """Return the error of a set of terms, and why there is none; each run under the fit to the other groups."""
     from sindyjoint.workflows.model_law import model_law
     from sindyjoint.workflows.response import simulate_run
 
-    if len(evidence.groups) < 2 or not set(ids) <= set(found.model.ids):
-        return float("nan")
+    if len(evidence.groups) < 2:
+        return float("nan"), "one group only: nothing can be left out"
     columns = [evidence.ids.index(name) for name in ids]
     runs = {run.name: run for run in found.campaign.identification_runs}
     states = {state.run: state for state in found.states}
     errors = []
     for group in evidence.groups:
         fit = fit_columns(evidence.only([other for other in evidence.groups if other != group]), columns)
-        law = model_law(_with_coefficients(found.model, ids, fit.coefficients))
+        try:
+            law = model_law(_fitted_model(found, ids, fit))
+        except InputError as cause:
+            return float("nan"), str(cause)
         for run in evidence.runs:
             if run.group == group:
-                try:
-                    errors.append(simulate_run(law, runs[run.name], states[run.name]).response_nrmse)
-                except SimulationError:
-                    return float("nan")
-    return float(np.sqrt(np.mean(np.square(errors))))
+                simulated = simulate_run(law, runs[run.name], states[run.name])
+                if simulated.failure:
+                    return float("nan"), f"run {run.name!r}: {simulated.failure}"
+                errors.append(simulated.response_nrmse)
+    return float(np.sqrt(np.mean(np.square(errors)))), ""
 
 
-def _with_coefficients(model: JointModel, ids: tuple[str, ...], values: Any) -> JointModel:
+def _fitted_model(found: Discovery, ids: tuple[str, ...], fit: Fit) -> JointModel:
+    """Return the model of some of the candidates with the coefficients of a fit, given ones beside them."""
     from dataclasses import replace
 
-    number = dict(zip(ids, values, strict=True))
-    terms = tuple(replace(t, coefficient=float(number[t.id])) for t in model.terms if t.id in number)
-    return replace(model, terms=terms)
+    resolved = {term.id: term for term in found.regressor.terms_}
+    terms = model_terms(
+        [resolved[name] for name in ids], fit.coefficients, fit.covariance, fit.unique_share, fit.effective_degrees,
+        found.campaign.joint.motion,
+    )  # fmt: skip
+    given = tuple(term for term in found.model.terms if term.id in (found.regressor.fixed or {}))
+    return replace(found.model, terms=(*terms, *given), covariance=())
 
 
 def _model(found: Discovery) -> tuple[Choice, dict[str, float]]:

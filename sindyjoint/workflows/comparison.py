@@ -66,6 +66,8 @@ class Choice:
         RMS error of the moment of left-out frequencies, terms chosen anew each time, relative to its RMS.
     response : float
         RMS error of the simulated angle of left-out frequencies relative to its RMS; NaN where not simulated.
+    not_simulated : str
+        Why there is none.
     path : tuple of SizeScore
     offers_paper_terms : bool
         Whether all five of the paper's terms were among the candidates.
@@ -78,6 +80,7 @@ class Choice:
     seconds: float = float("nan")
     held_out: float = float("nan")
     response: float = float("nan")
+    not_simulated: str = ""
     path: tuple[SizeScore, ...] = ()
     offers_paper_terms: bool = True
 

@@ -3,17 +3,21 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import sympy
 from typer.testing import CliRunner
 
 from sindyjoint.discovery.methods import METHODS
+from sindyjoint.discovery.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.reporting.comparison import TextTable, comparison_tables, long_csv, write_comparison
 from sindyjoint.workflows.bias import measure_bias
-from sindyjoint.workflows.compare import compare
+from sindyjoint.workflows.compare import _response_error, compare
 from sindyjoint.workflows.verdict import PAPER_TERMS
 
 
@@ -117,6 +121,34 @@ def test_wrong_options_are_refused(campaign):
         compare(campaign, methods=["magic"])
     with pytest.raises(InputError, match="at least 10 and a positive one are wanted"):
         compare(campaign, margin=-1)
+
+
+@pytest.mark.slow
+def test_left_out_response_of_any_terms():
+    """Sets beyond the paper's five are simulated, too; what no simulation of angle and rate can hold says why."""
+    theta, omega = sympy.symbols("theta omega", real=True)
+    damping = FormulaLaw(sympy.Symbol("a") * omega * sympy.Abs(omega), {"a": 400.0})
+    campaign = virtual_campaign(
+        frequencies=[3, 4, 6], levels=[0.9, 0.6, 0.35], duration=3.0, random_state=0, hidden=damping
+    )
+    result = compare(campaign, methods=["stlsq", "coefficient_stlsq"], libraries=["paper"], replicates=20)
+    main = result.methods[0]
+    assert main.extra == ("quadratic_damping",) and main.not_simulated == ""
+    # 1 % noise of the measured angle, which the simulation does not have
+    assert 0.009 < main.response < 0.02
+    for choice in result.methods:
+        assert np.isfinite(choice.response) == (not choice.not_simulated)
+    found = result.discovery
+    wrong = found.regressor.terms_[0].term
+    made_up = replace(wrong, id="made_up", formula="alpha*abs(theta)")
+    terms = (
+        ResolvedTerm(made_up, (), sympy.Symbol("alpha", real=True) * sympy.Abs(theta)),
+        *found.regressor.terms_[1:],
+    )
+    found.regressor.terms_ = terms
+    evidence = replace(found.regressor.evidence_, ids=("made_up", *found.regressor.evidence_.ids[1:]))
+    error, reason = _response_error(found, evidence, ("made_up", "coulomb_friction"))
+    assert np.isnan(error) and "depends on alpha" in reason
 
 
 def test_one_frequency_has_no_test_of_dependence():
