@@ -131,8 +131,8 @@ class FactorSum:
         self._plain = True
         self._take(np.diag(scale))
         self._norms = np.outer(scale, scale)
-        if not self._accurate(MARGIN * self._weight):
-            # The columns by themselves are too much alike.
+        if weak.any() or not self._accurate(MARGIN * self._weight):
+            # The columns by themselves are too much alike; a dependent one is known as such to more digits so.
             base = self._triangle / np.sqrt(self.rows)
             base[weak, weak.nonzero()[0]] = least[weak] / np.sqrt(self.rows)
             self._plain = False
