@@ -15,8 +15,8 @@ from sindyjoint.workflows.structure_problem import PulseProblem
 
 Array = NDArray[np.float64]
 
-# Pulses that are tried, as multiples of the one that was given.
-FORCES = (0.3, 1.0, 3.0)
+# Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
+FORCES = (1.0, 0.3, 3.0)
 # A pulse that would leave the rivals nearly as likely as before is no advice.
 LEAST_CONFIDENCE = 0.6
 
@@ -47,7 +47,12 @@ def advise(
         found = _best_pulse(problem, members[0], members[1])
         if found is not None and found[2] >= LEAST_CONFIDENCE:
             force, point, confidence, level = found
-            words = f"pulse {force:g} times as strong, measured at {point}"
+            same = (
+                "second record of the same pulse"
+                if force == 1
+                else f"pulse {force:g} times as strong, measured"
+            )
+            words = f"{same} at {point!r}"
             names = (members[0].change.effect, members[1].change.effect)
             advice.append(Advice(names, float(f"{1 / period:.3g}"), float(f"{level:.3g}"), words, confidence))
     return tuple(advice)

@@ -42,12 +42,13 @@ def _ripple(theta, omega, direction, state, p, out):
 
 @dataclass(frozen=True)
 class HiddenStructure:
-    """A rig with its record, the model that is to be diagnosed, and what is hidden."""
+    """A rig with its record, the model that is to be diagnosed, what is hidden, and the rig that holds it."""
 
     name: str
     rig: object
     model: object
     size: float
+    truth: object
 
 
 def hide(name, seed, noise=0.01, duration=6.0, size=None, error=0.003):
@@ -73,7 +74,7 @@ def hide(name, seed, noise=0.01, duration=6.0, size=None, error=0.003):
     ideal = response.displacement["tip"]
     shown = ideal + noise * np.sqrt(np.mean(ideal**2)) * generator.standard_normal(ideal.size)
     return HiddenStructure(
-        name, replace(rig, measured=MeasuredResponse("tip", shown, rig.sample_rate)), model, size
+        name, replace(rig, measured=MeasuredResponse("tip", shown, rig.sample_rate)), model, size, truth
     )
 
 

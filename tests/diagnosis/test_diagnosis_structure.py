@@ -123,6 +123,21 @@ def test_another_pulse_and_another_point_are_predicted():
     assert torn.final.response > 1.3 * torn.noise_floor.response
 
 
+def test_what_one_record_cannot_tell_apart_the_advised_one_does():
+    hidden = hide("clamp_stiffness", 0, 0.01, duration=3.0)
+    first = diagnose_structure(hidden.rig, hidden.model, effects=FEW)
+    assert first.verdict == "ambiguous" and "clamp_stiffness" in first.steps[0].members
+    advice = first.advice[0]
+    assert set(advice.separates) <= set(first.steps[0].members) and advice.expected_confidence > 0.9
+    assert advice.waveform == "second record of the same pulse at 'lower beam'"
+    ideal = hidden.truth.respond(points=("lower beam",)).displacement["lower beam"]
+    level = 0.01 * np.std(hidden.rig.measured.displacement)
+    noisy = ideal + level * np.random.default_rng(1).standard_normal(ideal.size)
+    second = replace(hidden.rig, also_measured=(MeasuredResponse("lower beam", noisy, 1000.0),))
+    again = diagnose_structure(second, hidden.model, effects=FEW)
+    assert again.verdict == "named" and again.steps[0].effect == "clamp_stiffness"
+
+
 # ---- bad input, and the command
 
 
