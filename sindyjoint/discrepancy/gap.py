@@ -32,7 +32,7 @@ GOLDEN = 0.6180339887
 # Rows of a run that does not repeat: this many per period of its bandwidth, and of all runs together at most so many.
 ROWS_PER_PERIOD = 5
 MOST_ROWS = 16_000
-STRETCH = 500
+STRETCH = 150
 # Internal states follow a motion that is interpolated within this share of its RMS.
 FOLLOWED_ERROR = 1e-4
 MOST_BETWEEN = 8
@@ -202,8 +202,8 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
         )
     moving = np.bincount(bins, ~states.moving, phases) == 0
     keep = np.flatnonzero(moving & (count > 0))
-    # The mean of a phase is that of its instants over all periods: a moment linear in time keeps its value.
-    time = np.interp(np.arange(phases), np.flatnonzero(count), mean(states.time)[count > 0])
+    # What repeats is as it is in the middle of its stretch, at every phase.
+    time = np.full(phases, np.mean(states.time))
     step = 1 / (states.frequency * phases)
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
     inertia = model.joint.inertia

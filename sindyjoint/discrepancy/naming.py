@@ -63,16 +63,16 @@ class Problem:
             columns.append(stack(runs, lambda run, e=each: e.variant.along(run.motion, e.values)))  # type: ignore[misc]
         base = np.hstack(columns)
         target = np.concatenate([run.white(run.target) for run in runs])
+        return cls.of_columns(runs, base, target, sum(each.gain for each in found))
+
+    @classmethod
+    def of_columns(
+        cls, runs: Sequence[GapRun], base: Array, target: Array, explained: float = 0.0
+    ) -> Problem:
+        """Return the problem of whitened columns and target, of whatever they are the rows."""
         basis = _orthonormal(base)
-        return cls(
-            tuple(runs),
-            base,
-            target,
-            reference_scales(runs),
-            sum(each.gain for each in found),
-            basis,
-            target - basis @ (basis.T @ target),
-        )
+        residual = target - basis @ (basis.T @ target)
+        return cls(tuple(runs), base, target, reference_scales(runs), explained, basis, residual)
 
     @property
     def chi_square(self) -> float:
@@ -90,7 +90,10 @@ class Problem:
 
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
-        columns = stack(self.runs, lambda run: variant.along(run.motion, values))
+        return self.gain_of(variant, stack(self.runs, lambda run: variant.along(run.motion, values)))
+
+    def gain_of(self, variant: Variant, columns: Array) -> tuple[float, Array]:
+        """Return the same for whitened columns, shape (N, n_columns)."""
         if not np.all(np.isfinite(columns)):
             return 0.0, np.zeros(columns.shape[1])
         size = np.linalg.norm(columns, axis=0)

@@ -16,7 +16,9 @@ Array = NDArray[np.float64]
 CLEARLY = 1.2
 
 
-def hidden_pair(problem: Problem, fitted: Sequence[FittedEffect]) -> tuple[FittedEffect, FittedEffect] | None:
+def hidden_pair(
+    problem: Problem, fitted: Sequence[FittedEffect], columns: Sequence[Array] | None = None
+) -> tuple[FittedEffect, FittedEffect] | None:
     """Return the two effects that together win clearly more than the best one and any companion, or None.
 
     Inner parameters stay as each effect alone has them. The first of the two is the one that wins more alone.
@@ -26,11 +28,16 @@ def hidden_pair(problem: Problem, fitted: Sequence[FittedEffect]) -> tuple[Fitte
     problem : Problem
     fitted : sequence of FittedEffect
         Candidates, each fitted alone.
+    columns : sequence of ndarray, optional
+        Whitened columns of each, where they are not those of the moment.
     """
-    usable = [f for f in fitted if f.effect.enters == "moment"]
+    if columns is None:
+        fitted = [f for f in fitted if f.effect.enters == "moment"]
+        columns = [effect_rows(problem, f) for f in fitted]
+    usable = list(fitted)
     if len(usable) < 3:
         return None
-    columns = [_beside(problem, f) for f in usable]
+    columns = [problem.beside(c) for c in columns]
     best = max(range(len(usable)), key=lambda i: usable[i].gain)
     gains = {
         pair: _gain([columns[i] for i in pair], problem.residual, [usable[i] for i in pair])
@@ -46,10 +53,9 @@ def hidden_pair(problem: Problem, fitted: Sequence[FittedEffect]) -> tuple[Fitte
     return first, second
 
 
-def _beside(problem: Problem, fitted: FittedEffect) -> Array:
-    """Return an effect's whitened columns less what the columns that are there already explain of them."""
-    columns = stack(problem.runs, lambda run: fitted.variant.along(run.motion, fitted.values))
-    return problem.beside(columns)
+def effect_rows(problem: Problem, fitted: FittedEffect) -> Array:
+    """Return an effect's whitened columns over all runs."""
+    return stack(problem.runs, lambda run: fitted.variant.along(run.motion, fitted.values))
 
 
 def _gain(columns: Sequence[Array], residual: Array, fitted: Sequence[FittedEffect]) -> float:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.discovery.formula import variable_symbols
+from sindyjoint.discovery.model import JointModel, ModelTerm
+from sindyjoint.discrepancy.effects import Effect, Variant
 from sindyjoint.discrepancy.gap import GapRun, base_columns, row_groups
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, stack
 
@@ -44,11 +46,14 @@ class Repaired:
     effects : tuple of FittedEffect
     dropped : tuple of str
         Ids of terms that became needless.
+    covariance : ndarray, optional
+        Of the coefficients of terms and effects, in that order.
     """
 
     model: JointModel
     effects: tuple[FittedEffect, ...]
     dropped: tuple[str, ...] = ()
+    covariance: Array | None = None
 
 
 def refit(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Repaired:
@@ -71,7 +76,7 @@ def refit(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEff
         width = len(each.variant.columns)
         later.append(replace(each, coefficients=coefficients[k : k + width]))
         k += width
-    return Repaired(model, tuple(later), tuple(dropped))
+    return Repaired(model, tuple(later), tuple(dropped), covariance)
 
 
 def _solve(
@@ -218,7 +223,6 @@ def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Insta
     """
     from sympy import Abs, Float, Heaviside, Symbol
 
-    from sindyjoint.discovery.formula import variable_symbols
     from sindyjoint.mechanics.laws import FormulaLaw
 
     _, omega, _ = variable_symbols()
@@ -268,6 +272,73 @@ def _symbols(fitted: FittedEffect) -> set[Any]:
     for state in fitted.variant.states:
         expressions += [state.rate] + ([] if state.limit is None else [state.limit])
     return {symbol for e in expressions for symbol in e.free_symbols}
+
+
+def is_term(effect: Effect, variant: Variant) -> bool:
+    """Return whether a variant of an effect is a term of angle and rate alone, as a model's own terms are."""
+    if effect.enters != "moment" or variant.states:
+        return False
+    known = {*variant.names, *(symbol.name for symbol in variable_symbols()[:2])}
+    return all(
+        symbol.name in known for column in variant.columns for symbol in column.expression.free_symbols
+    )
+
+
+def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
+    """Return the model with those effects among its terms that are functions of angle and rate alone.
+
+    An effect that the model has a term of is added to that term. Other effects (with a memory, of a channel, of a run)
+    are no terms of a joint model.
+    """
+    model, effects = repaired.model, repaired.effects
+    terms, places = list(model.terms), list(range(len(model.terms)))
+    shares = unique_shares(runs, model, effects)
+    errors = np.zeros(shares.size) if repaired.covariance is None else np.sqrt(np.diag(repaired.covariance))
+    terms = [replace(t, unique_share=float(s)) for t, s in zip(terms, shares, strict=False)]
+    at = len(terms)
+    for each in effects:
+        inner = tuple(zip(each.variant.names, map(float, each.values), strict=True))
+        for k, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
+            place, at = at, at + 1
+            if not is_term(each.effect, each.variant):
+                continue
+            name = each.effect.id if k == 0 else f"{each.effect.id}_{k + 1}"
+            size, error = float(value), float(errors[place])
+            same = next((i for i, t in enumerate(terms) if t.id == name), None)
+            if same is not None:
+                terms[same] = replace(terms[same], coefficient=terms[same].coefficient + size)
+                continue
+            places.append(place)
+            terms.append(
+                ModelTerm(
+                    name,
+                    column.symbol,
+                    each.effect.name,
+                    each.effect.family,
+                    column.formula,
+                    inner,
+                    column.unit,
+                    size,
+                    error,
+                    (size - 1.96 * error, size + 1.96 * error),
+                    float(shares[place]),
+                )  # fmt: skip
+            )
+    covariance = model.covariance
+    if repaired.covariance is not None:
+        chosen = repaired.covariance[np.ix_(places, places)]
+        covariance = tuple(tuple(float(v) for v in row) for row in chosen)
+    return replace(model, terms=tuple(terms), covariance=covariance)
+
+
+def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the moment that no other column can take over, of each, relative to the RMS moment."""
+    columns = np.vstack([all_columns(run, model, effects) for run in runs])
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    products = (columns / size).T @ (columns / size) / len(columns)
+    own = np.sqrt(1 / np.maximum(np.diag(np.linalg.pinv(products)), 1.0))
+    return np.abs(coefficients) * size * own / model.fitted.moment_rms
 
 
 def corrections(effects: Sequence[FittedEffect]) -> tuple[float, float, float]:

@@ -46,12 +46,9 @@ def repetition(run: Run) -> int | None:
     while top + 1 < near.size and near[top + 1] > near[top]:
         top += 1
     lag = SHORTEST + top
-    change = [
-        signal[lag:] - signal[:-lag] for signal in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
-    ]
     alike = all(
-        np.sqrt(np.mean(c**2)) <= SAME * np.sqrt(2) * np.std(s)
-        for c, s in zip(change, (angle, moment), strict=True)
+        np.std(late_part[lag:] - late_part[:-lag]) <= SAME * np.sqrt(2) * np.std(late_part)
+        for late_part in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
     )
     wasted = run.n_samples % lag
     return lag if alike and wasted <= MOST_WASTED * run.n_samples else None

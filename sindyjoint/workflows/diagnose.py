@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from sindyjoint.workflows.diagnosis_start import (
 )
 from sindyjoint.workflows.diagnosis_verdict import humble, judge, unexplained_share
 from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.free_decay import is_free, refined_on_response
 from sindyjoint.workflows.gap_response import processing_error
 from sindyjoint.workflows.limits import limits
 
@@ -160,6 +162,7 @@ def _loop(
     repaired = Repaired(work.model, ())
     steps = list(steps)
     refused: set[str] = set()
+    free = is_free(work.campaign)
     while True:
         problem = Problem.build(work.rows, work.model, found)
         if len(steps) >= most:
@@ -172,6 +175,8 @@ def _loop(
         say(f"adding {best.effect.name}")
         added = add_effect(work, found, best, candidates)
         after = gap_of(added.work, added.repaired.model, added.effects)
+        if free:
+            added, after = _on_response(added, after)
         if not paired and _harms(before, after) and len(refused) < MOST_REFUSALS:
             refused.add(best.effect.id)
             continue
@@ -187,6 +192,16 @@ def _loop(
 def _harms(before: Gap, after: Gap) -> bool:
     """Return whether an effect wins little of the moment and loses much of the simulated response."""
     return after.response > WORSE_RESPONSE * before.response and after.moment > LITTLE_HELP * before.moment
+
+
+def _on_response(added: Added, gap: Gap) -> tuple[Added, Gap]:
+    """Return the same with coefficients refined on the simulated response, where that makes it better."""
+    repaired = refined_on_response(added.work, added.repaired)
+    work = replace(added.work, model=repaired.model)
+    later = gap_of(work, repaired.model, repaired.effects)
+    if not later.response < gap.response:
+        return added, gap
+    return replace(added, work=work, repaired=repaired, effects=repaired.effects), later
 
 
 def _idle(problem: Problem, before: Gap, after: Gap) -> bool:

@@ -47,7 +47,7 @@ def add_effect(
     """Return the model with an effect added to those found before.
 
     A delay is removed from the states, which decides anew what the effects before it were; any other effect is fitted
-    beside them, and each of them is tested again.
+    beside them, and each of them is tested again against the ``candidates``, if there are any.
     """
     shifts = [f for f in found if _shifts(f)]
     others = [f for f in found if not _shifts(f)]
@@ -113,7 +113,7 @@ def _retested(
 ) -> tuple[list[FittedEffect], dict[str, Ranking | None]]:
     """Test the effects found earlier again: each keeps its place, gives it to a better one, or goes."""
     again: dict[str, Ranking | None] = {}
-    if not earlier:
+    if not earlier or not candidates:
         return moving, again
     moving = refined(work, moving)
     for name in [f.effect.id for f in earlier]:
