@@ -9,8 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy
 
+from sindyjoint.errors import SimulationError
+from sindyjoint.mechanics.excitation import multisine, sweep
 from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw, PaperLaw
+from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.record import Campaign, Joint, Run
 
 TRUE_IDS = (
     "linear_stiffness",
@@ -105,6 +109,51 @@ def _moment_rms(k1, k3, c1, friction, peaks, frequencies):
             theta, rate = peak * np.sin(phase), peak * 2 * np.pi * frequency * np.cos(phase)
             squares.append(np.mean((k1 * theta + k3 * theta**3 + c1 * rate + friction * np.sign(rate)) ** 2))
     return float(np.sqrt(np.mean(squares)))
+
+
+def aperiodic_campaign(plan, noise, kind, runs=6, duration=10.0):
+    """Return runs that do not repeat: multisines of 1 to 8 Hz or sweeps from 1 to 8 Hz, at two levels.
+
+    The moment is scaled until the largest angle is 0.88 or 0.6 of the softening limit.
+    """
+    rng = np.random.default_rng((20_000, plan.seed))
+    made = []
+    for index in range(runs):
+        if kind == "multisine":
+            lines = 1.0 + 7.0 * np.sort(rng.uniform(size=12))
+            drive = multisine(np.ones(12), lines, 2 * np.pi * rng.uniform(size=12), duration)
+        else:
+            drive = sweep(1.0, *((1.0, 8.0) if index % 2 == 0 else (8.0, 1.0)), duration)
+        target = (0.88, 0.6)[index % 2] * plan.angle_limit
+        motion = _reaching(plan.law, drive, target, duration, plan.sample_rate)
+        channels = [
+            signal + noise * np.sqrt(np.mean(signal**2)) * rng.normal(size=signal.size)
+            for signal in (motion.moment, motion.angle)
+        ]
+        made.append(Run(f"{kind} {index}", *channels, plan.sample_rate, level=("high", "low")[index % 2]))
+    return Campaign(Joint(name=plan.law.name, inertia=plan.law.inertia), tuple(made), simulated=True)
+
+
+def _reaching(law, drive, target, duration, rate):
+    """Return the motion under a drive scaled until its largest angle is the target, to 2 %, from below."""
+    low, high = 0.0, 4 * law.k1 * target + 4 * law.M_F
+    reached = None
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        try:
+            motion = simulate(
+                law, drive.scaled(middle), duration, rate, limits=(-1.05 * target, 1.05 * target)
+            )
+            peak = np.abs(motion.angle).max()
+        except SimulationError:
+            peak = np.inf
+        if peak <= target:
+            low, reached = middle, motion
+            if peak > 0.98 * target:
+                break
+        else:
+            high = middle
+    return reached
 
 
 def rising_stiffness(plan, noise, rise):
