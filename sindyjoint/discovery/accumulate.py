@@ -12,7 +12,6 @@ Comput. 42(1), 2020, with the factor of the first rows in the place of a shifted
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -26,8 +25,6 @@ Array = NDArray[np.float64]
 
 # Rows worked on at once: twenty columns of these are two thirds of a megabyte.
 TILE = 4096
-# Rows that a compiled sweep takes together.
-SWEEP = 1024
 # Rounding of the Gram matrix, relative to its weakest direction, beyond which rows are decomposed instead.
 TOLERANCE = 1e-10
 # By which the rows so far are to keep away from that, if their columns are to be multiplied as they are.
@@ -59,7 +56,7 @@ class FactorSum:
         self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows, in the coordinates of P
         self._weakest, self._weight = 0.0, 0.0
         self._free = np.zeros(self.size)
-        self._scratch = np.empty((self.size, SWEEP))
+        self._scratch = np.empty((self.size, TILE))
 
     def add(self, block: Array) -> None:
         """Add rows.
@@ -78,13 +75,15 @@ class FactorSum:
         if self._base is None or n < self.size:
             self._renew(block)
             return
+        # numba is imported where it is first needed.
+        from sindyjoint.discovery import products
+
         gram = np.zeros((self.size, self.size))
-        plain, solved = _compiled()
         if self._plain:
-            plain(block, gram)
+            products.plain(block, gram)
             gram /= self._norms
         else:
-            solved(block, self._base, self._scratch, gram)
+            products.solved(block, self._base, self._scratch, gram)
         weight = self._weight + float(gram.trace())
         if not np.isfinite(weight):
             raise _not_finite(block)
@@ -222,89 +221,3 @@ def _divided(matrix: Array, triangle: Array) -> Array:
     for j in range(triangle.shape[0]):
         result[:, j] = (matrix[:, j] - result[:, :j] @ triangle[:j, j]) / triangle[j, j]
     return result
-
-
-@cache
-def _compiled() -> tuple[Any, Any]:
-    """Return two compiled sweeps over a block: its products; and those of its rows once they are solved with P.
-
-    Both add to the upper half of a matrix. Sums are of SWEEP rows at a time, always in the same order.
-    """
-    import numba
-
-    jit = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
-
-    # Rows are taken by slices of one axis: of two, numba no longer knows them to be contiguous, and vectorises nothing.
-    @jit
-    def products(block, start, stop, gram):  # pragma: no cover
-        last = block.shape[0] - 1
-        # Three by three: nine products for six loads. At the edge the last column stands in, and is not written.
-        for j in range(0, last + 1, 3):
-            a = block[j, start:stop]
-            b, c = block[min(j + 1, last), start:stop], block[min(j + 2, last), start:stop]
-            for i in range(0, j + 1, 3):
-                d = block[i, start:stop]
-                e, f = block[min(i + 1, last), start:stop], block[min(i + 2, last), start:stop]
-                da = db = dc = ea = eb = ec = fa = fb = fc = 0.0
-                for r in range(stop - start):
-                    da += d[r] * a[r]
-                    db += d[r] * b[r]
-                    dc += d[r] * c[r]
-                    ea += e[r] * a[r]
-                    eb += e[r] * b[r]
-                    ec += e[r] * c[r]
-                    fa += f[r] * a[r]
-                    fb += f[r] * b[r]
-                    fc += f[r] * c[r]
-                sums = ((da, db, dc), (ea, eb, ec), (fa, fb, fc))
-                for row in range(min(3, last + 1 - i)):
-                    for column in range(min(3, last + 1 - j)):
-                        gram[i + row, j + column] += sums[row][column]
-
-    @jit
-    def plain(block, gram):  # pragma: no cover
-        rows = block.shape[1]
-        for start in range(0, rows, SWEEP):
-            products(block, start, min(start + SWEEP, rows), gram)
-
-    @jit
-    def solved(block, base, scratch, gram):  # pragma: no cover
-        size, rows = block.shape
-        for start in range(0, rows, SWEEP):
-            n = min(SWEEP, rows - start)
-            for j in range(0, size, 2):
-                pair = j + 1 < size
-                k = j + 1 if pair else j
-                x, y = scratch[j, :n], scratch[k, :n]
-                x[:], y[:] = block[j, start : start + n], block[k, start : start + n]
-                # Two columns less four at a time: fourteen loads and stores for sixteen operations.
-                for i in range(0, j - 3, 4):
-                    c0, c1, c2, c3 = base[i, j], base[i + 1, j], base[i + 2, j], base[i + 3, j]
-                    d0, d1, d2, d3 = base[i, k], base[i + 1, k], base[i + 2, k], base[i + 3, k]
-                    x0, x1, x2, x3 = (
-                        scratch[i, :n],
-                        scratch[i + 1, :n],
-                        scratch[i + 2, :n],
-                        scratch[i + 3, :n],
-                    )
-                    for r in range(n):
-                        p, q, u, v = x0[r], x1[r], x2[r], x3[r]
-                        x[r] -= (c0 * p + c1 * q) + (c2 * u + c3 * v)
-                        if pair:
-                            y[r] -= (d0 * p + d1 * q) + (d2 * u + d3 * v)
-                for i in range(j // 4 * 4, j):
-                    c0, d0, x0 = base[i, j], base[i, k], scratch[i, :n]
-                    for r in range(n):
-                        x[r] -= c0 * x0[r]
-                        if pair:
-                            y[r] -= d0 * x0[r]
-                inverse = 1.0 / base[j, j]
-                for r in range(n):
-                    x[r] *= inverse
-                if pair:
-                    inverse, c0 = 1.0 / base[k, k], base[j, k]
-                    for r in range(n):
-                        y[r] = (y[r] - c0 * x[r]) * inverse
-            products(scratch, 0, n, gram)
-
-    return plain, solved
