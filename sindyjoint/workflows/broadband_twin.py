@@ -106,7 +106,8 @@ def broadband_twin(law: Law, run: Run, state: ForceStates) -> BroadbandTwin:
     inner = slice(half, state.n_samples - half)
     measured = run.rate is not None
     # The moment smoothed as the angle was, over the states' span.
-    moment = fftconvolve(run.moment, kernels[0], mode="valid")
+    whole = np.pad(state.moment, half, mode="wrap") if state.repeated else run.moment
+    moment = fftconvolve(whole, kernels[0], mode="valid")
     moved = _driven(law, state, moment)
     motion = None
     if moved is not None:
@@ -148,15 +149,16 @@ def _driven(law: Law, state: ForceStates, moment: Array) -> Motion | None:
         return None
     front = inertia_in_front(state, moment)
     drive = moment + front * state.acceleration
-    width = _drive_bandwidth(drive, state, front)
-    if width is None:
-        return None
-    low = smoothing_kernels(width, state.sample_rate)[0]
-    room = low.size // 2
-    if room >= drive.size:
-        return None
-    # The ends are continued: there the twin moves a little otherwise than the joint did, but by the law.
-    drive = fftconvolve(np.pad(drive, room, mode="reflect", reflect_type="odd"), low, mode="valid")
+    if np.any(drive):  # else it swings freely
+        width = _drive_bandwidth(drive, state, front)
+        if width is None:
+            return None
+        low = smoothing_kernels(width, state.sample_rate)[0]
+        room = low.size // 2
+        if room >= drive.size:
+            return None
+        # The ends are continued: there the twin moves a little otherwise than the joint did, but by the law.
+        drive = fftconvolve(np.pad(drive, room, mode="reflect", reflect_type="odd"), low, mode="valid")
     try:
         motion = simulate(
             law, sampled(drive, state.sample_rate), drive.size / state.sample_rate, state.sample_rate,
