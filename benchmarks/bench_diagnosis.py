@@ -28,9 +28,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 SAME = {"stop": "dead_zone"}
 
 
-def one(name: str, seed: int, size: float, noise: float) -> dict:
-    from sindyjoint.workflows.diagnose import diagnose
+def one(name: str, seed: int, size: float, noise: float, advice: bool = True) -> dict:
+    from sindyjoint.workflows import diagnose as workflow
     from tests.diagnosis.hidden_effects import hide
+
+    if not advice:
+        workflow.advise = lambda *arguments: ()
+    diagnose = workflow.diagnose
 
     record = dict(name=name, seed=seed, size=size, noise=noise)
     try:
@@ -91,7 +95,9 @@ def run(args: argparse.Namespace) -> None:
         for task in [(name, seed, size, noise) for name in names]
         if task not in done
     ]
-    results = Parallel(n_jobs=args.jobs, return_as="generator_unordered")(delayed(one)(*t) for t in tasks)
+    results = Parallel(n_jobs=args.jobs, return_as="generator_unordered")(
+        delayed(one)(*t, not args.no_advice) for t in tasks
+    )
     for record in results:
         with path.open("a") as file:
             file.write(json.dumps(record) + "\n")
@@ -173,10 +179,10 @@ def show(args: argparse.Namespace) -> None:
         effects = [r for r in some if "error" not in r and r["name"] != "nothing" and "+" not in r["name"]]
         if effects:
             good = sum(judge(r) in ("right", "class") for r in effects)
-            sure = sum(
-                judge(r) in ("wrong", "wide") and r["steps"][0]["probability"] > 0.8 for r in effects
+            sure = sum(judge(r) in ("wrong", "wide") and r["steps"][0]["probability"] > 0.8 for r in effects)
+            print(
+                f"  right or in the class: {good}/{len(effects)} = {good / len(effects):.1%}; wrong at > 0.8: {sure}"
             )
-            print(f"  right or in the class: {good}/{len(effects)} = {good / len(effects):.1%}; wrong at > 0.8: {sure}")
             for k, what in enumerate(("moment", "response")):
                 ratio = [r["final"][k] / r["floor"][k] for r in effects if r["floor"][k]]
                 print(f"  final {what} gap over floor: median {np.nanmedian(ratio):.2f}, 90 % below {np.nanquantile(ratio, 0.9):.2f}, "
@@ -194,7 +200,9 @@ def show(args: argparse.Namespace) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(required=True)
     running = commands.add_parser("run")
     running.add_argument("--out", required=True)
@@ -203,6 +211,7 @@ if __name__ == "__main__":
     running.add_argument("--sizes", nargs="+", type=float, default=[0.06])
     running.add_argument("--noises", nargs="+", type=float, default=[0.01])
     running.add_argument("--jobs", type=int, default=1)
+    running.add_argument("--no-advice", action="store_true", help="leave out the search for further runs")
     running.set_defaults(do=run)
     showing = commands.add_parser("show")
     showing.add_argument("paths", nargs="+")
