@@ -92,6 +92,7 @@ def test_a_newcomer_gets_there_in_three_commands(tmp_path):
 def test_samples_of_manifests_and_catalogues_load(tmp_path):
     from sindyjoint.discovery.catalogue import load_catalogue
     from sindyjoint.files.manifest import Manifest
+    from sindyjoint.mechanics.rigs import RigFile
 
     manifests = catalogues = 0
     for page in PAGES:
@@ -102,6 +103,8 @@ def test_samples_of_manifests_and_catalogues_load(tmp_path):
                 path.write_text(sample, encoding="utf-8")
                 assert data["term"][0]["id"] in load_catalogue(path).ids
                 catalogues += 1
+            elif "chain" in data:
+                assert RigFile.model_validate(data).chain
             else:
                 Manifest.model_validate(data)
                 manifests += 1
