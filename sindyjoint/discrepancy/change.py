@@ -62,8 +62,7 @@ def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
 def _straightened(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
     place = np.arange(values.size) - (values.size - 1) / 2
     centred = values - np.mean(values)
-    straight: NDArray[np.complex128] = centred - place * (place @ centred) / (place @ place)
-    return straight
+    return np.asarray(centred - place * (place @ centred) / (place @ place), dtype=np.complex128)
 
 
 def period_stiffness(run: Run, states: ForceStates) -> NDArray[np.complex128]:

@@ -86,6 +86,13 @@ def test_a_drift_of_the_stiffness_is_named_and_explains_the_gap(name, seed):
     # The size that was hidden, N·m/(rad·s); a few per cent are the linear terms beside it.
     (value,) = step.parameters.values()
     assert value == pytest.approx(hidden.parameters[0], rel=0.05)
+    # The stiffness at the start of a run, or of the first run; the quadratic term is a few per cent of the moment.
+    law, plan = hidden.plan.law, hidden.plan
+    total = plan.duration * (len(plan.frequencies) * len(plan.levels) if name.endswith("_on") else 1)
+    truth = dict(linear_stiffness=law.k1 - value * total / 2, cubic_stiffness=law.k3, linear_damping=law.c1)
+    for term, expected in truth.items():
+        assert result.model[term].coefficient == pytest.approx(expected, rel=0.03)
+    assert result.model["quadratic_stiffness"].coefficient == pytest.approx(law.k2, rel=0.1)
     assert result.final.moment <= 1.2 * result.noise_floor.moment
     assert result.final.response <= 1.2 * result.noise_floor.response < 0.7 * result.initial.response
 
