@@ -38,6 +38,11 @@ class RunEvidence:
     pooled: Factor
     blocks: tuple[Factor, ...]
 
+    @cached_property
+    def triangles(self) -> Array:
+        """Triangles of the blocks, shape (blocks, p + 1, p + 1)."""
+        return np.array([block.triangle for block in self.blocks])
+
     def take(self, columns: Sequence[int]) -> RunEvidence:
         """Return the same run with some of the columns."""
         return RunEvidence(
@@ -190,7 +195,7 @@ def block_covariance(
     for run in evidence.runs:
         if len(run.blocks) < 2:
             continue
-        scores = np.array([_score(block, index, coefficients) for block in run.blocks])
+        scores = _scores(run.triangles, index, coefficients)
         scores -= scores.mean(axis=0)
         own = scores.T @ scores * len(run.blocks) / (len(run.blocks) - 1)
         meat += own
@@ -205,9 +210,11 @@ def block_covariance(
     return bread @ meat @ bread * (degrees / shrink if degrees else 1.0), degrees, effective
 
 
-def _score(factor: Factor, index: list[int], coefficients: Array) -> Array:
-    columns = factor.triangle[:, index]
-    return columns.T @ (factor.triangle[:, -1] - columns @ coefficients)
+def _scores(triangles: Array, index: list[int], coefficients: Array) -> Array:
+    """Return X_bᵀ(y_b − X_b c) of every block, shape (blocks, k)."""
+    columns = triangles[:, :, index]
+    residual = triangles[:, :, -1] - columns @ coefficients
+    return (columns.transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
 
 
 def held_out_errors(evidence: Evidence, columns: Sequence[int]) -> Array:
