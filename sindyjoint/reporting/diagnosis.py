@@ -102,6 +102,9 @@ def write_diagnosis(
 ) -> Path:
     """Write report.html, diagnosis.json, model.json and figures, all of them or none.
 
+    ``model.json`` holds the model with those effects as terms that are functions of angle and rate alone; the others
+    are in ``diagnosis.json`` only.
+
     Parameters
     ----------
     result : Diagnosis
@@ -119,7 +122,7 @@ def write_diagnosis(
         DATA_FILE: saved_text(result),
         "report.html": diagnosis_page(result, provenance(None, seed, command_line, files), pictures),
         "diagnosis.json": json_text({**result.to_dict(), "reason": result.reason, "hidden": result.hidden}),
-        "model.json": result.model.to_json() + "\n",
+        "model.json": (result.whole or result.model).to_json() + "\n",
     }
     return write_folder(folder, pictures, texts)
 

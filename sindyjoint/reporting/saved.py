@@ -66,7 +66,7 @@ def saved_text(
     else:
         if isinstance(result, StructureDiagnosis):
             result = replace(result, records=tuple(map(_thinned_record, result.records)))
-        record = {**pack(result, skip=("model", "effects")), "model": result.model.to_dict()}
+        record = {**pack(result, skip=("model", "effects", "whole")), "model": result.model.to_dict()}
         record["kind"] = type(result).__name__
         if isinstance(result, Verification):
             record["subject_kind"] = result.kind

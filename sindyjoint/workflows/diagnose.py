@@ -17,7 +17,7 @@ from sindyjoint.discrepancy.effects import Effect, load_effects
 from sindyjoint.discrepancy.gap import gap_runs
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank
 from sindyjoint.discrepancy.pairs import hidden_pair
-from sindyjoint.discrepancy.repair import Repaired, refit
+from sindyjoint.discrepancy.repair import Repaired, refit, whole_model
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.advice import advise
@@ -131,6 +131,7 @@ def diagnose(
     verdict, reason = judge(problem, steps, 0.0 if drift is not None else left)
     steps = humble(steps, verdict)
     advice = advise(work.rows, work.states, work.model, repaired.effects, steps, candidates)
+    joint = tuple(e for e in repaired.effects if e.effect.enters != "time shift")
     processing = processing_error(initial_work.campaign, initial_work.runs, initial_work.model)
     return Diagnosis(
         verdict=verdict,
@@ -145,6 +146,7 @@ def diagnose(
         warnings=tuple(limits(campaign, states)),
         model=repaired.model,
         effects=repaired.effects,
+        whole=whole_model(replace(repaired, effects=joint), work.rows),
         hidden=hidden,
     )
 
@@ -186,7 +188,7 @@ def _loop(
         steps = _renamed(steps, added)
         steps.append(_step(ranking, found, repaired, before, after))
         before = after
-    return Repaired(repaired.model, tuple(found), repaired.dropped), steps, work, problem
+    return replace(repaired, effects=tuple(found)), steps, work, problem
 
 
 def _harms(before: Gap, after: Gap) -> bool:

@@ -102,6 +102,8 @@ class Diagnosis:
     model : JointModel
         With its terms estimated beside the effects.
     effects : tuple of FittedEffect
+    whole : JointModel, optional
+        The model with those effects among its terms that are functions of angle and rate alone.
     hidden : str or None
         What a virtual test had hidden.
     """
@@ -118,6 +120,7 @@ class Diagnosis:
     warnings: tuple[str, ...]
     model: JointModel
     effects: tuple[FittedEffect, ...] = field(default=(), repr=False)
+    whole: JointModel | None = None
     hidden: str | None = None
 
     def to_dict(self) -> dict[str, Any]:

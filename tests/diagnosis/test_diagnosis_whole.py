@@ -1,0 +1,26 @@
+"""The model with its effects as terms predicts the moment as model and effects do; pairs and free motion."""
+
+import numpy as np
+import pytest
+
+from sindyjoint.discovery.model import JointModel
+from sindyjoint.workflows.diagnose import diagnose
+from tests.diagnosis.hidden_effects import hide
+
+
+def test_an_effect_of_angle_and_rate_is_a_term_of_the_model_that_is_written():
+    hidden = hide("quadratic_damping", 3, duration=4.0)
+    result = diagnose(hidden.campaign)
+    whole = JointModel.from_json(result.whole.to_json())
+    (effect,) = result.effects
+    angle, rate = np.linspace(-6e-4, 6e-4, 40), np.linspace(0.02, 0.001, 40)
+    added = effect.coefficients[0] * rate * np.abs(rate)
+    assert np.allclose(whole.moment(angle, rate), result.model.moment(angle, rate) + added, rtol=1e-12)
+    term = whole["quadratic_damping"]
+    assert term.coefficient == pytest.approx(hidden.parameters[0], abs=4 * term.standard_error)
+    assert len(whole.covariance) == len(whole.terms) and term.unique_share > 0
+
+
+def test_an_effect_with_a_memory_is_no_term():
+    result = diagnose(hide("jenkins_element", 3, duration=4.0).campaign, max_effects=1)
+    assert result.effects and result.whole.ids == result.model.ids
