@@ -36,7 +36,9 @@ def _nothing(_: Any) -> None:
 READERS: dict[str, Callable[[Any], Any]] = {
     "ReportData": ReportData.from_dict,
     "Verification": lambda data: unpack(Verification, data, model=JointModel.from_dict),
-    "Diagnosis": lambda data: unpack(Diagnosis, data, model=JointModel.from_dict, effects=lambda _: ()),
+    "Diagnosis": lambda data: unpack(
+        Diagnosis, data, model=JointModel.from_dict, effects=lambda _: (), whole=lambda _: None
+    ),
     "Batch": lambda data: unpack(Batch, data),
     "Rig": lambda data: unpack(RigFigures, data),
     "Reproduction": lambda data: unpack(ReproductionFigures, data),
@@ -66,7 +68,9 @@ def saved_text(
     else:
         if isinstance(result, StructureDiagnosis):
             result = replace(result, records=tuple(map(_thinned_record, result.records)))
-        record = {**pack(result, skip=("model", "effects", "whole")), "model": result.model.to_dict()}
+        # As model.json has it.
+        model = getattr(result, "whole", None) or result.model
+        record = {**pack(result, skip=("model", "effects", "whole")), "model": model.to_dict()}
         record["kind"] = type(result).__name__
         if isinstance(result, Verification):
             record["subject_kind"] = result.kind

@@ -169,7 +169,7 @@ CHANNELS = (
     "frequency_dependent_stiffness",
     "stiffness_drift",
 )
-OUTSIDE = ("ripple", "second_resonance", "friction_ripple", "modulus_damping", "stiffness_jump")
+OUTSIDE = ("ripple", "second_resonance", "friction_ripple", "stiffness_jump")
 
 
 @dataclass(frozen=True)
