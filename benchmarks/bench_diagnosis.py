@@ -30,6 +30,7 @@ SAME = {
     "modulus_damping": "amplitude_dependent_damping",
     "stiffness_drift_on": "stiffness_drift",
 }
+OUTSIDE = ("ripple", "second_resonance", "friction_ripple", "stiffness_jump")
 
 
 def one(name: str, seed: int, size: float, noise: float, advice: bool = True) -> dict:
@@ -114,7 +115,8 @@ def line_of(r: dict) -> str:
     steps = "; ".join(f"{s['effect']} {s['probability']:.2f} [{len(s['members'])}]" for s in r["steps"])
     ratios = [f / n if n else 0 for f, n in zip(r["final"], r["floor"], strict=True)]
     return (
-        f"{r['name']:28s} {r['seed']:4d} {r['drive'][0]} {r['size']:.2f} {r['noise']:.3f} {judge(r):9s} {r['verdict']:15s} "
+        f"{r['name']:28s} {r['seed']:4d} {r['drive'][0]} {r['size']:.2f} {r['noise']:.3f} {judge(r):9s} "
+        f"{r['verdict']:15s} "
         f"{ratios[0]:5.2f} {ratios[1]:5.2f} {r['cpu']:5.1f}s  {steps}"
     )
 
@@ -175,32 +177,49 @@ def show(args: argparse.Namespace) -> None:
     for size, noise in sorted({(r["size"], r["noise"]) for r in records}):
         some = [r for r in records if (r["size"], r["noise"]) == (size, noise)]
         print(f"\n== size {size:.0%}, noise {noise:.1%}: {len(some)} campaigns")
-        table = defaultdict(Counter)
-        for r in some:
-            table[r["name"]]["error" if "error" in r else judge(r)] += 1
-        for name in sorted(table):
-            print(f"  {name:40s}", dict(table[name]))
-        effects = [r for r in some if "error" not in r and r["name"] != "nothing" and "+" not in r["name"]]
-        if effects:
-            good = sum(judge(r) in ("right", "class") for r in effects)
-            sure = sum(judge(r) in ("wrong", "wide") and r["steps"][0]["probability"] > 0.8 for r in effects)
-            print(
-                f"  right or in the class: {good}/{len(effects)} = {good / len(effects):.1%}; wrong at > 0.8: {sure}"
-            )
-            for k, what in enumerate(("moment", "response")):
-                ratio = [r["final"][k] / r["floor"][k] for r in effects if r["floor"][k]]
-                print(f"  final {what} gap over floor: median {np.nanmedian(ratio):.2f}, 90 % below {np.nanquantile(ratio, 0.9):.2f}, "
-                      f"≤ 1.2 in {np.mean(np.array(ratio) <= 1.2):.0%}")  # fmt: skip
-            print("  processor time: median %.1f s, longest %.1f s" % (
-                np.median([r["cpu"] for r in effects]), max(r["cpu"] for r in effects)))  # fmt: skip
-            confused = Counter((r["name"], r["steps"][0]["effect"]) for r in effects if r["steps"] and judge(r) in ("wrong", "wide", "unknown"))  # fmt: skip
-            for (name, other), count in confused.most_common():
-                print(f"    {name} called {other}: {count}")
+        show_names(some)
+        single = [r for r in some if "error" not in r and r["name"] != "nothing" and "+" not in r["name"]]
+        single = [r for r in single if r["name"] not in OUTSIDE]
+        if single:
+            show_effects(single)
     for title, function in (("all candidates", calibration), ("the first name", top_calibration)):
-        error, curve = function(records)
+        error, curve = function([r for r in records if r["name"] not in OUTSIDE])
         print(f"\nexpected calibration error, {title}: {error:.3f}")
         for stated, true, count in curve:
             print(f"  said {stated:.2f}  true {true:.2f}  ({count})")
+
+
+def show_names(records: list[dict]) -> None:
+    """Print what became of each name."""
+    table = defaultdict(Counter)
+    for r in records:
+        table[r["name"]]["error" if "error" in r else judge(r)] += 1
+    for name in sorted(table):
+        print(f"  {name:44s}", ", ".join(f"{what} {count}" for what, count in table[name].most_common()))
+
+
+def show_effects(records: list[dict]) -> None:
+    """Print the figures of campaigns with one effect: names, gaps, time, and what was taken for what."""
+    good = sum(judge(r) in ("right", "class") for r in records)
+    wrong = [r for r in records if judge(r) in ("wrong", "wide")]
+    sure = sum(r["steps"][0]["probability"] > 0.8 for r in wrong)
+    print(
+        f"  right or in the class: {good}/{len(records)} = {good / len(records):.1%}; wrong at > 0.8: {sure}"
+    )
+    for k, what in enumerate(("moment", "response")):
+        ratio = np.array([r["final"][k] / r["floor"][k] for r in records if r["floor"][k]])
+        middle, high = np.nanmedian(ratio), np.nanquantile(ratio, 0.9)
+        print(
+            f"  final {what} gap over floor: median {middle:.2f}, 90 % below {high:.2f}, "
+            f"≤ 1.2 in {np.mean(ratio <= 1.2):.0%}"
+        )
+    terms = [abs(v) for r in records for k, v in r["terms"].items() if judge(r) in ("right", "class")]
+    print(f"  terms of the true model within 3 %: {np.mean(np.array(terms) <= 3):.0%}")
+    times = [r["cpu"] for r in records]
+    print(f"  processor time: median {np.median(times):.1f} s, longest {max(times):.1f} s")
+    confused = Counter((r["name"], r["steps"][0]["effect"]) for r in wrong)
+    for (name, other), count in confused.most_common():
+        print(f"    {name} called {other}: {count}")
 
 
 if __name__ == "__main__":
