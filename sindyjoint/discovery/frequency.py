@@ -28,9 +28,9 @@ Answer = Literal["independent within margin", "depends on frequency", "cannot te
 
 MARGIN = 0.10
 LEVEL = 0.05
-# Risk on each side of calling a change within the margin that is as large as it: a rise of 10 % passes for none in
-# one of forty campaigns.
-EQUIVALENCE_LEVEL = 0.025
+# Risk of calling a change within the margin that is as large as it: a rise by the margin itself passes for less in one
+# of a hundred campaigns. Schuirmann's 5 % would lose one in twenty.
+EQUIVALENCE_LEVEL = 0.01
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class FrequencyTest:
         Per Hz.
     change, change_bound : float
         Trend over the tested band relative to the mean, signed; and the largest change between two frequencies that
-        the data leave possible at 2.5 % risk, relative to the smaller of the two.
+        the data leave possible at 1 % risk, relative to the smaller of the two.
     margin : float
     answer : str
     reason : str
@@ -258,7 +258,7 @@ def detectable_change(test: FrequencyTest, power: float = 0.8) -> float:
 
 
 def _largest_change(x: Array, s: Array, nu: Array) -> float:
-    """Return the largest difference of two frequencies still possible, 2.5 % risk, relative to the smaller value.
+    """Return the largest difference of two frequencies still possible, 1 % risk, relative to the smaller value.
 
     Infinite where the values differ in sign: there is no telling what such a change is a share of.
     """
@@ -268,10 +268,14 @@ def _largest_change(x: Array, s: Array, nu: Array) -> float:
         return float("inf")
     bounds = []
     for i, j in combinations(range(x.size), 2):
-        variance = s[i] ** 2 + s[j] ** 2
-        degrees = variance**2 / (s[i] ** 4 / nu[i] + s[j] ** 4 / nu[j])
-        possible = abs(x[i] - x[j]) + float(stdtrit(degrees, 1 - EQUIVALENCE_LEVEL)) * np.sqrt(variance)
-        bounds.append(possible / min(abs(x[i]), abs(x[j])))
+        if abs(x[i]) > abs(x[j]):
+            i, j = j, i
+        # Of the ratio x_j/x_i to the smaller one: its error counts as often as it is contained in the larger.
+        ratio = x[j] / x[i]
+        lower, upper = (ratio * s[i] / x[i]) ** 2, (s[j] / x[i]) ** 2
+        variance = lower + upper
+        degrees = variance**2 / (lower**2 / nu[i] + upper**2 / nu[j])
+        bounds.append(ratio - 1 + float(stdtrit(degrees, 1 - EQUIVALENCE_LEVEL)) * np.sqrt(variance))
     return float(max(bounds))
 
 
