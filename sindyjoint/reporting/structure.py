@@ -47,9 +47,11 @@ def overlay(record: RecordGap, ax: Axes) -> Axes:
     ax.set_title(plain(shortened(record.name)))
     if record.held_from:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
-        ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
-                    xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
-    legend_above(ax, 2, columns=3)
+        note = ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
+                           xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
+        # The layout would make room for it beside the panel, and the panel small.
+        note.set_in_layout(False)
+    legend_above(ax, 4, columns=1)
     return ax
 
 
@@ -65,7 +67,7 @@ def cycles(record: RecordGap, ax: Axes) -> Axes:
         ax.plot(record.time[kept], signal[kept] * factor, label=label, **look)
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"Displacement at {plain(shortened(record.name, 24))} ({unit})")
-    legend_above(ax, 3, columns=3)
+    legend_above(ax, 3, columns=2)
     return ax
 
 
@@ -84,7 +86,7 @@ def gap_by_step(result: StructureDiagnosis, ax: Axes) -> Axes:
     ax.set_xlim(left, 2.5 * max([floor, *(v for v in values if v == v)]))
     ax.set_yticks(range(len(rows)), [label for label, _ in rows])
     ax.invert_yaxis()
-    ax.set_xlabel("response gap on what was kept out of the fit, relative RMS, %")
+    ax.set_xlabel("relative RMS of what the fit did not see, %")
     ax.set_title("Gap between simulation and measurement")
     ax.legend(loc="lower right")
     return ax

@@ -1,4 +1,6 @@
-"""A verification, a diagnosis and a comparison made by hand."""
+"""A verification, diagnoses and a comparison made by hand."""
+
+from dataclasses import fields
 
 import numpy as np
 from handmade import model
@@ -8,6 +10,8 @@ from sindyjoint.discrepancy.budget import Budget, Place
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap, Step
 from sindyjoint.workflows.oscillation import Oscillation
+from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
+from sindyjoint.workflows.structure_gap import RecordGap
 from sindyjoint.workflows.verification import Band, RunVerification, Verification
 
 
@@ -80,6 +84,18 @@ def diagnosis(name="bench joint", effect="jenkins_element", verdict="ambiguous")
         model=model(name=name),
         hidden=effect if named else None,
     )  # fmt: skip
+
+
+def structure(name="bench joint", rig="a rig", point="tip"):
+    """Return a diagnosis of a structure: the joint's one, and a record beside its simulations."""
+    joint = diagnosis(name)
+    time = np.linspace(0, 10, 4001)
+    measured = 1e-3 * np.exp(-0.4 * time) * np.cos(2 * np.pi * 4 * time)
+    before = 1e-3 * np.exp(-0.3 * time) * np.cos(2 * np.pi * 4.03 * time)
+    record = RecordGap(point, time, measured, before, 1.01 * measured, 1e-5, 5.0, 2.71, 0.0264, 0.0267)
+    return StructureDiagnosis(
+        **{field.name: getattr(joint, field.name) for field in fields(joint)}, rig=rig, records=(record,)
+    )
 
 
 def comparison(name="bench joint", method="stlsq"):

@@ -6,7 +6,7 @@ import types
 import numpy as np
 import pytest
 from handmade import HOSTILE, ORIGIN
-from handmade_results import comparison, diagnosis, verification
+from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
 from test_reporting_page import read
 
@@ -33,6 +33,7 @@ MADE = {
     "diagnosis": diagnosis,
     "nothing missing": lambda: diagnosis(verdict="nothing_missing"),
     "comparison": comparison,
+    "structure": structure,
 }
 
 
