@@ -76,19 +76,22 @@ def gap_by_step(result: StructureDiagnosis, ax: Axes) -> Axes:
     rows = [("model alone", result.initial), *((f"+ {words(s.effect)}", s.gap_after) for s in result.steps)]
     values = [100 * gap.response for _, gap in rows]
     floor = 100 * result.noise_floor.response
-    left = 0.5 * min(floor, *(v for v in values if v == v))
+    # What is not known is NaN: a simulation that failed, a floor that no record gave.
+    known = [value for value in (floor, *values) if value == value] or [1.0]
+    left = 0.5 * min(known)
     for place, value in enumerate(values):
         if value == value:
             ax.barh(place, value - left, left=left, height=0.6, color=PALETTE[0])
             ax.text(value * 1.05, place, f"{value:.3g} %", va="center", color=INK)
-    ax.axvline(floor, color=PALETTE[1], linestyle=(0, (4, 2)), label=f"noise floor, {floor:.3g} %")
+    if floor == floor:
+        ax.axvline(floor, color=PALETTE[1], linestyle=(0, (4, 2)), label=f"noise floor, {floor:.3g} %")
+        ax.legend(loc="lower right")
     ax.set_xscale("log")
-    ax.set_xlim(left, 2.5 * max([floor, *(v for v in values if v == v)]))
+    ax.set_xlim(left, 2.5 * max(known))
     ax.set_yticks(range(len(rows)), [label for label, _ in rows])
     ax.invert_yaxis()
     ax.set_xlabel("relative RMS of what the fit did not see, %")
     ax.set_title("Gap between simulation and measurement")
-    ax.legend(loc="lower right")
     return ax
 
 
