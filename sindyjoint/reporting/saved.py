@@ -43,7 +43,7 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "Rig": lambda data: unpack(RigFigures, data),
     "Reproduction": lambda data: unpack(ReproductionFigures, data),
     "StructureDiagnosis": lambda data: unpack(
-        StructureDiagnosis, data, model=JointModel.from_dict, effects=lambda _: ()
+        StructureDiagnosis, data, model=JointModel.from_dict, effects=lambda _: (), whole=lambda _: None
     ),
     "Comparison": lambda data: unpack(Comparison, data, discovery=_nothing, left_out=lambda _: {}),
 }
