@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.discovery.population import FEWEST_JOINTS, Population, population
 from sindyjoint.errors import InputError
@@ -192,7 +192,11 @@ def _common(records: Sequence[CampaignRecord]) -> tuple[str, ...]:
 def _coefficients(
     record: CampaignRecord, common: tuple[str, ...], folder: Path
 ) -> dict[str, tuple[float, float]]:
-    """Return value and error of the common terms: the model's own where it has just these, else of a fit of them."""
+    """Return value and error of the common terms: the model's own where it has just these, else of a fit of them.
+
+    What was done to the model's own coefficients after its fit (the bias of the processing taken out, the error of that
+    added) is done to those of the other fit as well, for the terms that are in both.
+    """
     own = record.terms
     if set(own) == set(common):
         return {term: (own[term]["coefficient"], own[term]["standard_error"]) for term in common}
@@ -203,9 +207,21 @@ def _coefficients(
     # A term that these runs cannot tell from others is no candidate here: the others then mean something else.
     if not common or not set(common) <= set(evidence.ids):
         return {}
-    fit = fit_columns(evidence, [evidence.ids.index(term) for term in common])
+    here = _fitted(evidence, common)
+    fitted = _fitted(evidence, [term for term in own if term in evidence.ids])
+    for term in set(common) & set(fitted):
+        (value, error), (before, before_error) = here[term], fitted[term]
+        shift = own[term]["coefficient"] - before
+        grown = own[term]["standard_error"] / before_error if before_error > 0 else 1.0
+        here[term] = (value + shift, error * grown)
+    return here
+
+
+def _fitted(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return value and error of some terms, fitted with no others."""
+    fit = fit_columns(evidence, [evidence.ids.index(term) for term in terms])
     pairs = zip(fit.coefficients.tolist(), fit.standard_errors.tolist(), strict=True)
-    return dict(zip(common, pairs, strict=True))
+    return dict(zip(terms, pairs, strict=True))
 
 
 def _covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
