@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.discovery.frequency import LEVEL, FrequencyTest
 from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.style import (
@@ -169,7 +169,10 @@ def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
         values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
         spread = (f"{test.q:.1f}", f"{test.i_squared:.0%}", _percent(test.tau / abs(test.mean)))
         trend = f"{test.change:+.1%}".replace("-", "−")
-        answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), test.answer)
+        said = test.answer
+        if said == "independent within margin" and test.p_value < LEVEL:
+            said += f"; a change of {trend} is significant"
+        answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), said)
         rows.append((_words(test.name), *values, *spread, *answer))
     return TextTable(
         "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)

@@ -10,6 +10,7 @@ import pytest
 import sympy
 from typer.testing import CliRunner
 
+from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.discovery.methods import METHODS
 from sindyjoint.discovery.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
@@ -114,6 +115,13 @@ def test_folder_is_complete_and_offline(result, tmp_path):
     assert "http://" not in page.replace("http://www.w3.org", "") and "https://" not in page
     assert "simulated, not measured" in page and result.agreement[1:] in page.replace("&#39;", "'")
     assert (folder / "comparison.tex").read_text(encoding="utf-8").count(r"\begin{table}") == 6
+
+
+def test_a_small_but_significant_change_is_told_in_the_table(result):
+    test = frequency_test("linear_stiffness", [3, 4, 5, 6], [100.0, 101.0, 102.0, 103.0], [0.1] * 4)
+    tables = {table.name: table for table in comparison_tables(replace(result, tests=(test,)))}
+    said = tables["frequency-dependence"].rows[0][-1]
+    assert said == "independent within margin; a change of +3.0% is significant"
 
 
 def test_wrong_options_are_refused(campaign):
