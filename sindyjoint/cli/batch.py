@@ -34,6 +34,9 @@ def batch(
         bool,
         typer.Option("--reports", help="A full report for each campaign, too; takes three times as long."),
     ] = False,
+    diagnose: Annotated[
+        bool, typer.Option("--diagnose", help="What each joint's model lacks, too, in the folder diagnosis.")
+    ] = False,
     jobs: JobsOption = 1,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
@@ -71,7 +74,7 @@ def batch(
 
     check_output(out)
     with Progress(quiet, verbose) as progress:
-        from sindyjoint.reporting.batch import campaign_files, show_batch, write_batch
+        from sindyjoint.reporting.batch import CampaignFiles, show_batch, write_batch
         from sindyjoint.workflows.batch import batch as run
         from sindyjoint.workflows.batch_record import CampaignRecord
 
@@ -87,7 +90,7 @@ def batch(
                 jobs=jobs,
                 workers=workers,
                 cluster=cluster,
-                write=campaign_files if reports else None,
+                write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
                 progress=progress.say,
                 on_record=tell,
                 states=states.value,

@@ -6,11 +6,13 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.errors import InputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import provenance
@@ -253,11 +255,37 @@ def _link(record: CampaignRecord, folder: Path) -> str:
     return quote(place) if (folder / place).is_file() else ""
 
 
-def campaign_files(result: Discovery, folder: Path) -> None:
-    """Write what ``sindyjoint discover --out`` would into a campaign's folder; for ``batch(write=...)``."""
-    from sindyjoint.reporting.output import write_discovery
+@dataclass(frozen=True)
+class CampaignFiles:
+    """Writes more about each campaign of a batch into its folder; for ``batch(write=...)``.
 
-    write_discovery(result, folder)
+    Parameters
+    ----------
+    reports : bool
+        What ``sindyjoint discover --out`` writes.
+    diagnose : bool
+        What ``sindyjoint diagnose --out`` writes, in the folder ``diagnosis``.
+    """
+
+    reports: bool = True
+    diagnose: bool = False
+
+    def __call__(self, result: Discovery, folder: Path) -> None:
+        """Write what is wanted about a result."""
+        from sindyjoint.reporting.output import write_discovery
+
+        if self.reports:
+            write_discovery(result, folder)
+        if self.diagnose and result.found:
+            from sindyjoint.reporting.diagnosis import write_diagnosis
+            from sindyjoint.workflows.diagnose import diagnose
+
+            try:
+                write_diagnosis(diagnose(result.campaign, result.model), folder / "diagnosis")
+            except InputError as error:
+                # The joint is discovered all the same.
+                (folder / "diagnosis").mkdir(exist_ok=True)
+                (folder / "diagnosis" / "impossible.txt").write_text(f"{error}\n", encoding="utf-8")
 
 
 def _words(term: str) -> str:

@@ -246,8 +246,8 @@ def _version(task: Task) -> str:
     """Return what worked: this package, and what else is written, for a batch without reports has not done those."""
     from importlib.metadata import version
 
-    extra = "" if task.write is None else f" {task.write.__module__}.{task.write.__qualname__}"
-    return version("sindyjoint") + extra
+    extra = "" if task.write is None else getattr(task.write, "__qualname__", repr(task.write))
+    return f"{version('sindyjoint')} {extra}"
 
 
 def _recorded(task: Task, result: Discovery, inputs: str) -> CampaignRecord:

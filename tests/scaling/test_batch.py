@@ -196,6 +196,16 @@ def test_reports_are_written_and_linked(joints, tmp_path, sindyjoint):
         assert f'href="campaigns/{folder.name}/report.html"' in page
 
 
+def test_diagnoses_are_made_where_the_campaigns_are(joints, tmp_path, sindyjoint):
+    out = tmp_path / "out"
+    options = ("--out", out, "-l", "paper", "--diagnose", "--jobs", "2")
+    assert sindyjoint("batch", joints / "joint-0", *options).status == 0
+    (found,) = out.glob("campaigns/*/diagnosis/diagnosis.json")
+    assert json.loads(found.read_text())["verdict"]
+    # Without it nothing is missing of what is wanted; with it, after a batch without, it has to be made.
+    assert "1 of them done before" in sindyjoint("batch", joints / "joint-0", *options).stdout
+
+
 def test_names_of_folders_are_harmless_and_unique(tmp_path):
     for name in ("a/b", "a-b", "A-B", "ü b", "..x"):
         (tmp_path / "in" / name).mkdir(parents=True)

@@ -18,6 +18,7 @@ from sindyjoint.files.readers.table import Table
 COMMENTS = ("#", "%", "//")
 # What no text table holds: control characters other than tab, line ends, form feed and DOS's end of file.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
+_BLANK = re.compile(r"\A[ \t\f]*\n|\n[ \t\f]*\n|\n[ \t\f]+\Z")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
 
 
@@ -78,6 +79,9 @@ def _layout(path: Path, text: str) -> Layout:
     comment = ""  # the last one before the data: numpy.savetxt writes the header there
     lines: list[str] = []
     numbers: list[int] = []
+    if not _irregular(text):
+        lines = all_lines if all_lines[-1] else all_lines[:-1]
+        numbers, all_lines = list(range(1, len(lines) + 1)), []
     for number, line in enumerate(all_lines, start=1):
         stripped = line.strip()
         if stripped.startswith(COMMENTS):
@@ -104,6 +108,11 @@ def _layout(path: Path, text: str) -> Layout:
     lines = _with_points(lines, delimiter)
     _check_lengths(path, lines, numbers, delimiter, len(names), top)
     return Layout(path, tuple(names), delimiter, lines, numbers)
+
+
+def _irregular(text: str) -> bool:
+    """Return whether a text may hold comments or blank lines; most hold none, and need no look at every line."""
+    return any(mark in text for mark in COMMENTS) or bool(_BLANK.search(text)) or not text.strip()
 
 
 def _delimiter(lines: list[str]) -> str | None:
@@ -146,6 +155,8 @@ def _check_lengths(
     path: Path, lines: list[str], numbers: list[int], delimiter: str | None, width: int, top: int
 ) -> None:
     """Refuse rows that are longer or shorter than the table's top line."""
+    if delimiter is not None and {line.count(delimiter) for line in lines} == {width - 1}:
+        return
     for line, number in zip(lines, numbers, strict=True):
         # Counting delimiters is fast and nearly always enough; quoted or trailing ones need the careful way.
         quick = len(line.split()) if delimiter is None else line.count(delimiter) + 1
