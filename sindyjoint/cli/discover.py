@@ -93,7 +93,7 @@ def discover(
         bool,
         typer.Option(
             "--correct/--no-correct",
-            help="Take out of the coefficients what noise and processing do to them, as a simulation of the model shows.",
+            help="Take out of the coefficients what noise and processing do to them, as simulated twins show.",
         ),
     ] = True,
     refine: Annotated[

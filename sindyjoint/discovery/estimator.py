@@ -251,6 +251,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         return state_columns(terms, X) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
 
     def check_parameters(self) -> None:
+        """Refuse a method, a selection or a number that there is not."""
         if self.method not in METHODS:
             raise UnknownNameError(f"method is {self.method!r}; one of {', '.join(METHODS)} is wanted")
         if self.selection not in SELECTIONS:
