@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from sindyjoint.reporting.diagnosis import gap_by_step, rivals
 from sindyjoint.workflows.diagnose import diagnose
 
-# The same in one line of a shell: sindyjoint diagnose --random-state 3 --out diagnosis
-result = diagnose(random_state=3)
+# The same in one line of a shell: sindyjoint diagnose --random-state 2 --out diagnosis
+result = diagnose(random_state=2)
 print(f"{result.verdict}: {result.reason}")
 for place in result.where:
     print(f"- {place.words}")
