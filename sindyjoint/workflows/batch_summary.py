@@ -281,9 +281,10 @@ def _differences(
         for scatter in result.scatters:
             if i in scatter.outliers:
                 term, score = scatter.coefficient, scatter.scores[i]
+                pretty = units[term].replace("*", "·")
                 about = f", the trend with {scatter.covariate} taken out" if scatter.covariate else ""
                 text = (
-                    f"{term.replace('_', ' ')} of {values[term][i]:.4g} {units[term]} is {abs(score):.1f} standard "
+                    f"{term.replace('_', ' ')} of {values[term][i]:.4g} {pretty} is {abs(score):.1f} standard "
                     f"deviations {'above' if score > 0 else 'below'} the other joints{about}"
                 )
                 found.append(Difference(record.id, "outlier", text))
