@@ -20,9 +20,15 @@ from sindyjoint.mechanics.kernels import call_law, pointer, shifted
 DONE, LIMIT, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, ACTIVE_FRICTION = range(6)
 
 # Only `integrate` is called from Python: wrappers of the others would cost a tenth of the compilation.
-_options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
-_inner = njit(**_options, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-_inlined = njit(**_options, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+_options = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "no_cfunc_wrapper": True,
+}
+_inner = njit(**_options, no_cpython_wrapper=True)
+_inlined = njit(**_options, no_cpython_wrapper=True, forceinline=True)
 
 # Butcher table of Dormand and Prince (1980) for the internal states; angle and rate have it written out below.
 TABLE = np.array(
