@@ -26,6 +26,8 @@ FAR = 0.15
 DRIVE_BAND = 0.8
 # A mass in front of the joint is looked for above this share of the angle's band; from which correlation it is seen.
 HIGH_BAND, SEEN = 0.5, 0.5
+# The angle's main lines have this share of the largest density; a mass is looked for beyond so many times the highest.
+MAIN_LINES, BEYOND = 0.01, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +150,8 @@ def _driven(law: Law, state: ForceStates, moment: Array) -> Motion | None:
     if not law.inertia > 0:
         return None
     front = inertia_in_front(state, moment)
-    drive = moment + front * state.acceleration
+    # Without a mass the moment is known over the whole of its band, and the friction's steps are seen there.
+    drive = moment + front * state.acceleration if front > 0 else state.moment
     if np.any(drive):  # else it swings freely
         width = _drive_bandwidth(drive, state, front)
         if width is None:
@@ -180,9 +183,16 @@ def inertia_in_front(state: ForceStates, moment: Array) -> float:
     moment : ndarray, shape (n,)
         Smoothed as the angle was, N·m.
     """
-    from scipy.signal import fftconvolve
+    from scipy.signal import fftconvolve, welch
 
-    low = smoothing_kernels(HIGH_BAND * state.bandwidth, state.sample_rate)[0]
+    segment = int(min(state.n_samples, max(256, state.n_samples // 4)))
+    frequency, density = welch(state.angle, state.sample_rate, window="blackmanharris", nperseg=segment)
+    # Where the joint was moved on purpose, stiffness looks like a mass: only what it does beyond that counts.
+    driven = float(frequency[np.flatnonzero(density > MAIN_LINES * density.max())[-1]])
+    edge = max(HIGH_BAND * state.bandwidth, BEYOND * driven)
+    if edge > 0.9 * state.bandwidth:
+        return 0.0
+    low = smoothing_kernels(edge, state.sample_rate)[0]
     if low.size >= state.n_samples // 2:
         return 0.0
     half = low.size // 2
@@ -195,8 +205,10 @@ def inertia_in_front(state: ForceStates, moment: Array) -> float:
 
 
 def _drive_bandwidth(drive: Array, state: ForceStates, front: float) -> float | None:
-    """Return the frequency at which a drive first sinks into its noise, Hz; None where it does not in good time."""
-    from scipy.ndimage import median_filter
+    """Return the frequency above which a drive is nothing but noise, Hz; None where that is not well below the angle's.
+
+    The last line above the noise counts, not the first gap: a single frequency and its harmonics have gaps.
+    """
     from scipy.signal import welch
 
     segment = int(min(drive.size, max(256, drive.size // 8)))
@@ -205,9 +217,8 @@ def _drive_bandwidth(drive: Array, state: ForceStates, front: float) -> float | 
     )
     white = 2 / state.sample_rate  # one-sided density of white noise of variance one
     floor = white * (state.noise.moment**2 + (front * (2 * np.pi * frequency) ** 2 * state.noise.angle) ** 2)
-    smooth = median_filter(density, 5, mode="nearest")
-    peak = int(np.argmax(density))
-    sunk = np.flatnonzero(smooth[peak:] <= SIGNAL_TO_NOISE * floor[peak:])
-    if not sunk.size or frequency[peak + sunk[0]] >= DRIVE_BAND * state.bandwidth:
+    above = np.flatnonzero(density > SIGNAL_TO_NOISE * floor)
+    last = int(above[-1]) + 1 if above.size else 0
+    if not last or last >= frequency.size or frequency[last] >= DRIVE_BAND * state.bandwidth:
         return None
-    return float(frequency[peak + sunk[0]])
+    return float(frequency[last])

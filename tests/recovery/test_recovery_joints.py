@@ -9,8 +9,10 @@ from random_joints import TRUE_IDS, maxwell_campaign, random_plan, rising_stiffn
 
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.states import campaign_states
 from sindyjoint.workflows.discover import discover
 from sindyjoint.workflows.independence import frequency_tests
+from sindyjoint.workflows.twins import make_twins
 
 STANDARD = dict(frequencies=(3.0, 4.0, 5.0, 6.0), levels=(0.92, 0.63, 0.35), sample_rate=500.0, duration=5.0)
 
@@ -98,3 +100,12 @@ def test_what_the_processing_makes_of_the_paper_s_law_refutes_nothing():
     assert found.verdict.verdict in ("undecided", "confirmed")
     # The negative control; that terms which are there are still found is in tests/workflows/test_completion.py.
     assert discover(campaign, correct=False).verdict.verdict == "refuted"
+
+
+@pytest.mark.parametrize("seed", [8, 11])
+def test_a_prescribed_motion_is_not_taken_for_a_driven_one(seed):
+    """Low-passed to 10 Hz, single frequencies leave gaps, and stiffness above half the band looks like a mass."""
+    plan = random_plan(seed, duration=5.0)
+    tested = plan.campaign(0.05)
+    twins = make_twins(plan.law, tested.runs, campaign_states(tested, "broadband"))
+    assert plan.drive == "displacement" and {twin.driven for twin in twins} == {"angle"}
