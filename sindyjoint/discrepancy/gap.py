@@ -25,6 +25,7 @@ from sindyjoint.states.broadband import smoothing_kernels
 Array = NDArray[np.float64]
 
 PHASES = 240
+FEWEST_PHASES = 12
 # A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
 STRETCHES = 20
 FOLDS = 5
@@ -200,8 +201,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
             np.interp(np.arange(phases), full, s[full], period=phases)
             for s in (angle, rate, acceleration, moment)
         )
-    moving = np.bincount(bins, ~states.moving, phases) == 0
-    keep = np.flatnonzero(moving & (count > 0))
+    keep = _always(np.bincount(bins, states.moving, phases) / filled, count > 0)
     # What repeats is as it is in the middle of its stretch, at every phase.
     time = np.full(phases, np.mean(states.time))
     step = 1 / (states.frequency * phases)
@@ -211,6 +211,14 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     factor = folded_whitener(states, model, motion, sigma, (np.arange(phases)[keep] + 0.5) / phases)
     target = moment[keep] - (inertia or 0.0) * acceleration[keep]
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
+
+
+def _always(share: Array, seen: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the phases in which the joint moves in every period, or those nearest to that where there are too few."""
+    keep = np.flatnonzero((share == 1) & seen)
+    if keep.size >= FEWEST_PHASES:
+        return keep
+    return np.sort(np.argsort(-np.where(seen, share, -1.0), kind="stable")[:FEWEST_PHASES])
 
 
 def _strided(states: ForceStates, model: JointModel, group: str, error: float, most: int) -> GapRun:

@@ -169,7 +169,7 @@ def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
         values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
         spread = (f"{test.q:.1f}", f"{test.i_squared:.0%}", _percent(test.tau / abs(test.mean)))
         trend = f"{test.change:+.1%}".replace("-", "−")
-        said = test.answer
+        said: str = test.answer
         if said == "independent within margin" and test.p_value < LEVEL:
             said += f"; a change of {trend} is significant"
         answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), said)

@@ -62,7 +62,8 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     edges = _block_edges(periods, per, time.size)
     angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
     if run.rate is None:
-        motion, replicate, series = angle.motion(), angle.replicates(edges), (angle.harmonics,)
+        motion, replicate = angle.motion(), angle.replicates(edges)
+        series: tuple[Harmonics, ...] = (angle.harmonics,)
         rate_noise, acceleration_noise = angle.derivative_noise(1), angle.derivative_noise(2)
     else:
         rate = _Series.fit(run.rate[start:stop], time, run.sample_rate, frequency, bandwidth)

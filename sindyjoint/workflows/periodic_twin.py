@@ -146,7 +146,7 @@ def amplitudes(signal: Array, sample_rate: float, frequency: float, most: int) -
     for order in range(most):
         wave = wave * turn
         found[order] = wave @ centred
-    return mean, 2 / signal.size * found
+    return mean, (2 / signal.size * found).astype(complex)
 
 
 def kept_shift(ratio: Array) -> Array:
