@@ -1,9 +1,9 @@
 """Whether a coefficient is the same at every frequency: homogeneity, trend, and equivalence within a margin.
 
 "No significant difference" from few or rough estimates is no evidence of sameness, and a significant difference from
-very sharp ones may be too small to matter. So there are three answers: every change larger than the margin is ruled
-out, and a smaller one that is significant is told beside it; or the estimates differ by more than their errors explain,
-and the change may pass the margin; or these runs cannot tell.
+very sharp ones may be too small to matter. So there are three answers: the estimates differ by more than their errors
+explain, and the change may reach half the margin; or every change larger than the margin is ruled out, and a small one
+that is significant is told beside it; or these runs cannot tell.
 
 References: Cochran 1954 (Q); Welch 1951 (its distribution with estimated variances); DerSimonian and Laird 1986 (τ);
 Higgins and Thompson 2002 (I²); Schuirmann 1987 (two one-sided tests), as an intersection-union test over all pairs
@@ -31,6 +31,9 @@ LEVEL = 0.05
 # Risk of calling a change within the margin that is as large as it: a rise by the margin itself passes for less in one
 # of a hundred campaigns. Schuirmann's 5 % would lose one in twenty.
 EQUIVALENCE_LEVEL = 0.01
+# A significant change is told as dependence once it may reach this share of the margin; below, it is told beside the
+# answer: very sharp estimates make changes significant that do not matter.
+NOTABLE = 0.5
 
 
 @dataclass(frozen=True)
@@ -298,13 +301,14 @@ def _answer(
     trend = f"a trend of {change[0]:+.1%} ± {change[1]:.1%}"
     if np.isfinite(spread):
         trend += f", spread beyond the errors {spread:.1%}"
+    if p < LEVEL and bound >= NOTABLE * margin:
+        within = f"; beyond {bound:.1%} it is ruled out" if bound < margin else ""
+        return "depends on frequency", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:
         ruled_out = f"every change {tested} beyond {bound:.1%} is ruled out, which is below the margin of {margin:.0%}"
         if p < LEVEL:
             ruled_out += f"; a smaller one is there, and significant: {trend} (p = {p:.2g})"
         return "independent within margin", ruled_out
-    if p < LEVEL:
-        return "depends on frequency", f"{trend} {tested} (p = {p:.2g})"
     return (
         "cannot tell",
         f"no change {tested} is seen (p = {p:.2g}), but one of {bound:.0%} is not ruled out; margin {margin:.0%}",
