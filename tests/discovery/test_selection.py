@@ -29,6 +29,7 @@ def step(t, share, held_out=(), group_t=None, columns=None, coefficients=None):
         share,
         1.0,
         20,
+        np.full(k, 20.0),
     )
     groups = np.full(k, np.inf) if group_t is None else np.array(group_t, float)
     return Step(fit, float(share.min()), np.array(held_out, float), groups)
