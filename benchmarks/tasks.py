@@ -351,7 +351,7 @@ def batch(campaigns: int, folder: str, way: str) -> dict[str, Any]:
     source = Path(folder) / "campaigns"
     for number in range(campaigns):
         if not (source / f"joint-{number:03d}" / "campaign.toml").exists():
-            made = virtual_campaign(random_state=number, duration=4.0)
+            made = virtual_campaign(random_state=number, duration=10.0)
             write_campaign(made, source / f"joint-{number:03d}")
     out = Path(folder) / f"out-{way.replace(' ', '')}"
     shutil.rmtree(out, ignore_errors=True)
