@@ -15,7 +15,7 @@ from sindyjoint.discrepancy.budget import make_budget, where
 from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.discrepancy.effects import Effect, load_effects
 from sindyjoint.discrepancy.gap import gap_runs
-from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank
+from sindyjoint.discrepancy.naming import TEMPER, FittedEffect, Problem, Ranking, fit_effects, rank
 from sindyjoint.discrepancy.pairs import hidden_pair
 from sindyjoint.discrepancy.repair import Repaired, refit, whole_model
 from sindyjoint.record import Campaign
@@ -277,7 +277,9 @@ def _step(
 
 def _drift_step(drift: ChannelDrift, before: Gap, after: Gap) -> Step:
     unit = float(np.median(list(drift.slopes.values())))
-    return Step(drift.effect, "run", (drift.effect,), 0.99, (), {"slope": unit}, (), before, after)
+    # A slope of so many standard errors, tempered as likelihoods of effects are.
+    belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2 / TEMPER)))
+    return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": unit}, (), before, after)
 
 
 def _undrifted(work: Work, drift: ChannelDrift) -> Work:
