@@ -8,6 +8,7 @@ arguments and their rates come out.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -173,13 +174,14 @@ INTER_PANEL = PaperLaw(6.066e3, -1.927e5, -2.684e9, 48.13, 1.867, name="inter-pa
 PANEL_ROOT = PaperLaw(1.171e4, -6.273e5, -7.425e9, 54.07, 2.191, name="panel root joint")
 
 
-class _CallbackLaw:
+class _CallbackLaw(ABC):
     """Vectorised answers of a law that exists as a compiled scalar function."""
 
     n_states: int
 
+    @abstractmethod
     def compiled(self) -> CompiledLaw:
-        raise NotImplementedError
+        """Return that function with its parameters."""
 
     def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
         from sindyjoint.mechanics.kernels import evaluate_law
