@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.discovery.dimensions import unit_for
 from sindyjoint.discovery.formula import variable_symbols
 from sindyjoint.discovery.model import JointModel, ModelTerm
 from sindyjoint.discrepancy.effects import Effect, Variant
@@ -304,6 +305,8 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
                 continue
             name = each.effect.id if k == 0 else f"{each.effect.id}_{k + 1}"
             size, error = float(value), float(errors[place])
+            motion = model.joint.motion
+            unit = column.unit if motion == "rotation" else unit_for(column.unit, motion)
             same = next((i for i, t in enumerate(terms) if t.id == name), None)
             if same is not None:
                 terms[same] = replace(terms[same], coefficient=terms[same].coefficient + size)
@@ -317,7 +320,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
                     each.effect.family,
                     column.formula,
                     inner,
-                    column.unit,
+                    unit,
                     size,
                     error,
                     (size - 1.96 * error, size + 1.96 * error),

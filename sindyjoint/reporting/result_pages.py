@@ -138,12 +138,13 @@ def response_payload(runs: Sequence[RunVerification]) -> dict[str, Any]:
 
 
 def _common(result: Verification | Diagnosis, pictures: dict[str, bytes]) -> dict[str, Any]:
-    """Return what both pages show of a model and of figures."""
+    """Return what both pages show of a model and of figures: a diagnosis', with its effects among the terms."""
+    model = getattr(result, "whole", None) or result.model
     return {
         **inlined(result, pictures),
-        "equation": markup(mathml(result.model)),
+        "equation": markup(mathml(model)),
         "term_columns": ("Term", "Of", "Value", "Unit", "95 % interval"),
-        "term_rows": _terms(result.model),
+        "term_rows": _terms(model),
     }
 
 
