@@ -340,38 +340,8 @@ def workflows() -> dict[str, Any]:
     }
 
 
-def batch(campaigns: int, folder: str, way: str) -> dict[str, Any]:
-    """Time of a batch, run as the command is."""
-    import shutil
-    import subprocess
-
-    from sindyjoint.files import write_campaign
-    from sindyjoint.mechanics.virtual import virtual_campaign
-
-    source = Path(folder) / "campaigns"
-    for number in range(campaigns):
-        if not (source / f"joint-{number:03d}" / "campaign.toml").exists():
-            made = virtual_campaign(random_state=number, duration=10.0)
-            write_campaign(made, source / f"joint-{number:03d}")
-    out = Path(folder) / f"out-{way.replace(' ', '')}"
-    shutil.rmtree(out, ignore_errors=True)
-    command = [
-        sys.executable,
-        "-m",
-        "sindyjoint",
-        "batch",
-        str(source),
-        "--out",
-        str(out),
-        "-q",
-        *way.split(),
-    ]
-    _, spent = timed(lambda: subprocess.run(command, check=True, capture_output=True))
-    return {**spent, "campaigns": campaigns}
-
-
 TASKS = {task.__name__: task for task in (table, fit_ours, fit_pysindy, limits, disk, statistics, statistics_pysindy,
-                                          best_subset, simulation, workflows, batch)}  # fmt: skip
+                                          best_subset, simulation, workflows)}  # fmt: skip
 
 if __name__ == "__main__":
     name, *arguments = sys.argv[1:]

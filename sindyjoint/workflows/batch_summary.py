@@ -156,8 +156,9 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
     units = {id: term["unit"] for record in compared for id, term in record.terms.items() if id in common}
     values = {term: np.full(len(records), np.nan) for term in common}
     errors = {term: np.full(len(records), np.nan) for term in common}
+    included = {record.id for record in compared}
     for i, record in enumerate(records):
-        if record in compared:
+        if record.id in included:
             for term, (value, error) in _coefficients(record, common, folder).items():
                 values[term][i], errors[term][i] = value, error
     covariates = _covariates(records)

@@ -104,27 +104,65 @@ def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):
 
 
 KILLED = """
-import os, signal, sys
+import ast, os, signal, sys
 from sindyjoint.workflows.batch import batch
 done = []
 def on_record(record):
     done.append(record.id)
     if len(done) == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
-batch(sys.argv[1], sys.argv[2], "paper", on_record=on_record)
+        os.killpg(0, signal.SIGKILL)
+if __name__ == "__main__":
+    batch(sys.argv[1], sys.argv[2], "paper", on_record=on_record, **ast.literal_eval(sys.argv[3]))
 """
+WAYS = [{}, {"jobs": 2}, {"workers": 2}]
 
 
-def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, joints, tmp_path):
-    out = tmp_path / "out"
-    killed = subprocess.run([sys.executable, "-c", KILLED, joints, out], capture_output=True)
+@pytest.mark.parametrize("way", WAYS)
+def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, joints, tmp_path, way):
+    if "workers" in way:
+        pytest.importorskip("distributed", reason="dask[distributed] is not installed")
+    out, script = tmp_path / "out", tmp_path / "script.py"
+    script.write_text(KILLED)
+    command = [sys.executable, script, joints, out, repr(way)]
+    killed = subprocess.run(command, capture_output=True, start_new_session=True)
     assert killed.returncode == -signal.SIGKILL
+    before = written(out)
+    assert 3 <= len(before) < 7
     # What a campaign in hand may leave behind.
-    (out / "campaigns" / ".joint-3.0123456789ab.part").mkdir()
-    result = batch(joints, out, "paper")
-    assert result.kept == 3
+    (out / "campaigns" / ".joint-3.0123456789ab.part").mkdir(exist_ok=True)
+    fresh = []
+    result = batch(joints, out, "paper", on_record=lambda record: fresh.append(record.id), **way)
+    after = written(out)
+    assert result.kept == len(before) and sorted(fresh) == sorted(after)
+    assert {name: after[name] for name in before} == before
     assert content(out / "campaigns") == content(done[0] / "campaigns")
+    assert result.to_dict() == done[1].to_dict()
     assert not list((out / "campaigns").glob(".*"))
+
+
+def written(out: Path) -> dict[str, int]:
+    return {p.parent.name: p.stat().st_mtime_ns for p in out.glob("campaigns/[!.]*/record.json")}
+
+
+@pytest.mark.parametrize("way", WAYS[1:])
+def test_a_killed_worker_changes_no_byte(done, joints, tmp_path, way):
+    psutil = pytest.importorskip("psutil", reason="psutil is not installed")
+    if "workers" in way:
+        pytest.importorskip("distributed", reason="dask[distributed] is not installed")
+    killed = []
+
+    def on_record(record):
+        if not killed:
+            children = psutil.Process().children(recursive=True)
+            # The one that has worked most: not a process that only watches the others.
+            worker = max(children, key=lambda process: process.cpu_times().user)
+            worker.kill()
+            killed.append(worker.pid)
+
+    result = batch(joints, tmp_path / "out", "paper", on_record=on_record, **way)
+    assert len(killed) == 1 and not psutil.pid_exists(killed[0])
+    assert content(tmp_path / "out" / "campaigns") == content(done[0] / "campaigns")
+    assert result.to_dict() == done[1].to_dict()
 
 
 def test_an_interruption_loses_the_campaign_in_hand_at_most(joints, tmp_path):
