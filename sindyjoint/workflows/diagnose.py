@@ -11,12 +11,13 @@ import numpy as np
 
 from sindyjoint.discovery.catalogue import Catalogue
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discrepancy.budget import make_budget, where
+from sindyjoint.discrepancy.budget import make_budget
 from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.discrepancy.effects import Effect, load_effects
 from sindyjoint.discrepancy.gap import gap_runs
 from sindyjoint.discrepancy.naming import TEMPER, FittedEffect, Problem, Ranking, fit_effects, rank
 from sindyjoint.discrepancy.pairs import hidden_pair
+from sindyjoint.discrepancy.places import where
 from sindyjoint.discrepancy.repair import Repaired, refit, whole_model
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
@@ -123,6 +124,7 @@ def diagnose(
         after = gap_of(work, work.model, ())
         steps.append(_drift_step(drift, before, after))
         before = after
+    straight, drifted = work, initial.moment**2 - before.moment**2
     repaired, steps, work, last = _loop(work, candidates, max_effects, steps, before, say)
     say("advice")
     final = steps[-1].gap_after if steps else initial
@@ -139,7 +141,13 @@ def diagnose(
         initial=initial,
         final=final,
         noise_floor=noise,
-        budget=make_budget(problem, initial.moment**2, noise.moment**2, processing),
+        budget=make_budget(
+            Problem.build(straight.rows, straight.model),
+            initial.moment**2,
+            noise.moment**2,
+            processing,
+            drifted,
+        ),
         where=where(problem) if verdict != "nothing_missing" else (),
         steps=tuple(steps),
         advice=advice,

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discrepancy.budget import Budget, Place
+from sindyjoint.discrepancy.budget import Budget
 from sindyjoint.discrepancy.naming import FittedEffect
+from sindyjoint.discrepancy.places import Place
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discrepancy.budget import Place
+from sindyjoint.discrepancy.places import Place
 from sindyjoint.workflows.oscillation import hilbert_envelope, main_frequency
 from sindyjoint.workflows.response import rms
 

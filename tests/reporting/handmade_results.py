@@ -6,7 +6,8 @@ import numpy as np
 from handmade import model
 
 from sindyjoint.discovery.frequency import frequency_test
-from sindyjoint.discrepancy.budget import Budget, Place
+from sindyjoint.discrepancy.budget import Budget
+from sindyjoint.discrepancy.places import Place
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap, Step
 from sindyjoint.workflows.oscillation import Oscillation

@@ -1,0 +1,74 @@
+"""Where a gap lies: the regions of the motion that hold more of it than their share of the samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discrepancy.naming import Problem
+
+
+@dataclass(frozen=True)
+class Place:
+    """A region that holds more of the gap than its share of the samples."""
+
+    axis: str
+    range: tuple[float, float] | str
+    share: float
+    words: str
+
+
+def where(problem: Problem, most: int = 4) -> tuple[Place, ...]:
+    """Return the regions that hold most of the gap beyond noise, compared with their share of the samples."""
+    excess = np.maximum(problem.residual**2 - 1.0, 0.0)
+    total = float(excess.sum())
+    if total <= 0:
+        return ()
+    runs = problem.runs
+    join = {
+        name: np.concatenate([getattr(r, name) for r in runs]) for name in ("angle", "rate", "acceleration")
+    }
+    angle, rate = (
+        join["angle"] / (problem.reference.angle or 1.0),
+        join["rate"] / (problem.reference.rate or 1.0),
+    )
+    places: list[tuple[float, Place]] = []
+
+    def add(axis: str, mask: NDArray[np.bool_], span: tuple[float, float] | str, words: str) -> None:
+        rows = float(mask.mean())
+        share = float(excess[mask].sum()) / total
+        if 0 < rows < 0.95 and share > 1.3 * rows and share > 0.15:
+            text = f"{words}: {share:.0%} of the gap in {rows:.0%} of the samples"
+            places.append((share * np.log(share / rows), Place(axis, span, share, text)))
+
+    for axis, values, what in (("angle", np.abs(angle), "|angle|"), ("rate", np.abs(rate), "|rate|")):
+        for low, high in ((0.0, 0.1), (0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.01)):
+            mask = (values >= low) & (values < high)
+            add(
+                axis,
+                mask,
+                (low, min(high, 1.0)),
+                f"{what} from {low:.0%} to {min(high, 1.0):.0%} of the largest",
+            )
+    add("side", angle > 0, "positive angle", "at positive angles")
+    add("side", angle < 0, "negative angle", "at negative angles")
+    add("direction", rate > 0, "forward", "in forward motion")
+    add("direction", rate < 0, "backward", "in backward motion")
+    after = angle * rate < 0
+    add("phase", after, "after reversal", "after the reversals, on the way back to zero")
+    add("phase", ~after, "before reversal", "before the reversals, on the way out")
+    for axis, labels in (
+        ("frequency", [f"{r.motion.frequency:.3g} Hz" if r.motion.frequency else "" for r in runs]),
+        ("level", [r.level or "" for r in runs]),
+        ("run", [r.name for r in runs]),
+    ):
+        rows = np.concatenate(
+            [np.full(r.target.size, label, dtype=object) for r, label in zip(runs, labels, strict=True)]
+        )
+        for label in dict.fromkeys(labels):
+            if label:
+                add(axis, rows == label, label, f"{axis} {label}")
+    places.sort(key=lambda each: -each[0])
+    return tuple(place for _, place in places[:most])
