@@ -10,9 +10,13 @@ down with it is given up and reported as :class:`Lost`.
 
 from __future__ import annotations
 
+import os
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol, TypeVar
 
 from sindyjoint.errors import InputError, MissingExtraError, WorkerError
@@ -46,22 +50,28 @@ class Lost:
 class Executor(Protocol):
     """Whatever runs tasks."""
 
-    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
-        """Yield the number and the result of each task as it ends, in any order.
+    def completed(
+        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+    ) -> Iterator[tuple[int, R | Lost]]:
+        """Yield the number of each task and ``function(*shared, task)`` as it ends, in any order.
 
         An exception of a task is raised here.
         """
 
 
-def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
+def ordered_map(
+    executor: Executor, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+) -> list[R]:
     """Return the results of all tasks in the order of the tasks.
 
     Parameters
     ----------
     executor : Executor
     function : callable
-        Of one task; defined at the top of a module, so that it can be sent to another process.
+        Of ``shared`` and one task; to be sent to other processes, with whatever it closes over.
     tasks : sequence
+    shared : sequence
+        First arguments of every task, sent once where that can be.
 
     Raises
     ------
@@ -69,13 +79,38 @@ def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Sequence[
         If a task was lost; whatever a task raises.
     """
     results: dict[int, R] = {}
-    for number, result in executor.completed(function, tasks):
+    for number, result in executor.completed(function, tasks, shared):
         if isinstance(result, Lost):
             raise WorkerError(
                 f"task {number + 1} of {len(tasks)} was given up: {result.reason}; give it more memory"
             )
         results[number] = result
     return [results[number] for number in range(len(tasks))]
+
+
+_here: ContextVar[Executor | None] = ContextVar("executor", default=None)
+
+
+def side_by_side(function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()) -> list[R]:
+    """Return the results of all tasks in their order, from threads, or from where :func:`spread` has them run.
+
+    For tasks that lie deep inside an analysis; see :func:`ordered_map`.
+    """
+    return ordered_map(_here.get() or _Threads(), function, tasks, shared)
+
+
+@contextmanager
+def spread(jobs: int = 1, workers: int | None = None, cluster: str | None = None) -> Iterator[None]:
+    """Have :func:`side_by_side` run its tasks on processes or a cluster; with ``jobs=1`` it stays with threads.
+
+    Parameters and errors are those of :func:`executor`.
+    """
+    with executor(jobs, workers, cluster) as found:
+        token = _here.set(None if isinstance(found, _Serial) else found)
+        try:
+            yield
+        finally:
+            _here.reset(token)
 
 
 @contextmanager
@@ -120,9 +155,28 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
 class _Serial:
     """One task after the other, here."""
 
-    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+    def completed(
+        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+    ) -> Iterator[tuple[int, R | Lost]]:
         for number, task in enumerate(tasks):
-            yield number, _run(function, task)
+            yield number, _run(function, task, *shared)
+
+
+class _Threads:
+    """Threads of this process: for tasks that mostly wait for compiled code."""
+
+    def completed(
+        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+    ) -> Iterator[tuple[int, R | Lost]]:
+        from joblib import Parallel, delayed
+        from threadpoolctl import threadpool_limits
+
+        # The limit holds for the whole process: set once, not by each task.
+        with threadpool_limits(limits=1):
+            results = Parallel(n_jobs=-1, prefer="threads")(
+                delayed(function)(*shared, task) for task in tasks
+            )
+        yield from enumerate(results)
 
 
 class _Joblib:
@@ -131,39 +185,46 @@ class _Joblib:
     def __init__(self, jobs: int):
         self.jobs = jobs
 
-    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+    def completed(
+        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+    ) -> Iterator[tuple[int, R | Lost]]:
         from concurrent.futures.process import BrokenProcessPool
 
         waiting = list(range(len(tasks)))
-        while waiting:
-            try:
-                for number, result in self._pool(function, tasks, waiting, self.jobs):
-                    waiting.remove(number)
-                    yield number, result
-            except BrokenProcessPool:
-                # One of the tasks that were under way ended its process: each of them tries again by itself, so that
-                # one that does it every time takes no other down.
-                for number in waiting[: 2 * self.jobs if self.jobs > 0 else len(waiting)]:
-                    waiting.remove(number)
-                    yield number, self._alone(function, tasks, number)
+        with _written(shared) as place:
+            while waiting:
+                try:
+                    for number, result in self._pool(function, tasks, place, waiting, self.jobs):
+                        waiting.remove(number)
+                        yield number, result
+                except BrokenProcessPool:
+                    # One of the tasks that were under way ended its process: each of them tries again by itself, so
+                    # that one that does it every time takes no other down.
+                    for number in waiting[: 2 * self.jobs if self.jobs > 0 else len(waiting)]:
+                        waiting.remove(number)
+                        yield number, self._alone(function, tasks, place, number)
 
-    def _alone(self, function: Callable[[T], R], tasks: Sequence[T], number: int) -> R | Lost:
+    def _alone(
+        self, function: Callable[..., R], tasks: Sequence[T], place: str | None, number: int
+    ) -> R | Lost:
         from concurrent.futures.process import BrokenProcessPool
 
         for _ in range(ATTEMPTS - 1):
             # Two, for with one joblib would run it in this very process.
             with suppress(BrokenProcessPool):
-                return next(self._pool(function, tasks, [number], 2))[1]
+                return next(self._pool(function, tasks, place, [number], 2))[1]
         return Lost()
 
     @staticmethod
     def _pool(
-        function: Callable[[T], R], tasks: Sequence[T], numbers: Sequence[int], jobs: int
+        function: Callable[..., R], tasks: Sequence[T], place: str | None, numbers: Sequence[int], jobs: int
     ) -> Iterator[tuple[int, R]]:
         from joblib import Parallel, delayed
 
         pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-        return iter(pool(delayed(_numbered)(function, number, tasks[number]) for number in list(numbers)))
+        return iter(
+            pool(delayed(_numbered)(function, number, tasks[number], place) for number in list(numbers))
+        )
 
 
 class _Dask:
@@ -172,10 +233,14 @@ class _Dask:
     def __init__(self, client: Any):
         self.client = client
 
-    def completed(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+    def completed(
+        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+    ) -> Iterator[tuple[int, R | Lost]]:
         from distributed import KilledWorker, as_completed
 
-        futures = [self.client.submit(_run, function, task, pure=False) for task in tasks]
+        # Results of a task, not scattered: those of a worker that died are made again.
+        held = [self.client.submit(_itself, part, pure=False) for part in shared]
+        futures = [self.client.submit(_run, function, task, *held, pure=False) for task in tasks]
         number_of = {future.key: number for number, future in enumerate(futures)}
         try:
             for future in as_completed(futures, loop=self.client.loop):
@@ -186,18 +251,45 @@ class _Dask:
                     yield number, Lost()
                 future.release()
         finally:
-            self.client.cancel(futures, force=True)
+            self.client.cancel([*futures, *held], force=True)
 
 
-def _numbered(function: Callable[[T], R], number: int, task: T) -> tuple[int, R]:
-    return number, _run(function, task)
+def _itself(part: T) -> T:
+    return part
 
 
-def _run(function: Callable[[T], R], task: T) -> R:
+@contextmanager
+def _written(shared: Sequence[Any]) -> Iterator[str | None]:
+    """Write once what all tasks share, for each process to read once; give the file's name."""
+    if not shared:
+        yield None
+        return
+    import tempfile
+
+    with tempfile.TemporaryDirectory(prefix="sindyjoint-") as folder:
+        place = os.path.join(folder, "shared")
+        with open(place, "wb") as file:
+            pickle.dump(tuple(shared), file, pickle.HIGHEST_PROTOCOL)
+        yield place
+
+
+@lru_cache(maxsize=1)
+def _read(place: str | None) -> tuple[Any, ...]:
+    if place is None:
+        return ()
+    with open(place, "rb") as file:
+        return tuple(pickle.load(file))
+
+
+def _numbered(function: Callable[..., R], number: int, task: T, place: str | None) -> tuple[int, R]:
+    return number, _run(function, task, *_read(place))
+
+
+def _run(function: Callable[..., R], task: T, *shared: Any) -> R:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return function(task)
+        return function(*shared, task)
 
 
 @contextmanager

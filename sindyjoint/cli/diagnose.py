@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,6 +55,9 @@ def diagnose(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
+    jobs: JobsOption = 1,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -80,6 +84,9 @@ def diagnose(
             hold_out=tuple(hold_out or ()),
             random_state=random_state,
             progress=progress.say,
+            jobs=jobs,
+            workers=workers,
+            cluster=cluster,
         )
         if out is not None:
             progress.say("writing the report")

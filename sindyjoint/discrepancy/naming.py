@@ -18,6 +18,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import Effect, Variant
 from sindyjoint.discrepancy.gap import GapRun, base_columns, reference_scales
+from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
 
@@ -175,24 +176,18 @@ def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
 
 
 def fit_effects(problem: Problem, effects: Sequence[Effect]) -> list[FittedEffect]:
-    """Fit several effects, side by side on threads, in their order.
+    """Fit several effects, side by side, in their order.
 
     Inner parameters are searched along a roughly followed motion; those that come near the best are refined along the
     motion itself.
     """
-    from joblib import Parallel, delayed
-
-    parallel = Parallel(n_jobs=-1, prefer="threads")
-    found = parallel(delayed(_searched)(problem, effect) for effect in effects)
+    found = side_by_side(_searched, effects, [problem])
     worth = WORTH_REFINING * max((f.gain for f in found), default=0.0)
-    return parallel(
-        delayed(refine_effect)(problem, f) if f.variant.states and f.gain >= worth else delayed(_itself)(f)
-        for f in found
-    )
+    return side_by_side(_refined, [(f, bool(f.variant.states) and f.gain >= worth) for f in found], [problem])
 
 
-def _itself(fitted: FittedEffect) -> FittedEffect:
-    return fitted
+def _refined(problem: Problem, task: tuple[FittedEffect, bool]) -> FittedEffect:
+    return refine_effect(problem, task[0]) if task[1] else task[0]
 
 
 def _searched(problem: Problem, effect: Effect) -> FittedEffect:

@@ -16,6 +16,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discrepancy.effects import Effect
 from sindyjoint.discrepancy.gap import GapRun, gap_runs
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, fit_effect, rank, refine_effect
+from sindyjoint.parallel import side_by_side
 from sindyjoint.states import ForceStates
 from sindyjoint.workflows.designs import Design, designs, expected_states
 from sindyjoint.workflows.diagnosis import Advice, Step
@@ -112,13 +113,10 @@ class _Rivals:
 
     def _best(self, added: Sequence[GapRun]) -> tuple[float, float, Design, GapRun] | None:
         """Return the run with the highest expected confidence: all at a glance, the best few with rivals refitted."""
-        tried = []
-        for design in designs(self.states):
-            (row,) = gap_runs([expected_states(design, self.states, RATE_SHARE)], self.model, ["advised"])
-            if row.target.size:
-                tried.append((*self.expected([*added, row], closely=False), design, row))
+        glanced = side_by_side(_glanced, designs(self.states), [self, tuple(added)])
+        tried = [each for each in glanced if each is not None]
         tried.sort(key=lambda each: each[:2], reverse=True)
-        again = [(*self.expected([*added, row], closely=True), d, row) for *_, d, row in tried[:CLOSER_LOOK]]
+        again = side_by_side(_looked, [each[2:] for each in tried[:CLOSER_LOOK]], [self, tuple(added)])
         return max(again, key=lambda each: each[:2]) if again else None
 
     def expected(self, added: Sequence[GapRun], closely: bool) -> tuple[float, float]:
@@ -151,6 +149,23 @@ class _Rivals:
         ranking = rank(problem, fitted)
         places = {f.effect.id: p for f, p in zip(ranking.fitted, ranking.probabilities, strict=True)}
         return np.array([np.log(max(places[each.effect.id], 1e-300)) for each in self.members])
+
+
+def _glanced(
+    rivals: _Rivals, added: Sequence[GapRun], design: Design
+) -> tuple[float, float, Design, GapRun] | None:
+    """Return what is expected of a run, the rivals as they were fitted; None where it has no rows."""
+    expected = expected_states(design, rivals.states, RATE_SHARE)
+    (row,) = gap_runs([expected], rivals.model, ["advised"])
+    return (*rivals.expected([*added, row], closely=False), design, row) if row.target.size else None
+
+
+def _looked(
+    rivals: _Rivals, added: Sequence[GapRun], run: tuple[Design, GapRun]
+) -> tuple[float, float, Design, GapRun]:
+    """Return the same with the rivals fitted anew."""
+    design, row = run
+    return (*rivals.expected([*added, row], closely=True), design, row)
 
 
 def _as_if(

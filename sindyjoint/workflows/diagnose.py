@@ -19,6 +19,7 @@ from sindyjoint.discrepancy.naming import TEMPER, FittedEffect, Problem, Ranking
 from sindyjoint.discrepancy.pairs import hidden_pair
 from sindyjoint.discrepancy.places import where
 from sindyjoint.discrepancy.repair import Repaired, refit, whole_model
+from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.advice import advise
@@ -60,6 +61,9 @@ def diagnose(
     hold_out: Sequence[str] = (),
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
 ) -> Diagnosis:
     """Find where a model and a campaign disagree, name what is missing, add it, and show the gap shrink.
 
@@ -82,6 +86,9 @@ def diagnose(
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
+    jobs, workers, cluster
+        Where candidates and runs to advise are tried, by default on threads of this process; see
+        :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
 
     Returns
     -------
@@ -96,6 +103,21 @@ def diagnose(
     say = progress or (lambda stage: None)
     if max_effects < 1:
         raise InputError(f"max_effects is {max_effects}; at least 1 is wanted")
+    known = load_effects(library) if effects is None else effects
+    with spread(jobs, workers, cluster):
+        return _diagnosed(campaign, model, base, known, max_effects, hold_out, random_state, say)
+
+
+def _diagnosed(
+    campaign: Campaign | str | Path | None,
+    model: JointModel | None,
+    base: str | Path | Catalogue | Sequence[str | Path | Catalogue],
+    effects: Sequence[Effect],
+    max_effects: int,
+    hold_out: Sequence[str],
+    random_state: Any,
+    say: Callable[[str], None],
+) -> Diagnosis:
     hidden = None
     if campaign is None:
         from sindyjoint.workflows.hidden import hidden_campaign
@@ -108,7 +130,7 @@ def diagnose(
     whole = campaign.identification_runs
     states = one_after_another(campaign, states)
     runs, parts, groups = cut_up(whole, states, RATE_SHARE)
-    candidates = applicable(campaign, load_effects(library) if effects is None else effects, parts)
+    candidates = applicable(campaign, effects, parts)
     # In segments, drifts of the channels are effects like others.
     drift = find_drift(whole, states) if len(parts) == len(states) else None
     start = first_model(campaign, parts, model, base)

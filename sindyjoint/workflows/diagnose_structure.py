@@ -17,6 +17,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.parallel import spread
 from sindyjoint.workflows.diagnosis import Gap, Step
 from sindyjoint.workflows.model_law import model_law
 from sindyjoint.workflows.oscillation import main_frequency
@@ -58,6 +59,9 @@ def diagnose_structure(
     hold_out: Sequence[Rig | str | Path] = (),
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
 ) -> StructureDiagnosis:
     """Find where a model in the joint of a rig and the rig's pulse record disagree, and name what is missing.
 
@@ -84,6 +88,9 @@ def diagnose_structure(
         Of the virtual pulse test.
     progress : callable, optional
         Called with the name of each stage.
+    jobs, workers, cluster
+        Where candidates and runs to advise are tried, by default on threads of this process; see
+        :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
 
     Returns
     -------
@@ -97,7 +104,20 @@ def diagnose_structure(
     say = progress or (lambda stage: None)
     if max_effects < 1:
         raise InputError(f"max_effects is {max_effects}; at least 1 is wanted")
-    rig = _opened(rig)
+    known = load_effects(library) if effects is None else effects
+    with spread(jobs, workers, cluster):
+        return _diagnosed(_opened(rig), model, known, max_effects, hold_out, random_state, say)
+
+
+def _diagnosed(
+    rig: Rig,
+    model: JointModel | None,
+    effects: Sequence[Effect],
+    max_effects: int,
+    hold_out: Sequence[Rig | str | Path],
+    random_state: int | np.random.Generator | None,
+    say: Callable[[str], None],
+) -> StructureDiagnosis:
     kept_out = [_opened(each) for each in hold_out]
     model, places, drawn = _model(rig, model)
     hidden = None
@@ -108,9 +128,7 @@ def diagnose_structure(
         _check_true_law(rig)
         rig, hidden = hidden_pulse_test(rig, places, model, np.random.default_rng(random_state or 0), drawn)
     say("the gap")
-    problem, changes, period = _problem(
-        rig, model, places, load_effects(library) if effects is None else effects
-    )
+    problem, changes, period = _problem(rig, model, places, effects)
     others = [_other(problem, each) for each in kept_out]
     state = State(problem, _first_fit(problem))
     given = state.best

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discrepancy.structure_effects import Change
+from sindyjoint.parallel import side_by_side
 from sindyjoint.workflows.structure_problem import Fit, PulseProblem, fit
 
 Array = NDArray[np.float64]
@@ -195,9 +196,7 @@ def _held(problem: PulseProblem, base: Fit) -> Array:
 
 
 def _parallel(work: Callable[..., object], tasks: Sequence[tuple]) -> list:
-    from joblib import Parallel, delayed
-
-    return Parallel(n_jobs=-1, prefer="threads")(delayed(work)(*task) for task in tasks)
+    return side_by_side(lambda task: work(*task), tasks)
 
 
 def _begin(

@@ -1,0 +1,60 @@
+"""A diagnosis on threads, on processes and on Dask: the same digits."""
+
+import json
+
+import pytest
+
+from sindyjoint.discrepancy.effects import load_effects
+from sindyjoint.errors import InputError
+from sindyjoint.files import write_campaign
+from sindyjoint.parallel import side_by_side, spread
+from sindyjoint.workflows.diagnose import diagnose
+from tests.diagnosis.hidden_effects import hide
+
+# The first two are rivals, so that runs are advised; their internal states are searched roughly, then refined.
+EFFECTS = ("maxwell_branch", "fractional_damping")
+
+
+def test_where_the_candidates_are_tried_changes_no_digit():
+    pytest.importorskip("distributed", reason="dask[distributed] is not installed")
+    campaign = hide("maxwell_branch", 1).campaign
+    campaign = campaign.with_runs(campaign.runs[::4])
+    effects = [effect for effect in load_effects() if effect.id in EFFECTS]
+    results = [
+        json.dumps(diagnose(campaign, effects=effects, max_effects=1, **way).to_dict())
+        for way in ({}, {"jobs": 2}, {"workers": 2})
+    ]
+    record = json.loads(results[0])
+    assert record["steps"] and record["advice"]
+    assert results[1:] == results[:1] * 2
+
+
+def where(shared, task):
+    """Return the process that a task runs in, and what it was given."""
+    import os
+
+    return os.getpid(), shared[task]
+
+
+def test_tasks_deep_inside_run_where_they_are_spread_to():
+    import os
+
+    shared = {"a": 1, "b": 2}
+    assert side_by_side(where, ["a", "b"], [shared]) == [(os.getpid(), 1), (os.getpid(), 2)]
+    for way in ({"jobs": 2}, {"workers": 1}):
+        if "workers" in way:
+            pytest.importorskip("distributed", reason="dask[distributed] is not installed")
+        with spread(**way):
+            found = side_by_side(where, ["a", "b"], [shared])
+        assert [value for _, value in found] == [1, 2]
+        assert os.getpid() not in {process for process, _ in found}
+    # And back again.
+    assert side_by_side(where, ["a"], [shared])[0][0] == os.getpid()
+
+
+def test_the_command_takes_the_options_and_refuses_two_of_them(tmp_path, sindyjoint):
+    write_campaign(hide("nothing", 0).campaign, tmp_path)
+    answer = sindyjoint("diagnose", tmp_path, "--jobs", "2", "--workers", "2")
+    assert answer.status == 2 and "one way to run the tasks" in answer.stderr
+    with pytest.raises(InputError, match="jobs is 0"):
+        diagnose(hide("nothing", 0).campaign, jobs=0)
