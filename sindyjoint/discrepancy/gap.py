@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import MeasuredMotion
+from sindyjoint.discrepancy.swings import FEWEST_SWINGS, Swings, reversals
 from sindyjoint.discrepancy.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
+from sindyjoint.states.mask import rate_limit
 
 Array = NDArray[np.float64]
 
@@ -41,6 +43,7 @@ MOST_BETWEEN = 8
 SUBSTEPS = 3
 # The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
 CHAIN_ERROR = 5e-4
+LEAST_NOISE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,8 @@ class GapRun:
         Mean variance of the rows by noise, (N·m)²; what a model leaves beyond it is the model's own error.
     band : Band, optional
         Where an acceleration enters: the band within which it is known.
+    swings : Swings, optional
+        Of a free run: rows are then what a moment changes of its motion, two for each swing.
     """
 
     name: str
@@ -78,9 +83,12 @@ class GapRun:
     folded: bool
     variance: float = 0.0
     band: Band | None = None
+    swings: Swings | None = None
 
     def white(self, rows: Array) -> Array:
-        """Return rows of columns in units of independent noise; shape as given, (m,) or (m, k)."""
+        """Return rows of columns, (m,) or (m, k), in units of independent noise; as many, but in free motion."""
+        if self.swings is not None:
+            return self.swings.white(rows)
         if self.folded:
             return self.factor @ rows
         from scipy.linalg.lapack import dtbtrs
@@ -88,11 +96,16 @@ class GapRun:
         solution, _ = dtbtrs(self.factor, rows, uplo="L")
         return solution.reshape(rows.shape)
 
-    def row_groups(self, alone: bool) -> NDArray[np.object_]:
+    @property
+    def white_size(self) -> int:
+        """Number of rows of independent noise."""
+        return self.target.size if self.swings is None else self.swings.size
+
+    def row_groups(self, alone: bool, size: int) -> NDArray[np.object_]:
         """Return what is held out together, per row: the run's group, or stretches of it where the run is alone."""
         if not alone:
-            return np.full(self.target.size, self.group, dtype=object)
-        stretch = np.arange(self.target.size) * STRETCHES // self.target.size
+            return np.full(size, self.group, dtype=object)
+        stretch = np.arange(size) * STRETCHES // size
         return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
 
     def rough(self) -> GapRun:
@@ -138,6 +151,7 @@ def gap_runs(
     groups: Sequence[str],
     phases: int = PHASES,
     errors: Sequence[float] | None = None,
+    free: bool = False,
 ) -> tuple[GapRun, ...]:
     """Return the rows of every run.
 
@@ -152,24 +166,29 @@ def gap_runs(
         Samples of the mean period.
     errors : sequence of float, optional
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
+    free : bool
+        Whether the runs are free motion: rows are then made of swings, where there are enough of them.
     """
     scale, samples = model.fitted.moment_rms, sum(s.n_samples for s in states)
     return tuple(
         _folded(s, model, g, phases, scale)
         if s.method == "periodic"
         else _strided(
-            s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), MOST_ROWS * s.n_samples // samples
+            s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), MOST_ROWS * s.n_samples // samples, free
         )
         for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
     )
 
 
-def row_groups(runs: Sequence[GapRun]) -> NDArray[np.object_]:
-    """Return what is held out together, for the stacked rows of all runs."""
+def row_groups(runs: Sequence[GapRun], white: bool = False) -> NDArray[np.object_]:
+    """Return what is held out together, for the stacked rows of all runs: of moments, or of independent noise."""
+    sizes = [run.white_size if white else run.target.size for run in runs]
     alone = len({run.group for run in runs}) == 1
     if alone and len(runs) > 1:
-        return np.concatenate([np.full(run.target.size, run.name, dtype=object) for run in runs])
-    return np.concatenate([run.row_groups(alone) for run in runs])
+        return np.concatenate(
+            [np.full(size, run.name, dtype=object) for run, size in zip(runs, sizes, strict=True)]
+        )
+    return np.concatenate([run.row_groups(alone, size) for run, size in zip(runs, sizes, strict=True)])
 
 
 def reference_scales(runs: Sequence[GapRun]) -> Reference:
@@ -221,7 +240,9 @@ def _always(share: Array, seen: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.sort(np.argsort(-np.where(seen, share, -1.0), kind="stable")[:FEWEST_PHASES])
 
 
-def _strided(states: ForceStates, model: JointModel, group: str, error: float, most: int) -> GapRun:
+def _strided(
+    states: ForceStates, model: JointModel, group: str, error: float, most: int, free: bool = False
+) -> GapRun:
     """Take evenly spaced moving samples of a run that does not repeat, and whiten them.
 
     The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
@@ -229,6 +250,8 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
     every = max(1, int(states.sample_rate / (ROWS_PER_PERIOD * states.bandwidth)))
     angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
     step = every / states.sample_rate
+    if free and (swinging := _swinging(states, model, group, every)) is not None:
+        return swinging
     rows = _stretches(np.flatnonzero(states.moving[::every]), most)
     target = states.moment[::every][rows] - (model.joint.inertia or 0.0) * acceleration[rows]
     coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
@@ -247,6 +270,39 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     band = Band(kernel, rows) if model.inertia else None
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, False, noise, band)
+
+
+def _swinging(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:
+    """Return a free run as swings up to its last reversal; None where there are too few, or no inertia is known."""
+    if not model.inertia > 0:
+        return None
+    limit = rate_limit(states.rate, states.noise.rate, 0.0)
+    ends = reversals(states.rate[::every], limit)
+    if ends.size <= FEWEST_SWINGS:
+        return None
+    size = int(ends[-1])
+    angle, rate, acceleration, moment = (
+        s[::every][:size] for s in (states.angle, states.rate, states.acceleration, states.moment)
+    )
+    step = every / states.sample_rate
+    low = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
+    # Rounding is noise, too.
+    noise = (
+        max(states.noise.angle * float(np.linalg.norm(low)), LEAST_NOISE * float(np.abs(angle).max())),
+        max(states.noise.rate, LEAST_NOISE * float(np.abs(rate).max())),
+    )
+    swings = Swings.build(rate, step, slopes(model, angle, rate), model.inertia, limit, noise)
+    if swings is None:
+        return None
+    rows = np.arange(size)
+    motion = _motion(states, model, angle, rate, acceleration, step, rows, False)
+    target = moment - (model.joint.inertia or 0.0) * acceleration
+    sigma = np.full(size, model.inertia * states.noise.acceleration)
+    kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
+    return GapRun(
+        states.run, group, states.level, motion, target, np.empty((0, 0)), sigma, False, 0.0,
+        Band(kernel, rows), swings,
+    )  # fmt: skip
 
 
 def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:

@@ -18,6 +18,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import Effect, Variant
 from sindyjoint.discrepancy.gap import GapRun, base_columns, reference_scales
+from sindyjoint.discrepancy.swings import correlation
 from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
@@ -84,6 +85,20 @@ class Problem:
     def degrees(self) -> int:
         """Rows less fitted columns."""
         return self.target.size - self._basis.shape[1]
+
+    @property
+    def repeated(self) -> float:
+        """How many neighbouring rows say the same thing: one, but for the swings of free motion."""
+        if not any(run.swings for run in self.runs):
+            return 1.0
+        ends = np.cumsum([run.white_size for run in self.runs])[:-1]
+        parts = zip(self.runs, np.split(self.residual, ends), strict=True)
+        return max(correlation(part) for run, part in parts if run.swings)
+
+    def choices(self, variant: Variant) -> int:
+        """Numbers that a fit chooses; what repeats does not depend on the states it began with, a decay does."""
+        free = any(run.swings for run in self.runs)
+        return variant.degrees + (len(variant.states) if free else 0)
 
     def beside(self, columns: Array) -> Array:
         """Return whitened columns less what the columns that are there already explain of them."""
@@ -236,13 +251,14 @@ def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
     estimated motion and err by :data:`COLUMN_ERROR`, which blurs differences in proportion to the gain; and half of
     the prior belief is that nothing is missing.
     """
-    rows = problem.target.size
+    repeated = problem.repeated
+    rows = problem.target.size / repeated
     left = max(1.0, min((problem.chi_square - f.gain) / max(problem.degrees, 1) for f in fitted))
-    blur = TEMPER + COLUMN_ERROR**2 * max(f.gain for f in fitted) / left
+    blur = TEMPER * repeated + COLUMN_ERROR**2 * max(f.gain for f in fitted) / left
     # What the columns of effects found before got wrong is left over too, and is no effect of its own.
     own = [max(f.gain - FOUND_ERROR**2 * problem.explained, 0.0) for f in fitted]
     evidence = [
-        (0.5 * gain / left - 0.5 * f.variant.degrees * np.log(rows)) / blur
+        (0.5 * gain / left - 0.5 * problem.choices(f.variant) * np.log(rows) * repeated) / blur
         for gain, f in zip(own, fitted, strict=True)
     ]
     values = np.array([*(e - np.log(len(fitted)) for e in evidence), 0.0])

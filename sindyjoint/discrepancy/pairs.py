@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 # A pair is put before the best single effect and its best companion only where it clearly beats them.
 CLEARLY = 1.2
+# In free motion, where the errors of the model set the noise: only where less than this share of the rest is left.
+LEFT_OVER = 0.67
 
 
 def hidden_pair(
@@ -47,10 +49,16 @@ def hidden_pair(
         [usable[best].gain, *(gain for pair, gain in gains.items() if best in pair)],
     )
     pair, gain = max(gains.items(), key=lambda item: item[1])
-    if best in pair or gain <= CLEARLY * greedy:
+    if best in pair or not _clearly(problem, gain, greedy):
         return None
     first, second = sorted((usable[i] for i in pair), key=lambda f: -f.gain)
     return first, second
+
+
+def _clearly(problem: Problem, gain: float, greedy: float) -> bool:
+    if not any(run.swings for run in problem.runs):
+        return gain > CLEARLY * greedy
+    return problem.chi_square - gain < LEFT_OVER * (problem.chi_square - greedy)
 
 
 def effect_rows(problem: Problem, fitted: FittedEffect) -> Array:
@@ -72,5 +80,10 @@ def _gain(columns: Sequence[Array], residual: Array, fitted: Sequence[FittedEffe
     coefficients = np.linalg.solve(products, moments)
     positive = [column.positive for f in fitted for column in f.variant.columns]
     if any(must and value <= 0 for must, value in zip(positive, coefficients, strict=True)):
+        return 0.0
+    # Two of one family that work against each other are one shape of it, and not two effects.
+    if len({f.effect.family for f in fitted}) < len(fitted) == coefficients.size and np.ptp(
+        np.sign(coefficients)
+    ):
         return 0.0
     return float(moments @ coefficients)

@@ -142,23 +142,23 @@ def held_out_gap(
     Each group of runs is left out in turn; coefficients (and, with ``again``, inner parameters) come from the others.
     The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
     """
-    labels = row_groups(runs)
+    labels, white_labels = row_groups(runs), row_groups(runs, white=True)
     plain = np.vstack([all_columns(run, model, effects) for run in runs])
     white = whitened(runs, plain)
     target = np.concatenate([run.target for run in runs])
     whole = whitened(runs, target)
-    left, weighted = np.empty(target.size), np.empty(target.size)
+    left, weighted = np.empty(target.size), np.empty(whole.size)
     for group in dict.fromkeys(labels.tolist()):
-        out = labels == group
-        used, rows, others = plain, white, ~out
+        out, white_out = labels == group, white_labels == group
+        used, rows, others = plain, white, ~white_out
         train = [run for run in runs if run.group != group]
         if again is not None and train and len(train) < len(runs) and any(e.values.size for e in effects):
-            later = _again(train, model, effects, again)
+            later = refitted([run.rough() for run in train], model, effects, again)
             used = np.vstack([all_columns(run, model, later) for run in runs])
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])
         left[out] = target[out] - used[out] @ coefficients
-        weighted[out] = whole[out] - rows[out] @ coefficients
+        weighted[white_out] = whole[white_out] - rows[white_out] @ coefficients
     return _relative(runs, left, target, noise), float(np.sqrt(np.mean(weighted**2)))
 
 
@@ -180,7 +180,7 @@ def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fi
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
     left = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
     return [
-        0.0 if run.folded else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
+        0.0 if run.folded or run.swings else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
         for run, r in zip(runs, left, strict=True)
     ]
 
@@ -201,15 +201,14 @@ def _relative(runs: Sequence[GapRun], left: Array, target: Array, noise: dict[st
     return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(target**2)))
 
 
-def _again(
+def refitted(
     train: Sequence[GapRun],
     model: JointModel,
     effects: Sequence[FittedEffect],
     again: Callable[[Problem, FittedEffect], FittedEffect],
 ) -> tuple[FittedEffect, ...]:
-    """Refit the inner parameters of each effect on the runs that were not left out."""
+    """Return effects with their inner parameters fitted to other runs, by ``again``."""
     used = tuple(effects)
-    train = [run.rough() for run in train]
     for index, each in enumerate(used):
         others = used[:index] + used[index + 1 :]
         used = (*used[:index], again(Problem.build(train, model, others), each), *used[index + 1 :])

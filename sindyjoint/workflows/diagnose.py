@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.discovery.catalogue import Catalogue
+from sindyjoint.discovery.dimensions import unit_for
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.discrepancy.budget import make_budget
 from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
@@ -26,18 +27,20 @@ from sindyjoint.workflows.advice import advise
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
 from sindyjoint.workflows.diagnosis_add import BELIEF, Added, add_effect
 from sindyjoint.workflows.diagnosis_gap import gap_of, noise_floor
+from sindyjoint.workflows.diagnosis_runs import run_gaps
 from sindyjoint.workflows.diagnosis_start import (
     RATE_SHARE,
     Work,
     applicable,
     cut_up,
     first_model,
+    is_free,
     kept_out,
     one_after_another,
 )
 from sindyjoint.workflows.diagnosis_verdict import humble, judge, unexplained_share
 from sindyjoint.workflows.discover import the_campaign
-from sindyjoint.workflows.free_decay import is_free, refined_on_response
+from sindyjoint.workflows.free_decay import polished
 from sindyjoint.workflows.gap_response import processing_error
 from sindyjoint.workflows.limits import limits
 
@@ -144,18 +147,22 @@ def _diagnosed(
     if drift is not None:
         work = _undrifted(work, drift)
         after = gap_of(work, work.model, ())
-        steps.append(_drift_step(drift, before, after))
+        steps.append(_drift_step(drift, before, after, campaign.joint.motion))
         before = after
     straight, drifted = work, initial.moment**2 - before.moment**2
-    repaired, steps, work, last = _loop(work, candidates, max_effects, steps, before, say)
+    repaired, steps, work = _loop(work, candidates, max_effects, steps, before, say)
     say("advice")
     final = steps[-1].gap_after if steps else initial
     noise = noise_floor(initial_work)
+    if is_free(campaign):
+        repaired = polished(campaign, work.states, work.rows, repaired)
+    last = Problem.build(work.rows, work.model, repaired.effects)
     left = unexplained_share(problem, last, initial, final, noise)
     verdict, reason = judge(problem, steps, 0.0 if drift is not None else left)
     steps = humble(steps, verdict)
     advice = advise(work.rows, work.states, work.model, repaired.effects, steps, candidates)
     joint = tuple(e for e in repaired.effects if e.effect.enters != "time shift")
+    moments = Problem.build(initial_work.moment_rows(), initial_work.model)
     processing = processing_error(initial_work.campaign, initial_work.runs, initial_work.model)
     return Diagnosis(
         verdict=verdict,
@@ -164,13 +171,13 @@ def _diagnosed(
         final=final,
         noise_floor=noise,
         budget=make_budget(
-            Problem.build(straight.rows, straight.model),
+            Problem.build(straight.moment_rows(), straight.model),
             initial.moment**2,
             noise.moment**2,
             processing,
             drifted,
         ),
-        where=where(problem) if verdict != "nothing_missing" else (),
+        where=where(moments, campaign.joint.motion) if verdict != "nothing_missing" else (),
         steps=tuple(steps),
         advice=advice,
         warnings=tuple(limits(campaign, states)),
@@ -178,6 +185,8 @@ def _diagnosed(
         effects=repaired.effects,
         whole=whole_model(replace(repaired, effects=joint), work.rows),
         hidden=hidden,
+        before=run_gaps(initial_work.moment_rows(), initial_work.model),
+        after=run_gaps(work.moment_rows(), repaired.model, repaired.effects) if steps else (),
     )
 
 
@@ -188,13 +197,12 @@ def _loop(
     steps: list[Step],
     before: Gap,
     say: Callable[[str], None],
-) -> tuple[Repaired, list[Step], Work, Problem]:
+) -> tuple[Repaired, list[Step], Work]:
     """Add effects until the gap is noise, nothing explains it, or the count is reached."""
     found: list[FittedEffect] = []
     repaired = Repaired(work.model, ())
     steps = list(steps)
     refused: set[str] = set()
-    free = is_free(work.campaign)
     while True:
         problem = Problem.build(work.rows, work.model, found)
         if len(steps) >= most:
@@ -207,8 +215,6 @@ def _loop(
         say(f"adding {best.effect.name}")
         added = add_effect(work, found, best, candidates)
         after = gap_of(added.work, added.repaired.model, added.effects)
-        if free:
-            added, after = _on_response(added, after)
         if not paired and _harms(before, after) and len(refused) < MOST_REFUSALS:
             refused.add(best.effect.id)
             continue
@@ -218,22 +224,12 @@ def _loop(
         steps = _renamed(steps, added)
         steps.append(_step(ranking, found, repaired, before, after))
         before = after
-    return replace(repaired, effects=tuple(found)), steps, work, problem
+    return replace(repaired, effects=tuple(found)), steps, work
 
 
 def _harms(before: Gap, after: Gap) -> bool:
     """Return whether an effect wins little of the moment and loses much of the simulated response."""
     return after.response > WORSE_RESPONSE * before.response and after.moment > LITTLE_HELP * before.moment
-
-
-def _on_response(added: Added, gap: Gap) -> tuple[Added, Gap]:
-    """Return the same with coefficients refined on the simulated response, where that makes it better."""
-    repaired = refined_on_response(added.work, added.repaired)
-    work = replace(added.work, model=repaired.model)
-    later = gap_of(work, repaired.model, repaired.effects)
-    if not later.response < gap.response:
-        return added, gap
-    return replace(added, work=work, repaired=repaired, effects=repaired.effects), later
 
 
 def _idle(problem: Problem, before: Gap, after: Gap) -> bool:
@@ -302,14 +298,17 @@ def _step(
         terms_dropped=repaired.dropped,
         gap_before=before,
         gap_after=after,
+        units=now.variant.units(repaired.model.joint.motion),
     )
 
 
-def _drift_step(drift: ChannelDrift, before: Gap, after: Gap) -> Step:
-    unit = float(np.median(list(drift.slopes.values())))
+def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str) -> Step:
+    slope = float(np.median(list(drift.slopes.values())))
     # A slope of so many standard errors, tempered as likelihoods of effects are.
     belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2 / TEMPER)))
-    return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": unit}, (), before, after)
+    unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
+    units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
+    return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": slope}, (), before, after, units)
 
 
 def _undrifted(work: Work, drift: ChannelDrift) -> Work:

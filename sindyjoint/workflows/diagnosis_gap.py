@@ -13,7 +13,8 @@ from sindyjoint.discrepancy.naming import FittedEffect, refine_effect
 from sindyjoint.discrepancy.repair import corrections, held_out_gap, kept_gap
 from sindyjoint.states import force_states
 from sindyjoint.workflows.diagnosis import Gap
-from sindyjoint.workflows.diagnosis_start import RATE_SHARE, Work, sample_noise
+from sindyjoint.workflows.diagnosis_start import RATE_SHARE, Work, is_free, sample_noise
+from sindyjoint.workflows.free_decay import continuation_gap
 from sindyjoint.workflows.gap_response import response_gap
 
 
@@ -21,7 +22,7 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     """Return the gaps of a model with effects.
 
     On runs marked for validation where there are any; else each group of runs is left out of the fit in turn, and the
-    response is simulated over all.
+    response is simulated over all. A free run is simulated from where two thirds of it end, which it was fitted to.
     """
     adding = [e for e in effects if e.effect.enters != "time shift"]
     kept = work.campaign.validation_runs
@@ -34,7 +35,11 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
         )
     else:
         moment, weighted = held_out_gap(work.rows, model, adding, work.noise, refine_effect)
-    return Gap(moment, response_gap(work.campaign, work.runs, work.states, model, effects), weighted)
+    if is_free(work.campaign) and not kept:
+        response = continuation_gap(work, model, effects)
+    else:
+        response = response_gap(work.campaign, work.runs, work.states, model, effects)
+    return Gap(moment, response, weighted)
 
 
 def noise_floor(work: Work) -> Gap:

@@ -46,16 +46,26 @@ class Work:
         effects: Sequence[FittedEffect] = (),
     ) -> Work:
         """Return the work with the rows that its states, and the model with its effects, make."""
-        rows = gap_runs(states, model, groups)
+        free = is_free(campaign)
+        rows = gap_runs(states, model, groups, free=free)
         errors = model_errors(rows, model, effects)
         if any(errors):
-            rows = gap_runs(states, model, groups, errors=errors)
+            rows = gap_runs(states, model, groups, errors=errors, free=free)
         return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
+
+    def moment_rows(self) -> tuple[GapRun, ...]:
+        """Return rows that are moments of the joint, in free motion too."""
+        return gap_runs(self.states, self.model, self.groups) if is_free(self.campaign) else self.rows
 
     @property
     def noise(self) -> dict[str, float]:
         """Noise of a single sample of the transfer moment, per run, N·m."""
         return {s.run: sample_noise(s, self.model.inertia) for s in self.states}
+
+
+def is_free(campaign: Campaign) -> bool:
+    """Return whether no run has a measured moment."""
+    return all(np.ptp(run.moment) == 0 for run in campaign.identification_runs)
 
 
 def sample_noise(states: ForceStates, inertia: float) -> float:
@@ -90,7 +100,7 @@ def applicable(
         variants = tuple(v for v in effect.variants if timed or not v.uses & {"time", "elapsed"})
         if variants:
             kept.append(replace(effect, variants=variants))
-    if any(np.ptp(run.moment) > 0 for run in campaign.identification_runs):
+    if not is_free(campaign):
         return tuple(kept)
     return tuple(e for e in kept if e.id != "inertia_error" and e.enters != "time shift")
 

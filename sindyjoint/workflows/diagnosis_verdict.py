@@ -32,7 +32,7 @@ def unexplained_share(problem: Problem, last: Problem, initial: Gap, final: Gap,
         Before the first effect and after the last one.
     initial, final, noise : Gap
     """
-    if all(run.folded for run in problem.runs):
+    if _repeats(problem):
         if last.chi_square <= SIGNIFICANT_EXCESS * last.degrees:
             return 0.0
         missing = max(problem.chi_square - problem.degrees, 1e-9)
@@ -44,10 +44,14 @@ def unexplained_share(problem: Problem, last: Problem, initial: Gap, final: Gap,
     return float(np.clip(could / beyond, 0.0, 1.0))
 
 
+def _repeats(problem: Problem) -> bool:
+    """Return whether all rows are means of periods, or swings, beyond whose noise everything counts."""
+    return all(run.folded or run.swings is not None for run in problem.runs)
+
+
 def judge(problem: Problem, steps: Sequence[Step], left: float) -> tuple[str, str]:
     """Return the verdict and its reason; ``left`` is the share that the effects leave unexplained."""
-    repeats = all(run.folded for run in problem.runs)
-    if left > (UNEXPLAINED if repeats else UNEXPLAINED_BROADBAND):
+    if left > (UNEXPLAINED if _repeats(problem) else UNEXPLAINED_BROADBAND):
         if steps:
             return "unknown", f"the effects found leave {left:.0%} of the gap beyond noise unexplained"
         return "unknown", f"no known effect explains the gap; {left:.0%} of it is more than noise"

@@ -50,5 +50,5 @@ def test_bouc_wen_has_hysteresis_and_its_parameters_come_back(public_data):
 def test_a_pendulum_has_dry_friction(public_data):
     result = diagnose(public_data("pendulum"), base=terms("gravity_moment", "linear_damping"))
     assert any({"coulomb_friction", "quadratic_damping"} & set(s.members) for s in result.steps)
-    # Measured: the swing simulated from the measured start misses 21 % of the angle, then 5.4 %.
-    assert result.final.response < 0.4 * result.initial.response
+    # Measured: of the last third of the swing, seen by no fit, 1.5 % is missed, then 0.30 %.
+    assert result.final.response < 0.22 * result.initial.response

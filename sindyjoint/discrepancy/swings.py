@@ -1,0 +1,162 @@
+"""Free motion as rows: what a moment changes of the motion from one reversal to the next.
+
+In a decay no moment is measured, and a small dissipation hides in the noise of the acceleration; in the motion itself
+it adds up. Along the measured motion an error r of the moment moves the simulated state x = (δ, δ̇) by
+
+    I·δ̈ + ∂M/∂θ̇·δ̇ + ∂M/∂θ·δ = r,    x(end) = Φ(end, start)·x(start) + ∫ Φ(end, s)·(0, 1/I)·r(s) ds
+
+with the transition matrix Φ of the linearised model. The integral over one swing is an energy and a timing: two rows.
+Within the swing noise of the angle cancels exactly, since the integrand is a total derivative of it; only the states
+at its two ends are uncertain, and neighbouring swings share one of them. This is multiple shooting (Bock 1983),
+linearised; the integrands are the test functions of a weak form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FEWEST_SWINGS = 8
+LEAST_CORRELATION = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Swings:
+    """The rows of a free run.
+
+    Parameters
+    ----------
+    starts : ndarray of int, shape (swings,)
+        First sample of each swing.
+    integrand : ndarray, shape (m, 2)
+        What a moment at each sample does to angle and (scaled) rate at the end of its swing.
+    """
+
+    starts: NDArray[np.intp]
+    integrand: Array
+    _factor: Array = field(repr=False)
+
+    @classmethod
+    def build(
+        cls, rate: Array, step: float, slopes: tuple[Array, Array], inertia: float, limit: float,
+        noise: tuple[float, float],
+    ) -> Swings | None:  # fmt: skip
+        """Return the rows of a run, or None where it swings too few times.
+
+        Parameters
+        ----------
+        rate : ndarray, shape (m,)
+            rad/s, every ``step`` s.
+        step : float
+            s.
+        slopes : (ndarray, ndarray), each of shape (m,)
+            ∂M/∂θ, N·m/rad, and ∂M/∂θ̇, N·m·s/rad.
+        inertia : float
+            kg·m².
+        limit : float
+            A rate below it has no sign, rad/s.
+        noise : (float, float)
+            Standard errors of angle, rad, and rate, rad/s, at a sample.
+        """
+        ends = reversals(rate, limit)
+        if ends.size < FEWEST_SWINGS:
+            return None
+        starts = np.concatenate([[0], ends])
+        angular = np.pi / (step * float(np.median(np.diff(ends))))
+        onward = _steps(slopes, inertia, step, angular)
+        transitions = np.empty((rate.size, 2, 2))
+        ahead = np.eye(2)
+        last = set((starts[1:] - 1).tolist())
+        for k in range(rate.size - 1, -1, -1):
+            ahead = (np.eye(2) if k in last else ahead) @ onward[k]
+            transitions[k] = ahead
+        # The rate of the state is in units of ω, so that both of its numbers are angles.
+        integrand = transitions[:, :, 1] * step / (inertia * angular)
+        return cls(
+            starts,
+            integrand,
+            _covariance_factor(transitions[starts], np.array([noise[0], noise[1] / angular])),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return 2 * self.starts.size
+
+    def plain(self, moments: Array) -> Array:
+        """Return what moments, shape (m,) or (m, k), change of angle and scaled rate at the swings' ends."""
+        columns = moments.reshape(moments.shape[0], -1)
+        parts = [np.add.reduceat(w[:, None] * columns, self.starts) for w in self.integrand.T]
+        return np.stack(parts, axis=1).reshape(self.size, *moments.shape[1:])
+
+    def white(self, moments: Array) -> Array:
+        """Return the same in units of independent noise."""
+        from scipy.linalg.lapack import dtbtrs
+
+        rows = self.plain(moments)
+        solution, _ = dtbtrs(self._factor, rows, uplo="L")
+        return solution.reshape(rows.shape)
+
+
+def correlation(rows: Array) -> float:
+    """Return the integrated correlation time of rows, in swings: how many of them say the same thing.
+
+    An error of the model goes on from swing to swing, so that their number is not the number of observations.
+    """
+    pairs = rows.reshape(-1, 2)
+    total, time = float(np.sum(pairs**2)), 1.0
+    for lag in range(1, pairs.shape[0] // 2):
+        share = abs(float(np.sum(pairs[lag:] * pairs[:-lag]))) / max(total, 1e-300)
+        if share < LEAST_CORRELATION:
+            break
+        time += 2 * share
+    return min(time, pairs.shape[0] / FEWEST_SWINGS)
+
+
+def reversals(rate: Array, limit: float) -> NDArray[np.intp]:
+    """Return the first samples after the rate has changed its sign for good: it passed ``limit`` on both sides."""
+    sign = np.where(np.abs(rate) > limit, np.sign(rate), 0)
+    fast = np.flatnonzero(sign)
+    turns = np.flatnonzero(np.diff(sign[fast]))
+    before, after = fast[turns], fast[turns + 1]
+    return np.array(
+        [a + 1 + int(np.argmin(np.abs(rate[a + 1 : b + 1]))) for a, b in zip(before, after, strict=True)],
+        dtype=np.intp,
+    )
+
+
+def _covariance_factor(transition: Array, noise: Array) -> Array:
+    """Return the banded Cholesky factor of the rows' covariance: each is e(end) − Φ·e(start) of errors e."""
+    from scipy.linalg import cholesky_banded
+
+    spread = np.diag(noise**2)
+    own = spread + transition @ spread @ transition.transpose(0, 2, 1)
+    shared = -transition[1:] @ spread
+    banded = np.zeros((4, 2 * transition.shape[0]))
+    banded[0] = np.array([own[:, 0, 0], own[:, 1, 1]]).T.ravel()
+    banded[1, 0::2] = own[:, 1, 0]
+    banded[2, 0:-2:2], banded[1, 1:-2:2] = shared[:, 0, 0], shared[:, 0, 1]
+    banded[3, 0:-2:2], banded[2, 1:-2:2] = shared[:, 1, 0], shared[:, 1, 1]
+    return cholesky_banded(banded, lower=True, check_finite=False)
+
+
+def _steps(slopes: tuple[Array, Array], inertia: float, step: float, angular: float) -> Array:
+    """Return exp(A·step) of the linearised state equation at each sample, by its series; shape (m, 2, 2)."""
+    stiffness, damping = slopes
+    change = np.zeros((stiffness.size, 2, 2))
+    change[:, 0, 1] = angular * step
+    change[:, 1, 0] = -stiffness / (inertia * angular) * step
+    change[:, 1, 1] = -damping / inertia * step
+    # Scaled and squared: the slope of friction may be steep where the rate is small.
+    halvings = max(0, int(np.ceil(np.log2(max(float(np.abs(change).max()), 1e-9)))) + 2)
+    change /= 2.0**halvings
+    result = np.eye(2) + change @ (
+        np.eye(2) + change @ (np.eye(2) + change @ (np.eye(2) + change / 4) / 3) / 2
+    )
+    for _ in range(halvings):
+        result = result @ result
+    return result

@@ -1,0 +1,108 @@
+"""Free swings: no moment is measured, and a small dissipation shows in how the motion goes on.
+
+The decays are integrated by SciPy, swing by swing, with a law written here.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from sindyjoint.discovery.catalogue import load_catalogue
+from sindyjoint.discrepancy.swings import Swings, reversals
+from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.workflows.diagnose import diagnose
+
+INERTIA, STIFFNESS, DAMPING = 1.0, 64.0, 0.05
+RATE = 500.0
+
+
+def decay(moment, duration=30.0, start=1.0):
+    """Angle and rate of I·θ̈ = −moment(θ, θ̇, direction) from rest, the direction that of the swing in hand."""
+    time = np.arange(int(duration * RATE)) / RATE
+    angle, rate = np.full(time.size, np.nan), np.full(time.size, np.nan)
+    state, now, direction = (start, 0.0), 0.0, -1.0
+    while now < time[-1]:
+
+        def flow(t, x, way=direction):
+            return x[1], -moment(x[0], x[1], way) / INERTIA
+
+        def still(t, x, way=direction):
+            return way * x[1]
+
+        still.terminal, still.direction = True, -1
+        part = solve_ivp(
+            flow, (now, time[-1]), state, "DOP853", rtol=1e-10, atol=1e-12, events=still, dense_output=True
+        )
+        inside = (time >= now) & (time <= part.t[-1])
+        if inside.any():
+            angle[inside], rate[inside] = part.sol(time[inside])
+        now, state, direction = part.t[-1], (part.y[0, -1], 0.0), -direction
+        if part.status != 1:
+            break
+    return time, angle, rate
+
+
+def viscous(angle, rate, way):
+    return DAMPING * rate + STIFFNESS * np.sin(angle)
+
+
+def campaign(moment, seed, noise=2e-4):
+    _, angle, _ = decay(moment)
+    angle = angle + noise * np.random.default_rng(seed).standard_normal(angle.size)
+    run = Run("swing", np.zeros(angle.size), angle, RATE)
+    return Campaign(Joint("pendulum", inertia=INERTIA), (run,))
+
+
+def base():
+    return (
+        load_catalogue("stiffness")
+        .select(["gravity_moment"])
+        .union(load_catalogue("paper").select(["linear_damping"]))
+    )
+
+
+def test_a_small_moment_moves_the_states_where_swings_end_as_the_rows_say():
+    small = 0.01
+    time, angle, rate = decay(viscous, 8.0)
+    slopes = (STIFFNESS * np.cos(angle), np.full(time.size, DAMPING))
+    rows = Swings.build(rate, 1 / RATE, slopes, INERTIA, 1e-3, (1e-6, 1e-5))
+    ends = reversals(rate, 1e-3)
+    assert rows.size == 2 * rows.starts.size == 2 * (ends.size + 1)
+    moved = rows.plain(-small * rate).reshape(-1, 2)
+    angular = np.pi * RATE / np.median(np.diff(ends))
+    for swing in (1, 4, 9):
+        first, last = rows.starts[swing], rows.starts[swing + 1]
+        other = solve_ivp(
+            lambda t, x: (x[1], -(viscous(*x, 0) + small * x[1]) / INERTIA), (time[first], time[last]),
+            (angle[first], rate[first]), rtol=1e-11, atol=1e-13,
+        )  # fmt: skip
+        change = other.y[:, -1] - (angle[last], rate[last])
+        # A sum over samples for an integral, and a change that is 1 % of the damping: 2 % of the larger one.
+        assert moved[swing] * (1, angular) == pytest.approx(change, abs=0.02 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nothing_is_missing_from_a_viscous_decay(seed):
+    result = diagnose(campaign(viscous, seed), base=base())
+    assert result.verdict == "nothing_missing"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_coulomb_friction_is_named_and_the_swing_goes_on_as_said(seed):
+    result = diagnose(campaign(lambda a, r, way: viscous(a, r, way) + 0.1 * way, seed), base=base())
+    assert [s.effect for s in result.steps] == ["coulomb_friction"]
+    assert result.steps[0].parameters["M_F"] == pytest.approx(0.1, rel=0.05)
+    # Held out: the last third of the swing, from a fit to what comes before.
+    assert result.final.response < 0.2 * result.initial.response
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_coulomb_friction_and_quadratic_damping_that_hide_each_other_are_both_found(seed):
+    def both(angle, rate, way):
+        return viscous(angle, rate, way) + 0.1 * way + 0.006 * rate * abs(rate)
+
+    result = diagnose(campaign(both, seed), base=base())
+    members = [set(s.members) for s in result.steps]
+    assert len(members) == 2 and any("coulomb_friction" in m for m in members)
+    assert any("quadratic_damping" in m for m in members)
+    assert result.final.response < 0.2 * result.initial.response
