@@ -11,7 +11,6 @@ down with it is given up and reported as :class:`Lost`.
 from __future__ import annotations
 
 import os
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -91,17 +90,20 @@ def ordered_map(
 _here: ContextVar[Executor | None] = ContextVar("executor", default=None)
 
 
-def side_by_side(function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()) -> list[R]:
-    """Return the results of all tasks in their order, from threads, or from where :func:`spread` has them run.
+def side_by_side(
+    function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = (), threads: bool = True
+) -> list[R]:
+    """Return the results of all tasks in their order, from where :func:`spread` has them run.
 
-    For tasks that lie deep inside an analysis; see :func:`ordered_map`.
+    For tasks that lie deep inside an analysis; see :func:`ordered_map`. Without :func:`spread` they run on threads, or
+    with ``threads=False`` one after the other.
     """
-    return ordered_map(_here.get() or _Threads(), function, tasks, shared)
+    return ordered_map(_here.get() or (_Threads() if threads else _Serial()), function, tasks, shared)
 
 
 @contextmanager
 def spread(jobs: int = 1, workers: int | None = None, cluster: str | None = None) -> Iterator[None]:
-    """Have :func:`side_by_side` run its tasks on processes or a cluster; with ``jobs=1`` it stays with threads.
+    """Have :func:`side_by_side` run its tasks on processes or a cluster; with ``jobs=1`` they stay in this process.
 
     Parameters and errors are those of :func:`executor`.
     """
@@ -120,7 +122,7 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
     Parameters
     ----------
     jobs : int
-        Processes of this machine by joblib; 1: this process, -1: one for each core.
+        Processes of this machine by joblib; -1: one for each core; 1: this process, or what :func:`spread` gives.
     workers : int, optional
         Start a Dask cluster of so many worker processes on this machine.
     cluster : str, optional
@@ -146,7 +148,7 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
         with _dask(workers, cluster) as client:
             yield _Dask(client)
     elif jobs == 1:
-        yield _Serial()
+        yield _here.get() or _Serial()
     else:
         with _processes():
             yield _Joblib(jobs)
@@ -260,16 +262,20 @@ def _itself(part: T) -> T:
 
 @contextmanager
 def _written(shared: Sequence[Any]) -> Iterator[str | None]:
-    """Write once what all tasks share, for each process to read once; give the file's name."""
+    """Write once what all tasks share, for each process to read once; give the file's name.
+
+    As joblib sends tasks: in a folder that only this user can read, and that goes when the tasks are done.
+    """
     if not shared:
         yield None
         return
     import tempfile
 
+    import joblib
+
     with tempfile.TemporaryDirectory(prefix="sindyjoint-") as folder:
         place = os.path.join(folder, "shared")
-        with open(place, "wb") as file:
-            pickle.dump(tuple(shared), file, pickle.HIGHEST_PROTOCOL)
+        joblib.dump(tuple(shared), place)
         yield place
 
 
@@ -277,8 +283,9 @@ def _written(shared: Sequence[Any]) -> Iterator[str | None]:
 def _read(place: str | None) -> tuple[Any, ...]:
     if place is None:
         return ()
-    with open(place, "rb") as file:
-        return tuple(pickle.load(file))
+    import joblib
+
+    return tuple(joblib.load(place))
 
 
 def _numbered(function: Callable[..., R], number: int, task: T, place: str | None) -> tuple[int, R]:

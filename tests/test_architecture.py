@@ -21,8 +21,8 @@ ALLOWED = {
     "states": BASE,
     "surface": BASE | {"states"},
     "mechanics": DOOR,  # rigs are read from files
-    "discovery": BASE | {"states", "surface"},
-    "discrepancy": BASE | {"states", "surface", "mechanics", "discovery"},
+    "discovery": BASE | {"parallel", "states", "surface"},
+    "discrepancy": BASE | {"parallel", "states", "surface", "mechanics", "discovery"},
     "workflows": DOOR | {"parallel", "paper", "states", "surface", "mechanics", "discovery", "discrepancy"},
 }
 BELOW_TOP = DOOR | {

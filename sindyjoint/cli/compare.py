@@ -11,6 +11,7 @@ import typer
 
 from sindyjoint.cli.discover import CampaignPath
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 
 def compare(
@@ -40,6 +41,9 @@ def compare(
     ] = 0.10,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    jobs: JobsOption = 1,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -64,6 +68,9 @@ def compare(
             margin=margin,
             random_state=random_state,
             progress=progress.say,
+            jobs=jobs,
+            workers=workers,
+            cluster=cluster,
         )
         if out is not None:
             from sindyjoint.reporting.comparison import write_comparison

@@ -17,6 +17,7 @@ from sindyjoint.discovery.methods import METHODS
 from sindyjoint.discovery.model import JointModel, model_terms
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
@@ -40,6 +41,9 @@ def compare(
     margin: float = MARGIN,
     random_state: Any = 0,
     progress: Callable[[str], None] | None = None,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
     **options: Any,
 ) -> Comparison:
     """Compare what methods, frequencies and libraries say about a joint's terms.
@@ -61,6 +65,9 @@ def compare(
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
+    jobs, workers, cluster
+        Where methods and replicates are worked on; see :func:`~sindyjoint.parallel.executor`. The result is the same to
+        the last digit, but for the seconds that each took.
     **options
         Of :func:`~sindyjoint.workflows.discover.discover`: states, bandwidth, align, forbidden, ...
 
@@ -77,7 +84,27 @@ def compare(
         raise InputError(
             f"{replicates} replicates and a margin of {margin!r} given; at least 10 and a positive one are wanted"
         )
+    with spread(jobs, workers, cluster):
+        return _compared(
+            campaign, library, names, libraries, replicates, margin, random_state, progress, options
+        )
+
+
+def _compared(
+    campaign: Campaign | str | Path | None,
+    library: Any,
+    names: tuple[str, ...],
+    libraries: Sequence[str],
+    replicates: int,
+    margin: float,
+    random_state: Any,
+    progress: Callable[[str], None] | None,
+    options: dict[str, Any],
+) -> Comparison:
     clock = _Clock(progress or (lambda stage: None))
+    # Each method has the same seed, whichever is done first.
+    if isinstance(random_state, np.random.Generator):
+        random_state = int(random_state.integers(2**32))
     with_time = clock.start("discovering")
     found = discover(
         campaign, library, random_state=random_state, method=names[0], progress=progress, **options
@@ -89,7 +116,7 @@ def compare(
         "least_share": found.regressor.least_share_,
     }
     by_method = tuple(
-        clock.run(f"method {name}", _method, name, evidence, random_state, rule) for name in names
+        clock.run("methods", side_by_side, _method, names, [evidence, random_state, rule], threads=False)
     )
     by_frequency = clock.run("frequencies alone", _frequencies, evidence, names[0], random_state, rule)
     by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
@@ -151,7 +178,7 @@ class _Clock:
         return result
 
 
-def _method(name: str, evidence: Evidence, random_state: Any, rule: dict[str, Any]) -> Choice:
+def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: str) -> Choice:
     start = time.perf_counter()
     found = find(evidence, name, random_state, **rule)
     seconds = time.perf_counter() - start
