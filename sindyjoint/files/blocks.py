@@ -47,6 +47,10 @@ class Blocks(ABC):
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return the rows from ``start`` to before ``stop`` of some columns."""
 
+    def largest(self, column: str | int) -> float | None:
+        """Return the largest magnitude of a column, if the file states it."""
+        return None
+
     def table(self, start: int, stop: int) -> Table:
         """Return a stretch of rows as a table, with all its checks."""
         return Table(
@@ -157,6 +161,17 @@ class _Parquet(Blocks):
             self._wanted, self._next, self._left = tuple(wanted), int(self._edges[group]), []
             self._take(start - self._next, names)
         return self._take(stop - start, [self.names[place] for place in wanted])
+
+    def largest(self, column: str | int) -> float | None:
+        """Return the largest magnitude of a column by the statistics of the row groups."""
+        name = self.names[column - 1] if isinstance(column, int) else column
+        ends = []
+        for group in (self._file.metadata.row_group(i) for i in range(self._file.metadata.num_row_groups)):
+            found = [c for c in map(group.column, range(group.num_columns)) if c.path_in_schema == name]
+            if not found or not found[0].is_stats_set or not found[0].statistics.has_min_max:
+                return None
+            ends += [found[0].statistics.min, found[0].statistics.max]
+        return max((abs(float(end)) for end in ends), default=None)
 
     def _take(self, count: int, names: Sequence[str]) -> list[NDArray]:
         parts = [self._left] if self._left else []

@@ -27,7 +27,7 @@ from sindyjoint.parallel import Executor, ordered_map
 from sindyjoint.record import Campaign, LongRecord
 from sindyjoint.states import ForceStates, force_states, regression_rows
 from sindyjoint.states.rows import group_labels
-from sindyjoint.workflows.stream import relative
+from sindyjoint.workflows.stream import exceeded
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
@@ -148,13 +148,19 @@ def fit_long(
     }
     every = [task for group in tasks.values() for task in group]
     say(f"{len(every)} stretches of long runs")
-    surveyed = ordered_map(here, work, every) if relative(as_catalogue(regressor.library)) else []
-    reference = _reference(states, surveyed)
-    terms = regressor.candidates(reference, inertia is None)
-    function = _compiled(terms)
-    done = ordered_map(here, work, [replace(task, function=function) for task in every])
-    if not surveyed:
-        reference = _reference(states, done)
+
+    def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[Stretch]]:
+        terms = regressor.candidates(scale, inertia is None)
+        function = _compiled(terms)
+        return terms, ordered_map(here, work, [replace(task, function=function) for task in every])
+
+    # The first stretches tell the scale of the others, as a rule.
+    looked = _reference(states, [])
+    terms, done = one_pass(looked)
+    reference = _reference(states, done)
+    if exceeded(looked, reference, as_catalogue(regressor.library)):
+        say("larger motion than in the first stretches: once more under its scale")
+        terms, done = one_pass(reference)
     labels, results = group_labels(states), iter(done)
     runs, tallies = [], []
     for i, (state, label) in enumerate(zip(states, labels, strict=True)):

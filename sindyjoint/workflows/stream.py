@@ -1,7 +1,9 @@
 """Tables of force states larger than memory: one pass over the rows, a stretch at a time, on several processes.
 
 What comes back is what :class:`~sindyjoint.JointRegressor` makes of the same rows in memory. Where a library's inner
-parameters are shares of the largest angle or rate, and these are not given, a pass over these columns comes first.
+parameters are shares of the largest angle or rate, and these are not given, they are shares of the largest that a look
+at a part of the rows finds (of Parquet files, of the largest that the file says it holds). Only where the pass then
+meets values that are larger by more than :data:`LARGER`, a second one follows under those.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from sindyjoint.parallel import executor, ordered_map
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.terms import ResolvedTerm
 
 Array = NDArray[np.float64]
 
@@ -34,6 +37,11 @@ READ = 1 << 17
 # As rows in memory are cut: a single table into so many stretches to hold out, each into so many blocks.
 HELD_OUT, STRETCHES = 4, 16
 COLUMNS = {"angle": "angle", "rate": "rate", "moment": "moment"}
+# Pieces of each file that a look at the scales takes, READ rows together.
+PIECES = 16
+# By this share values may pass the scale that inner parameters, round shares such as a tenth, are shares of: the maxima
+# of random motion, a stretch at a time, differ by less.
+LARGER = 0.2
 
 
 @dataclass(frozen=True)
@@ -109,7 +117,8 @@ def discover_rows(
         kg·m². With it and an acceleration, I·θ̈ is taken from the moment; with an acceleration and without it, the
         inertia is identified as a term; without an acceleration the moment is the transfer moment.
     reference : Reference, optional
-        Largest angle and rate, if known; spares a pass where the library refers to them.
+        Largest angle and rate, if known; spares a look at the rows where the library refers to them, and perhaps a
+        second pass.
     size : int
         Rows read at once; memory is some hundred bytes for each.
     jobs, workers, cluster
@@ -150,16 +159,24 @@ def discover_rows(
         for start, stop in zip(edges[:-1], edges[1:], strict=True)
     ]
     with executor(jobs, workers, cluster) as here:
-        if reference is None and relative(as_catalogue(library)):
-            say("largest angle and rate")
-            reference = _largest(ordered_map(here, run_rows, tasks))
-        terms = regressor.candidates(
-            reference or Reference(1.0, 1.0, 1.0), len(names) == 4 and inertia is None
-        )
-        function = compile_terms([term.expression for term in terms])
+        looked = reference
+        if looked is None and relative(as_catalogue(library)):
+            say("a look at angle and rate")
+            looked = _stated(paths, names, inertia) or _largest(
+                ordered_map(here, run_rows, _pieces(paths, tasks[0]))
+            )
+
+        def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[RowSum]]:
+            terms = regressor.candidates(scale, len(names) == 4 and inertia is None)
+            function = compile_terms([term.expression for term in terms])
+            return terms, ordered_map(here, run_rows, [replace(task, function=function) for task in tasks])
+
         say("accumulating factors")
-        done = ordered_map(here, run_rows, [replace(task, function=function) for task in tasks])
-    largest = reference or _largest(done)
+        terms, done = one_pass(looked or Reference(1.0, 1.0, 1.0))
+        largest = reference or _largest(done)
+        if looked is not None and exceeded(looked, largest, as_catalogue(library)):
+            say("larger values than the look found: accumulating factors under these")
+            terms, done = one_pass(largest)
     factors = iter(part.factor for part in done if part.factor is not None)
     evidence = []
     for name, group, _, edges in runs:
@@ -169,9 +186,37 @@ def discover_rows(
     return regressor.fit_evidence(terms, Evidence(tuple(t.id for t in terms), tuple(evidence)), largest)
 
 
-def relative(catalogue: Any) -> bool:
-    """Return whether an inner parameter of a catalogue is a share of the data's scale."""
-    return any(parameter.relative_to for term in catalogue for parameter in term.parameters)
+def relative(catalogue: Any) -> set[str]:
+    """Return the scales of the data that inner parameters of a catalogue are shares of."""
+    named = {parameter.relative_to for term in catalogue for parameter in term.parameters}
+    return {scale for scale in named if scale is not None}
+
+
+def exceeded(scale: Reference, largest: Reference, catalogue: Any) -> bool:
+    """Return whether values pass the scale of inner parameters by more than they may."""
+    return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))
+
+
+def _stated(paths: Sequence[Path], names: Sequence[str | int], inertia: float | None) -> Reference | None:
+    """Return the largest angle, rate and moment that the files themselves state; None where one does not."""
+    if inertia is not None:  # what they state of the moment is not what is fitted
+        return None
+    stated = [[_opened(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
+    columns = [[value for value in column if value is not None] for column in zip(*stated, strict=True)]
+    if any(len(column) < len(paths) for column in columns):
+        return None
+    return Reference(*(max(column) for column in columns))
+
+
+def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
+    """Return pieces spread evenly over each file; of a small one, all of it."""
+    tasks = []
+    for path in paths:
+        rows = _opened(str(path), _changed(path)).rows
+        piece = -(-min(rows, READ) // PIECES)
+        starts = np.linspace(0, rows - piece, PIECES).astype(int).tolist()
+        tasks += [replace(like, path=path, start=start, stop=start + piece) for start in starts]
+    return tasks
 
 
 def run_rows(task: RowTask) -> RowSum:

@@ -96,6 +96,35 @@ def test_stretches_of_a_broadband_run_meet_without_a_seam(long_campaign):
     np.testing.assert_allclose(np.concatenate(pieces), states.rate, atol=1e-9 * np.abs(states.rate).max())
 
 
+@pytest.mark.parametrize("growth, passes", [(0.0, 1), (0.6, 2)])
+def test_a_motion_that_grows_is_worked_through_twice(growth, passes, tmp_path, monkeypatch):
+    monkeypatch.setattr(workflow, "LONGEST", 20_000)
+    turns = 2 * np.pi * np.linspace(0.5, 6, 30)
+    t = np.arange(SAMPLES) / RATE
+    phase = turns * t[:, None] + np.random.default_rng(5).uniform(0, 6.28, 30)
+    x, v, a = (
+        (f(phase) * turns**k).sum(axis=1) for k, f in enumerate((np.sin, np.cos, lambda p: -np.sin(p)))
+    )
+    # The largest swing of the first stretch comes again at the end.
+    slope = growth / t[-1]
+    level = 5e-4 / np.abs(x).max()
+    size = level * (1 + slope * t)
+    record(
+        tmp_path / "tones.npy", size * x, size * v + level * slope * x, size * a + 2 * level * slope * v, 2
+    )
+    (tmp_path / "campaign.toml").write_text(
+        MANIFEST.format(1, 2, "npy").split("[[run]]")[0] + '[[run]]\nfile = "tones.npy"\n'
+    )
+    told = []
+    found = discover(tmp_path, bandwidth=25.0, correct=False, progress=told.append)
+    assert 1 + any("once more" in stage for stage in told) == passes
+    assert len(found.model.ids) >= 4
+    if passes == 2:
+        stop = next(term for term in found.regressor.terms_ if term.values)
+        scale = getattr(found.regressor.reference_, stop.term.parameters[0].relative_to)
+        assert stop.values[0][1] == pytest.approx(stop.term.parameters[0].value * scale)
+
+
 def test_processes_change_no_bit(long_campaign, monkeypatch):
     monkeypatch.setattr(workflow, "LONGEST", 20_000)
     one = discover(long_campaign, "paper", correct=False)

@@ -116,6 +116,44 @@ def test_a_given_reference_is_used(tmp_path):
     assert dict(stribeck.values)["v_s"] == pytest.approx(0.005)
 
 
+def stages(path, **given):
+    told = []
+    columns = {"angle": 1, "rate": 2, "moment": 4} if path.suffix == ".npy" else None
+    return discover_rows(path, columns=columns, progress=told.append, **given), told
+
+
+def test_one_pass_is_enough_where_a_look_tells_the_scale(tmp_path):
+    columns = dict(zip(NAMES, motion(20_000), strict=True))
+    write(tmp_path / "rows.npy", columns)
+    looked, told = stages(tmp_path / "rows.npy")
+    assert told == ["a look at angle and rate", "accumulating factors", "selecting terms"]
+    # Of so few rows the look takes all: the scale is that of two passes, and so is every digit.
+    largest = Reference(*(float(np.abs(columns[name]).max()) for name in ("angle", "rate", "moment")))
+    given, _ = stages(tmp_path / "rows.npy", reference=largest)
+    assert looked.reference_ == largest and looked.terms_ == given.terms_
+    assert np.array_equal(looked.coef_, given.coef_)
+    # Of a library without such parameters not even a look is taken.
+    assert stages(tmp_path / "rows.npy", library="paper")[1] == told[1:]
+
+
+@pytest.mark.parametrize("ending", ["npy", "parquet"])
+def test_larger_values_beside_the_look_are_met(tmp_path, ending):
+    angle, rate, acceleration, moment = motion(400_000)
+    # Between two pieces of the look, a swing half as large again.
+    swing = slice(10_000, 20_000)
+    angle[swing], rate[swing] = 1.5 * angle[swing], 1.5 * rate[swing]
+    moment = 6066 * angle - 2.684e9 * angle**3 + 48 * rate + 1.867 * np.sign(rate)
+    moment = moment + 0.02 * np.random.default_rng(1).normal(size=moment.size)
+    write(tmp_path / f"rows.{ending}", dict(zip(NAMES, (angle, rate, acceleration, moment), strict=True)))
+    found, told = stages(tmp_path / f"rows.{ending}")
+    largest = Reference(*(float(np.abs(x).max()) for x in (angle, rate, moment)))
+    # Parquet files state their largest values.
+    assert any("larger values" in stage for stage in told) == (ending == "npy")
+    given, _ = stages(tmp_path / f"rows.{ending}", reference=largest)
+    assert found.reference_ == largest and found.terms_ == given.terms_
+    assert np.array_equal(found.coef_, given.coef_) and len(found.selected_) == 4
+
+
 def test_what_cannot_be_is_refused(tmp_path):
     angle, rate, acceleration, moment = motion(1_000)
     moment[777] = np.nan
