@@ -34,6 +34,24 @@ def rounded(value: float, error: float) -> str:
     return f"({value / scale:.{places}f} ± {error / scale:.{places}f})e{power}"
 
 
+LEAST_SHARE = 1e-4
+
+
+def percent(value: float | None) -> str:
+    """Return a share in per cent to three digits; less than a hundredth of a per cent is only said to be that.
+
+    Examples
+    --------
+    >>> percent(0.0216), percent(2.09e-7), percent(0.0), percent(12.34), percent(None)
+    ('2.16 %', '< 0.01 %', '0 %', '1234 %', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    if 0 < abs(value) < LEAST_SHARE:
+        return f"< {100 * LEAST_SHARE:g} %"
+    return f"{100 * value:.0f} %" if abs(value) >= 9.995 else f"{100 * value:.3g} %"
+
+
 def _to(value: float, digits: int) -> float:
     """Round to a power of ten."""
     return round(value, -digits)

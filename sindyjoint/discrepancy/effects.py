@@ -119,6 +119,13 @@ class Variant:
         """Numbers that a fit of the variant chooses."""
         return len(self.columns) + len(self.parameters)
 
+    def units(self, motion: str) -> dict[str, str]:
+        """Return the units of coefficients and inner parameters by name, for ``"rotation"`` or ``"translation"``."""
+        own = {c.symbol: c.unit for c in self.columns} | {p.name: p.unit for p in self.parameters}
+        if motion == "rotation":
+            return own
+        return {name: dimensions.unit_for(unit, motion) for name, unit in own.items()}
+
     def bounds(self, reference: Reference) -> Array:
         """Return lower and upper bounds of the inner parameters in SI units, shape (n_parameters, 2)."""
         scales = [
@@ -154,7 +161,8 @@ class Variant:
             np.asarray(values, dtype=np.float64),
             np.array(limits),
             *self._state_program,
-            np.zeros(len(self.states)),
+            # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
+            np.array([motion.angle[0] if np.isfinite(limit) else 0.0 for limit in limits]),
             PASSES if motion.repeats else 1,
             motion.substeps,
         )

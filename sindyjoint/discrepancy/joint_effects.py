@@ -199,6 +199,7 @@ def _released(term: Any, reference: Reference, moment: float) -> Change:
     return Change(
         term.id, term.family, "released", apply, start, np.array([max(lowest, -1.0)]), np.ones(1), start[None], (0,),
         lambda x: {f"delta_{term.symbol}": scale * float(x[0])}, inside=True,
+        units={f"delta_{term.symbol}": term.unit},
     )  # fmt: skip
 
 
@@ -241,7 +242,7 @@ def _added(effect: Effect, addition: Addition, reference: Reference, moment: flo
         np.concatenate([np.where(positive, 0.0, -1.5), bounds[:, 0]]) if count else bounds[:, 0],
         np.concatenate([np.full(count, 1.5), bounds[:, 1]]),
         np.column_stack([np.zeros((len(mesh), count)), mesh]), tuple(range(count)), report,
-        inside=True, memory=bool(variant.states),
+        inside=True, memory=bool(variant.states), units=variant.units("rotation"),
     )  # fmt: skip
 
 

@@ -20,8 +20,24 @@ class Place:
     words: str
 
 
-def where(problem: Problem, most: int = 4) -> tuple[Place, ...]:
-    """Return the regions that hold most of the gap beyond noise, compared with their share of the samples."""
+# What a place is called, by kind of motion: angle and rate, several angles.
+NAMES = {
+    "rotation": ("angle", "rate", "angles"),
+    "translation": ("displacement", "velocity", "displacements"),
+}
+
+
+def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Place, ...]:
+    """Return the regions that hold most of the gap beyond noise, compared with their share of the samples.
+
+    Parameters
+    ----------
+    problem : Problem
+    motion : {"rotation", "translation"}
+        What the words speak of; axes are named ``angle`` and ``rate`` for both.
+    most : int
+    """
+    angle_name, rate_name, sides = NAMES[motion]
     excess = np.maximum(problem.residual**2 - 1.0, 0.0)
     total = float(excess.sum())
     if total <= 0:
@@ -43,7 +59,10 @@ def where(problem: Problem, most: int = 4) -> tuple[Place, ...]:
             text = f"{words}: {share:.0%} of the gap in {rows:.0%} of the samples"
             places.append((share * np.log(share / rows), Place(axis, span, share, text)))
 
-    for axis, values, what in (("angle", np.abs(angle), "|angle|"), ("rate", np.abs(rate), "|rate|")):
+    for axis, values, what in (
+        ("angle", np.abs(angle), f"|{angle_name}|"),
+        ("rate", np.abs(rate), f"|{rate_name}|"),
+    ):
         for low, high in ((0.0, 0.1), (0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.01)):
             mask = (values >= low) & (values < high)
             add(
@@ -52,8 +71,8 @@ def where(problem: Problem, most: int = 4) -> tuple[Place, ...]:
                 (low, min(high, 1.0)),
                 f"{what} from {low:.0%} to {min(high, 1.0):.0%} of the largest",
             )
-    add("side", angle > 0, "positive angle", "at positive angles")
-    add("side", angle < 0, "negative angle", "at negative angles")
+    add("side", angle > 0, "positive angle", f"at positive {sides}")
+    add("side", angle < 0, "negative angle", f"at negative {sides}")
     add("direction", rate > 0, "forward", "in forward motion")
     add("direction", rate < 0, "backward", "in backward motion")
     after = angle * rate < 0

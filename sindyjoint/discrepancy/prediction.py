@@ -163,7 +163,7 @@ def _folds(problem: Problem) -> tuple[NDArray[np.object_], tuple[Fold, ...]]:
     runs = problem.runs
     if all(run.folded for run in runs) and (folds := _between_levels(runs)):
         return np.concatenate([np.full(r.target.size, i, dtype=object) for i, r in enumerate(runs)]), folds
-    labels = row_groups(runs)
+    labels = row_groups(runs, white=True)
     count = len(dict.fromkeys(labels.tolist()))
     return labels, tuple(Fold(i, tuple(j for j in range(count) if j != i)) for i in range(count))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -126,6 +126,8 @@ class Change:
         Whether it remembers.
     spare : bool
         Whether it is tried only where no other way explains the gap.
+    units : dict of str to str
+        Of the reported numbers.
     """
 
     effect: str
@@ -141,6 +143,7 @@ class Change:
     inside: bool = False
     memory: bool = False
     spare: bool = False
+    units: dict[str, str] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -241,6 +244,7 @@ def _change(
     return Change(
         effect.id, effect.family, way, lambda setup, x: act(setup, float(x[0])), start,
         np.array([low]), np.array([high]), start[None], (0,), lambda x: {effect.symbol: float(x[0]) * unit},
+        units={effect.symbol: effect.unit},
     )  # fmt: skip
 
 

@@ -8,14 +8,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above
+from sindyjoint.reporting.style import (
+    DASHES,
+    INK,
+    MARKERS,
+    MUTED,
+    PALETTE,
+    legend_above,
+    pretty_unit,
+)
+from sindyjoint.reporting.units import quantities
+from sindyjoint.rounding import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap
+    from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap, Step
 
 WIDTH = 100
+NARROW = 5  # inches, below which a legend has one column
+FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
 
 
 def show_diagnosis(result: Diagnosis) -> None:
@@ -28,7 +40,8 @@ def show_diagnosis(result: Diagnosis) -> None:
     console.print(f"{escape(result.model.joint.name)}: [bold]{result.verdict.replace('_', ' ')}[/]")
     console.print(escape(result.reason) + "\n")
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading in ("", "moment gap", "response gap", "probability", "not told apart from"):
+    gap = f"{quantities(result.model.joint.motion).moment.lower()} gap"
+    for heading in ("", gap, "response gap", "probability", "not told apart from"):
         table.add_column(heading, justify="right" if heading.endswith(("gap", "ity")) else "left")
     table.add_row("model alone", *_figures(result.initial), "", "")
     for step in result.steps:
@@ -39,7 +52,10 @@ def show_diagnosis(result: Diagnosis) -> None:
     table.add_row("noise floor", *_figures(result.noise_floor), "", "")
     console.print(table)
     for step in result.steps:
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in step.parameters.items())
+        values = ", ".join(
+            f"{name} = {value:.4g} {parameter_unit(step, name)}".rstrip()
+            for name, value in step.parameters.items()
+        )
         dropped = (
             f"; no longer needed: {', '.join(map(words, step.terms_dropped))}" if step.terms_dropped else ""
         )
@@ -47,7 +63,7 @@ def show_diagnosis(result: Diagnosis) -> None:
     budget = result.budget
     if budget.total > 0:
         parts = ", ".join(
-            f"{name} {getattr(budget, name) / budget.total:.0%}"
+            f"{name} {percent(round(getattr(budget, name) / budget.total, 2))}"
             for name in ("state", "history", "run", "processing", "noise")
         )
         console.print(f"\nthe first gap in mean square: {parts}")
@@ -85,12 +101,14 @@ def words(identifier: str) -> str:
     return identifier.replace("_", " ")
 
 
+def parameter_unit(step: Step, name: str) -> str:
+    """Return the unit of a parameter for people; nothing for a plain number."""
+    unit = step.units.get(name, "1")
+    return "" if unit == "1" else pretty_unit(unit)
+
+
 def _figures(gap: Gap) -> tuple[str, str]:
-    return _percent(gap.moment), _percent(gap.response)
-
-
-def _percent(value: float) -> str:
-    return "–" if value != value else f"{100 * value:.3g} %"
+    return percent(gap.moment), percent(gap.response)
 
 
 def write_diagnosis(
@@ -128,26 +146,49 @@ def write_diagnosis(
 
 
 def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
-    """Draw the moment and response gap after each step, down to the noise floor."""
+    """Draw the moment and response gap after each step, down to the noise floor.
+
+    The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
+    """
     labels = ["model alone", *(f"+ {words(s.effect)}" for s in result.steps)]
     gaps = [result.initial, *(s.gap_after for s in result.steps)]
-    for index, (name, floor) in enumerate(
-        (("moment", result.noise_floor.moment), ("response", result.noise_floor.response))
-    ):
+    names = {"moment": quantities(result.model.joint.motion).moment.lower(), "response": "response"}
+    shown = [100 * getattr(gap, name) for gap in gaps for name in names]
+    shown = [value for value in shown if value == value and value > 0]
+    floors = [100 * getattr(result.noise_floor, name) for name in names]
+    # A floor of rounding alone would be all that a picture shows; the legend tells it.
+    known = shown + [floor for floor in floors if shown and floor > min(shown) / FAR**2]
+    for index, (name, called) in enumerate(names.items()):
         values = [100 * getattr(gap, name) for gap in gaps]
-        place = [i + (index - 0.5) * 0.36 for i in range(len(gaps))]
-        ax.bar(
-            place, values, 0.34, color=PALETTE[index], label=f"{name} gap", hatch="" if index == 0 else "///"
+        colour = PALETTE[index]
+        ax.plot(
+            range(len(gaps)),
+            values,
+            color=colour,
+            ls=DASHES[index],
+            marker=MARKERS[index],
+            label=f"{called} gap",
         )
-        if floor != floor:
-            continue  # not known
-        ax.axhline(
-            100 * floor, color=PALETTE[index], linestyle=(0, (4, 2)), label=f"noise floor of the {name}"
-        )
+        for place, value in enumerate(values):
+            if value == value:
+                ax.annotate(
+                    percent(value / 100), (place, value), (6, 3), textcoords="offset points", color=colour
+                )
+        floor = 100 * getattr(result.noise_floor, name)
+        if floor == floor:
+            label = f"noise floor of the {called}, {percent(floor / 100)}"
+            ax.axhline(floor, color=colour, lw=0.8, ls=(0, (1, 1.5)), label=label)
+    if known and max(known) > FAR * min(known):
+        ax.set_yscale("log")
+        ax.set_ylim(0.5 * min(known), 2 * max(known))
+    elif known:
+        ax.set_ylim(0, 1.1 * max(known))
     ax.set_xticks(range(len(labels)), labels)
-    ax.set_ylabel("relative RMS, %")
+    ax.set_xlim(-0.3, len(labels) - 0.5)
+    ax.set_ylabel("relative RMS (%)")
     ax.set_title("Gap between model and measurement")
-    legend_above(ax, 2, columns=2)
+    narrow = ax.figure.get_figwidth() < NARROW
+    legend_above(ax, 4 if narrow else 2, columns=1 if narrow else 2)
     return ax
 
 
@@ -162,7 +203,7 @@ def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
     ax.set_yticks(range(len(names)), names)
     ax.invert_yaxis()
     ax.set_xlim(0, 112)
-    ax.set_xlabel("share of the mean square gap, %")
+    ax.set_xlabel("share of the mean square gap (%)")
     ax.set_title("Budget of the first gap")
     return ax
 
@@ -174,10 +215,12 @@ def rivals(result: Diagnosis, ax: Axes) -> Axes:
         rows.append((f"{index + 1}. {words(step.effect)}", step.probability, PALETTE[0]))
         rows += [(f"    {words(name)}", p, MUTED) for name, p in step.rivals[:4]]
     for place, (_, probability, colour) in enumerate(rows):
-        ax.barh(place, probability, color=colour)
+        ax.barh(place, probability, height=0.6, color=colour)
+        ax.text(probability + 0.008, place, f"{probability:.2f}", va="center", color=INK)
     ax.set_yticks(range(len(rows)), [label for label, _, _ in rows])
-    ax.invert_yaxis()
-    ax.set_xlim(0, 1)
+    # Few bars stay as thin as many.
+    ax.set_ylim(max(len(rows), 4) - 0.5, -0.5)
+    ax.set_xlim(0, 1.08)
     ax.set_xlabel("probability")
     ax.set_title("Named effects and their rivals")
     return ax

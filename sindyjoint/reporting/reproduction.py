@@ -142,7 +142,8 @@ def reproduction_page(result: Reproduction, origin: Provenance, pictures: dict[s
     """Return the report as one HTML text."""
     from sindyjoint.reporting.page import render
     from sindyjoint.reporting.reproduction_figures import TRUTHS, figures_of
-    from sindyjoint.reporting.result_pages import inlined, milliseconds, percent, response_payload
+    from sindyjoint.reporting.result_pages import inlined, milliseconds, response_payload
+    from sindyjoint.rounding import percent
 
     figures = figures_of(result)
     furthest = max(float(joint.largest_error.max()) for joint in result.joints)

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.reporting.diagnosis import advice_words, level_unit
+from sindyjoint.reporting.diagnosis import advice_words, level_unit, parameter_unit
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures import kinds_of
 from sindyjoint.reporting.page import inline_svg, markup, number, render
 from sindyjoint.reporting.provenance import Provenance
 from sindyjoint.reporting.style import INK, PALETTE, prefixed
 from sindyjoint.reporting.tables import term_rows
+from sindyjoint.reporting.units import quantities
+from sindyjoint.rounding import percent
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.diagnosis import Diagnosis, Gap
@@ -73,7 +75,7 @@ def verification_page(result: Verification, origin: Provenance, pictures: dict[s
 def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, bytes]) -> str:
     """Return the report of a diagnosis as one HTML text."""
     badge, headline = VERDICTS[result.verdict]
-    unit = level_unit(result)
+    unit, moment = level_unit(result), quantities(result.model.joint.motion).moment
     return render(
         "diagnosis.html.j2",
         title=f"{result.model.joint.name}: what its model lacks",
@@ -84,7 +86,7 @@ def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, by
         facts=[
             *(
                 (
-                    f"{name.capitalize()} gap",
+                    f"{moment if name == 'moment' else 'Response'} gap",
                     f"{percent(getattr(result.initial, name))} → {percent(getattr(result.final, name))}",
                     f"noise floor {percent(getattr(result.noise_floor, name))}",
                 )
@@ -97,10 +99,10 @@ def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, by
                 ", ".join(words(step.effect) for step in result.steps) or "none",
             ),
         ],
-        columns=("Step", "Moment gap", "Response gap", "Probability", "Not told apart from"),
+        columns=("Step", f"{moment} gap", "Response gap", "Probability", "Not told apart from"),
         rows=_step_rows(result),
         parameters=[
-            (words(step.effect), name, number(value, 4))
+            (words(step.effect), name, number(value, 4), parameter_unit(step, name) or "–")
             for step in result.steps
             for name, value in step.parameters.items()
         ],
@@ -198,11 +200,6 @@ def _amount(value: float, unit: str) -> str:
 
 def _short(values: Any) -> list[float | None]:
     return [float(f"{value:.4g}") if np.isfinite(value) else None for value in values]
-
-
-def percent(value: float | None) -> str:
-    """Return a share as per cent; a dash where there is none."""
-    return "–" if value is None or not np.isfinite(value) else f"{100 * value:.3g} %"
 
 
 def milliseconds(value: float | None) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from sindyjoint.reporting.diagnosis import words
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
+from sindyjoint.rounding import percent
 from sindyjoint.workflows.oscillation import hilbert_envelope, main_frequency
 
 if TYPE_CHECKING:
@@ -82,15 +83,17 @@ def gap_by_step(result: StructureDiagnosis, ax: Axes) -> Axes:
     for place, value in enumerate(values):
         if value == value:
             ax.barh(place, value - left, left=left, height=0.6, color=PALETTE[0])
-            ax.text(value * 1.05, place, f"{value:.3g} %", va="center", color=INK)
+            ax.text(value * 1.05, place, percent(value / 100), va="center", color=INK)
     if floor == floor:
-        ax.axvline(floor, color=PALETTE[1], linestyle=(0, (4, 2)), label=f"noise floor, {floor:.3g} %")
+        ax.axvline(
+            floor, color=PALETTE[1], linestyle=(0, (4, 2)), label=f"noise floor, {percent(floor / 100)}"
+        )
         ax.legend(loc="lower right")
     ax.set_xscale("log")
     ax.set_xlim(left, 2.5 * max(known))
     ax.set_yticks(range(len(rows)), [label for label, _ in rows])
     ax.invert_yaxis()
-    ax.set_xlabel("relative RMS of what the fit did not see, %")
+    ax.set_xlabel("relative RMS of what the fit did not see (%)")
     ax.set_title("Gap between simulation and measurement")
     return ax
 

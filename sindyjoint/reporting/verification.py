@@ -19,6 +19,7 @@ from sindyjoint.reporting.style import (
     prefixed,
     shortened,
 )
+from sindyjoint.rounding import percent
 from sindyjoint.workflows.oscillation import hilbert_envelope
 
 if TYPE_CHECKING:
@@ -49,20 +50,16 @@ def show_verification(result: Verification) -> None:
         table.add_row(
             escape(shortened(run.name)),
             run.drive,
-            _percent(run.response_nrmse),
-            _percent(run.noise_floor),
-            _percent(run.moment_nrmse),
-            _percent(run.amplitude_rms_error),
+            percent(run.response_nrmse),
+            percent(run.noise_floor),
+            percent(run.moment_nrmse),
+            percent(run.amplitude_rms_error),
             "–" if run.mean_period_difference is None else f"{1e3 * run.mean_period_difference:.3g} ms",
         )
     console.print(table)
     console.print(f"\n[bold]{result.verdict}[/]: {escape(result.reason)}")
     for warning in result.warnings:
         console.print(f"- {escape(warning)}")
-
-
-def _percent(value: float | None) -> str:
-    return "–" if value is None else f"{100 * value:.3g} %"
 
 
 def write_verification(

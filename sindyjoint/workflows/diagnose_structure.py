@@ -307,6 +307,7 @@ def _step(ranking: StructureRanking, before: Gap, after: Gap) -> Step:
         effect=best.change.effect, family=best.change.family,
         members=tuple(f.change.effect for f in ranking.members()), probability=ranking.probabilities[0],
         rivals=tuple(others[:6]), parameters=best.parameters, terms_dropped=(), gap_before=before, gap_after=after,
+        units=best.change.units,
     )  # fmt: skip
 
 
@@ -319,5 +320,6 @@ def _retold(steps: Sequence[Step], state: State) -> list[Step]:
             own = state.best.x[at : at + change.size]
             at += change.size
             if change.effect == step.effect:
-                told.append(replace(step, parameters={k: float(v) for k, v in change.report(own).items()}))
+                numbers = {k: float(v) for k, v in change.report(own).items()}
+                told.append(replace(step, parameters=numbers, units=change.units))
     return told

@@ -9,6 +9,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discrepancy.budget import Budget
 from sindyjoint.discrepancy.naming import FittedEffect
 from sindyjoint.discrepancy.places import Place
+from sindyjoint.workflows.diagnosis_runs import RunGap
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class Step:
         Coefficients and inner parameters, SI.
     terms_dropped : tuple of str
     gap_before, gap_after : Gap
+    units : dict of str to str
+        Of the parameters.
     """
 
     effect: str
@@ -58,6 +61,7 @@ class Step:
     terms_dropped: tuple[str, ...]
     gap_before: Gap
     gap_after: Gap
+    units: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,8 @@ class Diagnosis:
         The model with those effects among its terms that are functions of angle and rate alone.
     hidden : str or None
         What a virtual test had hidden.
+    before, after : tuple of RunGap
+        Runs beside the model as it was, and as it is with the effects; fitted to all runs that were not kept out.
     """
 
     verdict: str
@@ -123,6 +129,8 @@ class Diagnosis:
     effects: tuple[FittedEffect, ...] = field(default=(), repr=False)
     whole: JointModel | None = None
     hidden: str | None = None
+    before: tuple[RunGap, ...] = field(default=(), repr=False)
+    after: tuple[RunGap, ...] = field(default=(), repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -155,6 +163,7 @@ class Diagnosis:
                     "probability": s.probability,
                     "rivals": [{"effect": name, "probability": p} for name, p in s.rivals],
                     "parameters": s.parameters,
+                    "units": s.units,
                     "terms_dropped": list(s.terms_dropped),
                     "gap_before": _gap(s.gap_before),
                     "gap_after": _gap(s.gap_after),

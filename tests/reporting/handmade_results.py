@@ -10,6 +10,7 @@ from sindyjoint.discrepancy.budget import Budget
 from sindyjoint.discrepancy.places import Place
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap, Step
+from sindyjoint.workflows.diagnosis_runs import RunGap
 from sindyjoint.workflows.oscillation import Oscillation
 from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
 from sindyjoint.workflows.structure_gap import RecordGap
@@ -61,10 +62,25 @@ def _decay(name, failed):
     )
 
 
+def run_gaps(left):
+    """Return a run that repeats and one that does not, of which a model leaves a cubic moment of this size, N·m."""
+    runs = []
+    for name, level, repeats in (("4Hz $high", "high", True), ("burst", None, False)):
+        time = np.arange(0, 0.25, 0.25 / 120)
+        angle, rate = 1e-3 * np.sin(8 * np.pi * time), 8e-3 * np.pi * np.cos(8 * np.pi * time)
+        model = 5912 * angle + 48 * rate
+        measured = model + left * (angle / 1e-3) ** 3 + 0.01 * np.sin(977 * time)
+        runs.append(
+            RunGap(name, level, 4.0 if repeats else 0.0, repeats, time, angle, rate, measured, model, 0.01)
+        )
+    return tuple(runs)
+
+
 def diagnosis(name="bench joint", effect="jenkins_element", verdict="ambiguous"):
     gaps = Gap(0.0216, 0.0262), Gap(0.0104, 0.0101)
     step = Step(effect, "memory", (effect, "bouc_wen"), 0.88, (("bouc_wen", 0.1), ("play", 0.01)),
-                {"k_t": 3115.0, "theta_y": 7.5e-5}, ("linear_damping",), *gaps)  # fmt: skip
+                {"k_t": 3115.0, "theta_y": 7.5e-5}, ("linear_damping",), *gaps,
+                {"k_t": "N*m/rad", "theta_y": "rad"})  # fmt: skip
     named = verdict in ("named", "ambiguous")
     return Diagnosis(
         verdict=verdict,
@@ -84,6 +100,8 @@ def diagnosis(name="bench joint", effect="jenkins_element", verdict="ambiguous")
         warnings=("the campaign is simulated (a virtual test), not measured",),
         model=model(name=name),
         hidden=effect if named else None,
+        before=run_gaps(0.05),
+        after=run_gaps(0.0) if named else (),
     )  # fmt: skip
 
 

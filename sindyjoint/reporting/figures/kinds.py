@@ -16,7 +16,7 @@ from sindyjoint.reporting import (
     verification,
 )
 from sindyjoint.reporting.data import ReportData
-from sindyjoint.reporting.figures import evidence, loops, maps, residuals
+from sindyjoint.reporting.figures import before_after, evidence, loops, maps, residuals
 from sindyjoint.reporting.figures.kind import Kind, Panel, fixed
 from sindyjoint.reporting.figures.places import where
 from sindyjoint.reporting.figures.rig_kinds import REPRODUCTION, RIG
@@ -188,6 +188,20 @@ DIAGNOSIS: dict[str, Kind] = {
             "Gap between model and measurement before and after each named effect, beside the noise floor.",
             fixed(diagnosis.gap_by_step),
             wide=True,
+        ),
+        Kind(
+            "maps",
+            "Maps before and after",
+            "Mean of measured less model over cells of angle and rate, with the model alone and with the effects, in "
+            "the same colours.",
+            before_after.maps,
+        ),
+        Kind(
+            "overlay",
+            "Runs before and after",
+            "Some runs beside the model alone and with the effects, and what either leaves of them beside the noise. "
+            "Coefficients are those of the fit to all runs.",
+            before_after.overlays,
         ),
         Kind(
             "where",

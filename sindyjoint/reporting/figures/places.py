@@ -21,6 +21,6 @@ def where(result: Diagnosis, ax: Axes) -> Axes:
     ax.set_yticks(range(len(places)), labels)
     ax.invert_yaxis()
     ax.set_xlim(0, 100)
-    ax.set_xlabel("share of the mean square gap, %")
+    ax.set_xlabel("share of the mean square gap (%)")
     ax.set_title("Where the gap lies")
     return ax

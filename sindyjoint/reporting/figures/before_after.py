@@ -1,0 +1,186 @@
+"""A campaign beside its model before and after effects were added: maps, loops, and what the model leaves of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from sindyjoint.reporting.figures.kind import Panel
+from sindyjoint.reporting.figures.loops import spread
+from sindyjoint.reporting.style import (
+    DIVERGING,
+    INK,
+    MUTED,
+    PALETTE,
+    legend_above,
+    plain,
+    prefixed,
+    shortened,
+)
+from sindyjoint.reporting.units import quantities
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.diagnosis import Diagnosis
+    from sindyjoint.workflows.diagnosis_runs import RunGap
+
+Array = NDArray[np.float64]
+
+CELLS = 24
+SHOWN = 2  # runs
+STRETCH = 300  # samples of a run that does not repeat
+
+
+def maps(result: Diagnosis) -> list[Panel]:
+    """Return the maps of what the model leaves, before and, where effects were added, after."""
+    if not result.before:
+        return []
+    alone = partial(_map, runs=result.before, title="Left by the model alone", scale=not result.after)
+    if not result.after:
+        return [alone]
+    return [alone, partial(_map, runs=result.after, title="Left with the effects, same colours", scale=True)]
+
+
+def overlays(result: Diagnosis) -> list[Panel]:
+    """Return, of the runs of the largest and of the smallest swing, measured beside modelled and what is left."""
+    after = {run.run: run for run in result.after}
+    panels: list[Panel] = []
+    for run in spread(sorted(result.before, key=lambda run: -float(np.ptp(run.angle))), SHOWN):
+        panels += [partial(draw, before=run, after=after.get(run.run)) for draw in (_loop, _left)]
+    return panels
+
+
+def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> Axes:
+    """Draw the mean of what a model leaves in cells of (θ, θ̇); the colours are those of the map before."""
+    q = quantities(result.model.joint.motion)
+    edges = [_edges(result.before, name) for name in ("angle", "rate")]
+    limit = float(np.nanmax(np.abs(_cells(result.before, edges)))) or 1.0
+    factor, unit = prefixed(limit, q.moment_unit)
+    (x_factor, x_unit), (y_factor, y_unit) = (
+        prefixed(float(np.abs(e).max()), u) for e, u in zip(edges, (q.angle_unit, q.rate_unit), strict=True)
+    )
+    mesh = ax.pcolormesh(
+        edges[0] * x_factor,
+        edges[1] * y_factor,
+        np.ma.masked_invalid(_cells(runs, edges).T * factor),
+        cmap=DIVERGING,
+        vmin=-limit * factor,
+        vmax=limit * factor,
+        rasterized=True,
+    )
+    ax.grid(False)
+    if scale:
+        ax.figure.colorbar(mesh, ax=ax, label=f"mean of measured less model ({unit})", pad=0.02)
+    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
+    ax.set_ylabel(f"{q.rate} {q.rate_symbol} ({y_unit})")
+    ax.set_title(title)
+    return ax
+
+
+def _edges(runs: Sequence[RunGap], name: str) -> Array:
+    values = np.concatenate([getattr(run, name) for run in runs])
+    low, high = float(values.min()), float(values.max())
+    if name == "rate":
+        # Zero rate is an edge, so that no cell averages over the friction step.
+        low, high = -max(-low, high), max(-low, high)
+    return np.linspace(low, high if high > low else low + 1.0, CELLS + 1)
+
+
+def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
+    """Return the mean of what the model leaves in every cell, NaN where there is nothing, shape (n, n)."""
+    angle, rate, left = (
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "left")
+    )
+    bins = [edges[0], edges[1]]
+    count, *_ = np.histogram2d(angle, rate, bins)
+    total, *_ = np.histogram2d(angle, rate, bins, weights=left)
+    mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return mean
+
+
+def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+    """Draw the measured moment and the models' over the angle; over time where the run does not repeat."""
+    q = quantities(result.model.joint.motion)
+    factor, unit = prefixed(float(np.abs(before.measured).max()), q.moment_unit)
+    for x, y in _pieces(result, before, before.measured * factor):
+        ax.plot(x, y, color=PALETTE[0], lw=2.4, alpha=0.45)
+    for x, y in _pieces(result, before, before.model * factor):
+        ax.plot(x, y, color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)))
+    if after is not None:
+        for x, y in _pieces(result, after, after.model * factor):
+            ax.plot(x, y, color=INK, lw=0.8)
+    ax.plot([], [], color=PALETTE[0], lw=2.4, alpha=0.45, label="measured")
+    ax.plot([], [], color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)), label="model alone")
+    if after is not None:
+        ax.plot([], [], color=INK, lw=0.8, label="with the effects")
+    _axes(result, ax, before, f"{_measured(result)} ({unit})")
+    legend_above(ax, 2, columns=2)
+    return ax
+
+
+def _left(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+    """Draw what the models leave of a run beside its noise."""
+    q = quantities(result.model.joint.motion)
+    factor, unit = prefixed(float(np.abs(before.left).max()), q.moment_unit)
+    for x, y in _pieces(result, before, before.left * factor):
+        ax.plot(x, y, color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)))
+    if after is not None:
+        for x, y in _pieces(result, after, after.left * factor):
+            ax.plot(x, y, color=INK, lw=0.8)
+    noise = 2 * before.noise * factor
+    ax.axhspan(
+        -noise,
+        noise,
+        color=MUTED,
+        alpha=0.2,
+        lw=0,
+        label="noise of the mean period, ±2σ" if before.repeats else "noise, ±2σ",
+    )
+    ax.plot([], [], color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)), label="left by the model alone")
+    if after is not None:
+        ax.plot([], [], color=INK, lw=0.8, label="left with the effects")
+    _axes(result, ax, before, f"Measured less model ({unit})")
+    legend_above(ax, 3)
+    return ax
+
+
+def _axes(result: Diagnosis, ax: Axes, run: RunGap, vertical: str) -> None:
+    q = quantities(result.model.joint.motion)
+    _, unit = _angle_unit(result)
+    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({unit})" if run.repeats else "Time (s)")
+    ax.set_ylabel(vertical)
+    where = (
+        f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "") if run.repeats else run.run
+    )
+    ax.set_title(plain(shortened(where)))
+
+
+def _measured(result: Diagnosis) -> str:
+    """Return what the rows are: less the inertia's moment, unless the inertia is among the terms."""
+    q = quantities(result.model.joint.motion)
+    return q.moment if "inertia" in result.model.ids else q.transfer
+
+
+def _angle_unit(result: Diagnosis) -> tuple[float, str]:
+    q = quantities(result.model.joint.motion)
+    return prefixed(max(float(np.abs(run.angle).max()) for run in result.before), q.angle_unit)
+
+
+def _pieces(result: Diagnosis, run: RunGap, values: Array) -> list[tuple[Array, Array]]:
+    """Return curves to draw: a mean period by direction of motion, a run that does not repeat by its stretches.
+
+    Samples in which the joint sticks are no part of either, and no line crosses them.
+    """
+    factor, _ = _angle_unit(result)
+    if run.repeats:
+        step = np.median(np.diff(run.time))
+        cuts = np.flatnonzero((np.diff(np.sign(run.rate)) != 0) | (np.diff(run.time) > 1.5 * step)) + 1
+        parts = np.split(np.arange(run.time.size), cuts)
+        return [(run.angle[part] * factor, values[part]) for part in parts]
+    shown = np.arange(min(run.time.size, STRETCH))
+    cuts = np.flatnonzero(np.diff(run.time[shown]) > 1.5 * np.median(np.diff(run.time))) + 1
+    return [(run.time[part], values[part]) for part in np.split(shown, cuts)]
