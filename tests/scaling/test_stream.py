@@ -139,9 +139,9 @@ def test_one_pass_is_enough_where_a_look_tells_the_scale(tmp_path):
 @pytest.mark.parametrize("ending", ["npy", "parquet"])
 def test_larger_values_beside_the_look_are_met(tmp_path, ending):
     angle, rate, acceleration, moment = motion(400_000)
-    # Between two pieces of the look, a swing half as large again.
+    # Between two pieces of the look, swings twice as large.
     swing = slice(10_000, 20_000)
-    angle[swing], rate[swing] = 1.5 * angle[swing], 1.5 * rate[swing]
+    angle[swing], rate[swing] = 2 * angle[swing], 2 * rate[swing]
     moment = 6066 * angle - 2.684e9 * angle**3 + 48 * rate + 1.867 * np.sign(rate)
     moment = moment + 0.02 * np.random.default_rng(1).normal(size=moment.size)
     write(tmp_path / f"rows.{ending}", dict(zip(NAMES, (angle, rate, acceleration, moment), strict=True)))
