@@ -24,13 +24,14 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from tests.diagnosis.hidden_effects import OUTSIDE  # noqa: E402
+
 # What the referee hides, under the name that the catalogue has for it.
 SAME = {
     "stop": "dead_zone",
     "modulus_damping": "amplitude_dependent_damping",
     "stiffness_drift_on": "stiffness_drift",
 }
-OUTSIDE = ("ripple", "second_resonance", "friction_ripple", "stiffness_jump")
 
 
 def one(name: str, seed: int, size: float, noise: float, advice: bool = True) -> dict:

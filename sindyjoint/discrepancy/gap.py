@@ -203,7 +203,8 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     assert states.frequency is not None
     phases = min(phases, int(states.sample_rate / states.frequency))
     position = (states.time - states.time[0]) * states.frequency % 1.0
-    bins = np.minimum((position * phases).astype(int), phases - 1)
+    # Samples that fall alike in every period are to lie in the middle of a bin, not on the border of two.
+    bins = np.floor(position * phases + 0.5).astype(int) % phases
     count = np.bincount(bins, minlength=phases)
     filled = np.maximum(count, 1)
 
@@ -227,7 +228,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
     inertia = model.joint.inertia
     sigma = np.sqrt(states.noise.moment**2 / filled[keep] + (CHAIN_ERROR * scale) ** 2)
-    factor = folded_whitener(states, model, motion, sigma, (np.arange(phases)[keep] + 0.5) / phases)
+    factor = folded_whitener(states, model, motion, sigma, np.arange(phases)[keep] / phases)
     target = moment[keep] - (inertia or 0.0) * acceleration[keep]
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
 

@@ -26,9 +26,12 @@ Array = NDArray[np.float64]
 GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
 # What the linearised noise model leaves out makes likelihoods overconfident; calibrated on simulated campaigns.
 TEMPER = 2.0
-COLUMN_ERROR = 0.03
+COLUMN_ERROR = 0.01
+COLUMN_ERROR_ONCE = 0.03  # along a motion that does not repeat
 FOUND_ERROR = 0.06
 CANCELS = 2.0
+# Steps of integration over all runs for one trial of inner parameters.
+ROUGH_STEPS = 30_000
 # Inner parameters are refined where the search came within this share of the best gain.
 WORTH_REFINING = 0.3
 RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
@@ -254,7 +257,8 @@ def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
     repeated = problem.repeated
     rows = problem.target.size / repeated
     left = max(1.0, min((problem.chi_square - f.gain) / max(problem.degrees, 1) for f in fitted))
-    blur = TEMPER * repeated + COLUMN_ERROR**2 * max(f.gain for f in fitted) / left
+    error = COLUMN_ERROR if all(run.folded for run in problem.runs) else COLUMN_ERROR_ONCE
+    blur = TEMPER * repeated + error**2 * max(f.gain for f in fitted) / left
     # What the columns of effects found before got wrong is left over too, and is no effect of its own.
     own = [max(f.gain - FOUND_ERROR**2 * problem.explained, 0.0) for f in fitted]
     evidence = [

@@ -38,7 +38,7 @@ from sindyjoint.workflows.diagnosis_start import (
     kept_out,
     one_after_another,
 )
-from sindyjoint.workflows.diagnosis_verdict import humble, judge, unexplained_share
+from sindyjoint.workflows.diagnosis_verdict import humble, judge, outside_share, unexplained_share
 from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.free_decay import polished
 from sindyjoint.workflows.gap_response import processing_error
@@ -158,8 +158,9 @@ def _diagnosed(
         repaired = polished(campaign, work.states, work.rows, repaired)
     last = Problem.build(work.rows, work.model, repaired.effects)
     left = unexplained_share(problem, last, initial, final, noise)
-    verdict, reason = judge(problem, steps, 0.0 if drift is not None else left)
-    steps = humble(steps, verdict)
+    outside = outside_share(Problem.build(straight.rows, straight.model), last, repaired.effects)
+    verdict, reason = judge(problem, steps, 0.0 if drift is not None else left, outside)
+    steps = humble(steps, verdict, outside)
     advice = advise(work.rows, work.states, work.model, repaired.effects, steps, candidates)
     joint = tuple(e for e in repaired.effects if e.effect.enters != "time shift")
     moments = Problem.build(initial_work.moment_rows(), initial_work.model)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.discrepancy.budget import explained_by_state
-from sindyjoint.discrepancy.naming import Problem
+from sindyjoint.discrepancy.naming import FittedEffect, Problem
+from sindyjoint.discrepancy.outside import outside_probability
 from sindyjoint.workflows.diagnosis import Gap, Step
 
 # Named effects must account for all but this share of what repeats; else something unknown is there.
@@ -18,6 +19,9 @@ UNEXPLAINED_BROADBAND = 0.3
 # Beyond noise by less than this factor, the chain's own error is as good an explanation.
 SIGNIFICANT_EXCESS = 1.25
 SIGNIFICANT_GAP = 2.0
+#: The name under which what is outside the catalogue stands among the rivals of a step, and its least probability.
+UNKNOWN = "unknown"
+LEAST_OUTSIDE = 0.005
 
 
 def unexplained_share(problem: Problem, last: Problem, initial: Gap, final: Gap, noise: Gap) -> float:
@@ -49,14 +53,39 @@ def _repeats(problem: Problem) -> bool:
     return all(run.folded or run.swings is not None for run in problem.runs)
 
 
-def judge(problem: Problem, steps: Sequence[Step], left: float) -> tuple[str, str]:
-    """Return the verdict and its reason; ``left`` is the share that the effects leave unexplained."""
+def outside_share(first: Problem, last: Problem, found: Sequence[FittedEffect]) -> float:
+    """Return the probability that the effects found stand in for something outside the catalogue.
+
+    Zero where none was found, and where runs do not repeat: what their noise is, is then known too roughly.
+    """
+    if not found or not all(run.folded for run in last.runs):
+        return 0.0
+    return outside_probability(first, last, found)
+
+
+def judge(problem: Problem, steps: Sequence[Step], left: float, outside: float = 0.0) -> tuple[str, str]:
+    """Return the verdict and its reason.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : sequence of Step
+    left : float
+        Share of the gap that the effects leave unexplained.
+    outside : float
+        Probability that they stand in for something outside the catalogue.
+    """
     if left > (UNEXPLAINED if _repeats(problem) else UNEXPLAINED_BROADBAND):
         if steps:
             return "unknown", f"the effects found leave {left:.0%} of the gap beyond noise unexplained"
         return "unknown", f"no known effect explains the gap; {left:.0%} of it is more than noise"
     if not steps:
         return "nothing_missing", "what is left repeats no better than noise"
+    if outside > 0.5:
+        return "unknown", (
+            "the effects found leave a rest that they would not leave if they were there, or are too many: something "
+            f"outside the catalogue is there with a probability of {outside:.2f}"
+        )
     if any(len(s.members) > 1 for s in steps):
         apart = "; ".join(
             " or ".join(m.replace("_", " ") for m in s.members) for s in steps if len(s.members) > 1
@@ -65,8 +94,19 @@ def judge(problem: Problem, steps: Sequence[Step], left: float) -> tuple[str, st
     return "named", "found: " + ", then ".join(s.effect.replace("_", " ") for s in steps)
 
 
-def humble(steps: Sequence[Step], verdict: str) -> list[Step]:
-    """Where something unknown remains, no name may be near certain: it may stand in for what is not known."""
-    if verdict != "unknown":
+def humble(steps: Sequence[Step], verdict: str, outside: float = 0.0) -> list[Step]:
+    """Give what is outside the catalogue its probability, taken from all names of each step.
+
+    Where something unknown remains, no name may be near certain: it may stand in for what is not known.
+    """
+    if verdict == "unknown":
+        outside = max(outside, 0.5)
+    if outside < LEAST_OUTSIDE:
         return list(steps)
-    return [replace(s, probability=min(0.5 * s.probability, 0.5)) for s in steps]
+    inside = 1 - outside
+    later = []
+    for step in steps:
+        rivals = [(name, inside * p) for name, p in step.rivals] + [(UNKNOWN, outside)]
+        rivals.sort(key=lambda each: -each[1])
+        later.append(replace(step, probability=inside * step.probability, rivals=tuple(rivals)))
+    return later

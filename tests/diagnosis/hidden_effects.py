@@ -124,6 +124,34 @@ def _modulus(theta, omega, direction, state, p, out):
     out[0] = p[0] * abs(theta) * omega
 
 
+def _cross(theta, omega, direction, state, p, out):
+    """A moment with θ·θ̇², as of a mass whose lever changes with the angle."""
+    out[0] = p[0] * theta * omega**2
+
+
+def _lag(theta, omega, direction, state, p, out):
+    """Friction that builds up with the time since the reversal, not with the way."""
+    out[0] = p[0] * state[0]
+    out[1] = (np.tanh(omega / p[2]) - state[0]) / p[1]
+
+
+def _relay(theta, omega, direction, state, p, out):
+    """A moment that flips once the angle has passed ±p[1], and stays until it has passed the other: a detent."""
+    side = 1.0 if state[0] >= 0 else -1.0
+    if theta > p[1]:
+        side = 1.0
+    elif theta < -p[1]:
+        side = -1.0
+    out[0] = p[0] * state[0]
+    out[1] = (side - state[0]) / 0.003
+
+
+def _breathing(theta, omega, direction, state, p, out):
+    """Stiffness modulated at a frequency of its own, p[1] rad/s; the state is a clock."""
+    out[0] = p[0] * np.sin(p[1] * state[0]) * theta
+    out[1] = 1.0
+
+
 # name: (law, states, inner parameters drawn from peak angle, peak rate and a generator)
 LAWS = {
     "quintic_stiffness": (_quintic, 0, lambda a, v, g: ()),
@@ -159,6 +187,10 @@ LAWS = {
         2,
         lambda a, v, g: (2 * np.pi * g.uniform(7.5, 14), g.uniform(0.02, 0.1)),
     ),
+    "rate_squared_stiffness": (_cross, 0, lambda a, v, g: ()),
+    "friction_lag": (_lag, 1, lambda a, v, g: (g.uniform(0.004, 0.015), 1e-3 * v)),
+    "relay": (_relay, 1, lambda a, v, g: (a * g.uniform(0.1, 0.3),)),
+    "breathing_stiffness": (_breathing, 1, lambda a, v, g: (2 * np.pi * g.uniform(0.7, 1.7),)),
 }
 CHANNELS = (
     "channel_delay",
@@ -168,8 +200,22 @@ CHANNELS = (
     "inertia_error",
     "frequency_dependent_stiffness",
     "stiffness_drift",
+    "clipping",
+    "pick_up",
 )
-OUTSIDE = ("ripple", "second_resonance", "friction_ripple", "stiffness_jump")
+# In no catalogue. What does not repeat (a stiffness that breathes, mains pick-up) may also pass for noise.
+OUTSIDE = (
+    "ripple",
+    "second_resonance",
+    "friction_ripple",
+    "stiffness_jump",
+    "rate_squared_stiffness",
+    "friction_lag",
+    "relay",
+    "breathing_stiffness",
+    "clipping",
+    "pick_up",
+)
 
 
 @dataclass(frozen=True)
@@ -250,6 +296,10 @@ def _in_channels(name, plan, size, noise, generator, law=None):
     elif name == "angle_offset":
         amount = size * rms / plan.law.k1
         clean = plan.campaign(0.0, hidden=law, angle_offset=sign * amount)
+    elif name == "clipping":
+        amount = _clip_level(clean.runs, size)
+    elif name == "pick_up":
+        amount = size * rms * np.sqrt(2) / np.sqrt(np.mean([np.mean(r.angle**2) for r in clean.runs]))
     elif name == "inertia_error":
         peak, _ = _peaks(plan)
         amount = size * rms / (0.7 * peak * (2 * np.pi * np.mean(plan.frequencies)) ** 2)
@@ -275,10 +325,29 @@ def _in_channels(name, plan, size, noise, generator, law=None):
             moment = moment + ramp
         elif name == "angle_drift":
             angle = angle + ramp / plan.law.k1
+        elif name == "clipping":
+            moment = np.clip(moment, -amount, amount)
+        elif name == "pick_up":
+            moment = moment + amount * angle * np.sin(2 * np.pi * MAINS * run.time)
         moment = moment + noise * np.std(run.moment) * generator.standard_normal(run.n_samples)
         angle = angle + noise * np.std(run.angle) * generator.standard_normal(run.n_samples)
         runs.append(replace(run, moment=moment, angle=angle))
     return Hidden(name, size, replace(clean, runs=tuple(runs)), plan, (float(sign * amount),))
+
+
+MAINS = 50.0  # Hz
+
+
+def _clip_level(runs, size):
+    """The moment at which a sensor must stop so that what it loses has that share of the RMS of all runs."""
+    moment = np.concatenate([run.moment for run in runs])
+    rms = float(np.sqrt(np.mean(moment**2)))
+    low, high = 0.0, float(np.abs(moment).max())
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        lost = np.sqrt(np.mean(np.maximum(np.abs(moment) - middle, 0.0) ** 2))
+        low, high = (middle, high) if lost > size * rms else (low, middle)
+    return high
 
 
 def _stiffness(theta, omega, direction, state, p, out):
