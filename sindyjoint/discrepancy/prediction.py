@@ -75,6 +75,13 @@ class Prediction:
         return [x.T @ x for x, _ in parts], [x.T @ y for x, y in parts], [float(y @ y) for _, y in parts]
 
     @cached_property
+    def _known(self) -> dict[tuple[int, ...], tuple[Array, Array]]:
+        """Return X'X and X'y of every set of blocks that others are predicted from."""
+        square, product, _ = self._products
+        sets = dict.fromkeys(fold.known for fold in self.folds)
+        return {known: (_sum_of(square, known), _sum_of(product, known)) for known in sets}
+
+    @cached_property
     def base(self) -> float:
         """Squared error of the model's own terms."""
         return self._error((BASE,), 0.0, LEAST_SHRINKAGE)
@@ -98,12 +105,12 @@ class Prediction:
         use = np.concatenate([self._place[name] for name in names])
         grid = np.ix_(use, use)
         penalty = self._penalty(names, smoothness, shrinkage)
-        solved: dict[tuple[int, ...], Array] = {}
+        solved = {
+            known: np.linalg.solve(normal[grid] + penalty, right[use])
+            for known, (normal, right) in self._known.items()
+        }
         total = 0.0
         for fold in self.folds:
-            if fold.known not in solved:
-                normal, right = (np.sum([each[i] for i in fold.known], axis=0) for each in (square, product))
-                solved[fold.known] = np.linalg.solve(normal[grid] + penalty, right[use])
             c = solved[fold.known]
             total += own[fold.out] - 2 * float(c @ product[fold.out][use])
             total += float(c @ square[fold.out][grid] @ c)
@@ -121,6 +128,14 @@ class Prediction:
                 parts.append((LEAST_SHRINKAGE if name == BASE else shrinkage) * identity)
         penalty: Array = block_diag(*parts)
         return penalty
+
+
+def _sum_of(arrays: Sequence[Array], places: Sequence[int]) -> Array:
+    """Return the sum of some of several arrays of one shape."""
+    total = np.zeros_like(arrays[0])
+    for place in places:
+        total += arrays[place]
+    return total
 
 
 def _columns(problem: Problem) -> dict[str, Array]:
@@ -169,7 +184,8 @@ def _folds(problem: Problem) -> tuple[NDArray[np.object_], tuple[Fold, ...]]:
 
 
 def _between_levels(runs: Sequence[GapRun]) -> tuple[Fold, ...]:
-    swing = np.array([float(np.abs(run.angle).max()) for run in runs])
+    # To the percent, so that runs of one level are predicted from the same others.
+    swing = np.exp(np.round(np.log([float(np.abs(run.angle).max()) for run in runs]), 2))
     folds = []
     for index, own in enumerate(swing):
         known = np.flatnonzero(np.abs(np.log(swing / own)) > np.log1p(SAME_SWING))

@@ -187,7 +187,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     ax.set_xlim(-0.3, len(labels) - 0.5)
     ax.set_ylabel("relative RMS (%)")
     ax.set_title("Gap between model and measurement")
-    narrow = ax.figure.get_figwidth() < NARROW
+    narrow = ax.figure.bbox.width < NARROW * ax.figure.dpi
     legend_above(ax, 4 if narrow else 2, columns=1 if narrow else 2)
     return ax
 

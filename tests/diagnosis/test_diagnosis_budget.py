@@ -6,7 +6,7 @@ Campaigns are those of tests/diagnosis/hidden_effects.py: an effect carries 6 % 
 import numpy as np
 import pytest
 
-from sindyjoint.discrepancy.budget import make_budget, shares
+from sindyjoint.discrepancy.budget import explained_by_state, make_budget, shares
 from sindyjoint.discrepancy.naming import Problem
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
@@ -66,18 +66,17 @@ def test_a_drift_of_a_channel_is_of_the_run():
     assert budget.run > 0.9 * (budget.total - budget.noise)
 
 
-def test_a_memory_seen_at_one_level_is_a_function_of_the_state():
+def test_levels_tell_a_memory_from_a_function_of_the_state():
     """At one level a law without memory fits any loop; other levels refute it."""
     campaign = hide("jenkins_element", 5).campaign
-    credit = {}
-    for name, runs in (
-        ("all", campaign.runs),
-        ("one", [r for r in campaign.runs if r.level == campaign.runs[0].level]),
-    ):
+    largest = [run for run in campaign.runs if run.level == campaign.runs[0].level]
+    problems = {}
+    for name, runs in (("all", campaign.runs), ("one", largest)):
         work = work_on(campaign.with_runs(tuple(runs)))
-        credit[name] = shares(Problem.build(work.rows, work.model), 0.1)
-    assert credit["all"]["history"] > 0.8 > 0.3 > credit["all"]["state"]
-    assert credit["one"]["state"] > 0.8 > credit["one"]["history"]
+        problems[name] = Problem.build(work.rows, work.model)
+    assert explained_by_state(problems["one"]) > 0.9 and explained_by_state(problems["all"]) < 0.3
+    credit = shares(problems["all"], 0.1)
+    assert credit["history"] > 0.8 > 0.3 > credit["state"] and sum(credit.values()) <= 1
 
 
 def test_a_run_alone_has_a_budget_that_adds_up():
@@ -113,3 +112,9 @@ def test_runs_that_do_not_repeat_have_a_budget_too():
         found[cubic] = budget
     assert found[40.0].state > 0.5 * found[40.0].total
     assert found[0.0].state < 0.1 * found[40.0].state
+
+
+def test_a_drift_is_cut_to_what_noise_and_chain_leave():
+    work = work_on(hide("nothing", 1, duration=4.0).campaign)
+    budget = make_budget(Problem.build(work.rows, work.model), 1.0, 0.7, 0.2, drift=0.5)
+    assert (budget.noise, budget.processing) == pytest.approx((0.7, 0.2)) and budget.run == pytest.approx(0.1)
