@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import Effect, Variant
+from sindyjoint.discrepancy.excerpt import excerpt
 from sindyjoint.discrepancy.gap import GapRun, base_columns, reference_scales
 from sindyjoint.discrepancy.swings import correlation
 from sindyjoint.parallel import side_by_side
@@ -102,6 +103,19 @@ class Problem:
         """Numbers that a fit chooses; what repeats does not depend on the states it began with, a decay does."""
         free = any(run.swings for run in self.runs)
         return variant.degrees + (len(variant.states) if free else 0)
+
+    def rough(self) -> Problem:
+        """Return the problem for searching: states follow the motion roughly, and windows of long records only."""
+        runs = [run.rough() for run in self.runs]
+        share = ROUGH_STEPS / sum(run.motion.angle.size / run.motion.follow for run in runs)
+        if share >= 1 or any(run.folded or run.swings for run in runs):
+            return replace(self, runs=tuple(runs))
+        parts = [excerpt(run, share) for run in runs]
+        starts = np.cumsum([0, *(run.target.size for run in runs[:-1])])
+        rows = np.concatenate([start + kept for start, (_, kept) in zip(starts, parts, strict=True)])
+        return Problem.of_columns(
+            [run for run, _ in parts], self.base[rows], self.target[rows], self.explained
+        )
 
     def beside(self, columns: Array) -> Array:
         """Return whitened columns less what the columns that are there already explain of them."""
@@ -210,7 +224,7 @@ def _refined(problem: Problem, task: tuple[FittedEffect, bool]) -> FittedEffect:
 
 def _searched(problem: Problem, effect: Effect) -> FittedEffect:
     """Return the best variant and inner parameters that a search along the roughly followed motion finds."""
-    rough = replace(problem, runs=tuple(run.rough() for run in problem.runs))
+    rough = problem.rough()
     best: FittedEffect | None = None
     for variant in effect.variants:
 

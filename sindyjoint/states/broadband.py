@@ -17,6 +17,9 @@ BLOCKS = 32
 WIDEST = 0.38
 ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
 SIGNAL_TO_NOISE = 4.0  # of spectral densities
+# A signal this far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls
+# from 0.8 to 1.2 of the cut-off, must fall beyond it. One that fades has as much noise as signal there.
+CUT_OFF_ABRUPTLY, JUST_BELOW, ROOM = 40.0, 0.9, 1.2
 # Reversals: share of the peak rate, and guard in periods of the cut-off. A joint that sticks rings, once smoothed,
 # about its rest; one that only passes through zero does not, and its slow samples tell friction from damping.
 STICKING = (0.1, 0.5)
@@ -59,6 +62,14 @@ def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, 
 
 
 def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
+    """Return the frequency at which a signal first sinks into its noise floor, Hz, and the RMS of that noise.
+
+    As :func:`signal_end`, which says in addition whether the signal fades there.
+    """
+    return signal_end(signal, sample_rate)[:2]
+
+
+def signal_end(signal: Array, sample_rate: float) -> tuple[float, float, bool]:
     """Return the frequency at which a signal first sinks into its noise floor, and the RMS of that noise.
 
     The floor is the median spectral density over the top third of the band. Going up from the strongest line, the
@@ -71,6 +82,8 @@ def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
         Hz, at most 0.38 of the sampling rate.
     noise : float
         RMS of white noise of the floor's density over the whole band, in the unit of the signal.
+    abrupt : bool
+        Whether the signal is far above its floor just below: it does not fade, but was cut there.
     """
     from scipy.ndimage import median_filter
     from scipy.signal import welch
@@ -85,7 +98,10 @@ def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
     sunk = np.flatnonzero(smooth[peak:] <= SIGNAL_TO_NOISE * floor)
     edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
     lowest = 8 * sample_rate / signal.size
-    return float(np.clip(edge, lowest, WIDEST * sample_rate)), float(np.sqrt(floor * sample_rate / 2))
+    just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))
+    abrupt = just_below > CUT_OFF_ABRUPTLY * floor
+    noise = float(np.sqrt(floor * sample_rate / 2))
+    return float(np.clip(edge, lowest, WIDEST * sample_rate)), noise, abrupt
 
 
 def difference_noise(signal: Array) -> float:
@@ -140,7 +156,8 @@ def broadband_states(
     ----------
     run : Run
     bandwidth : float, optional
-        Cut-off of the kernel, Hz. Default: where the angle sinks into its noise.
+        Cut-off of the kernel, Hz. Default: where the angle sinks into its noise, or a fifth above where it does not
+        fade but ends there, so that the kernel passes its last lines.
     rate_share : float
         Share of the peak rate below which samples count as reversal. Default: 0.02,
         or 0.1 where the joint dwells at rest.
@@ -154,8 +171,9 @@ def broadband_states(
     """
     from scipy.signal import fftconvolve
 
-    found, angle_noise = signal_bandwidth(run.angle, run.sample_rate)
-    cutoff = float(np.clip(bandwidth or found, 1e-6, WIDEST * run.sample_rate))
+    found, angle_noise, abrupt = signal_end(run.angle, run.sample_rate)
+    wanted = bandwidth or (ROOM * found if abrupt else found)
+    cutoff = float(np.clip(wanted, 1e-6, WIDEST * run.sample_rate))
     low, first, second = smoothing_kernels(cutoff, run.sample_rate)
     half = low.size // 2
     if run.n_samples < 4 * low.size:
