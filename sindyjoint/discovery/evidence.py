@@ -89,6 +89,19 @@ class Evidence:
             return {}
         return {group: merge(r.pooled for r in self.runs if r.group != group) for group in self.groups}
 
+    @cached_property
+    def training_triangles(self) -> Array:
+        """Triangles of these factors, shape (groups, p + 1, p + 1)."""
+        return np.array([factor.triangle for factor in self.training.values()])
+
+    @cached_property
+    def scattered(self) -> tuple[Array, NDArray[np.intp]]:
+        """Triangles of the blocks of all runs that have several, and how many of each run there are."""
+        several = [run.triangles for run in self.runs if len(run.blocks) > 1]
+        size = len(self.ids) + 1
+        together = np.concatenate(several) if several else np.empty((0, size, size))
+        return together, np.array([len(blocks) for blocks in several], dtype=np.intp)
+
     @property
     def target_rms(self) -> float:
         """Root-mean-square of the target."""
@@ -160,7 +173,9 @@ def fit_columns(evidence: Evidence, columns: Sequence[int]) -> Fit:
     coefficients = scaled * target_norm / norms
     spread = np.linalg.norm(inverse, axis=1)
     error = factor.squared_error(scaled) * target_norm**2
-    covariance, degrees, effective = block_covariance(evidence, columns, coefficients)
+    covariance, degrees, effective = block_covariance(
+        evidence, columns, coefficients, inverse / norms[:, None]
+    )
     return Fit(
         columns=columns,
         coefficients=coefficients,
@@ -173,7 +188,7 @@ def fit_columns(evidence: Evidence, columns: Sequence[int]) -> Fit:
 
 
 def block_covariance(
-    evidence: Evidence, columns: Sequence[int], coefficients: Array
+    evidence: Evidence, columns: Sequence[int], coefficients: Array, inverse: Array | None = None
 ) -> tuple[Array, int, Array]:
     """Return the covariance of coefficients from the scatter of the blocks' scores, and its degrees of freedom.
 
@@ -184,30 +199,29 @@ def block_covariance(
     cov(c) = (XᵀX)⁻¹ [Σ_runs B/(B−1) Σ_b (s_b − s̄)(s_b − s̄)ᵀ] (XᵀX)⁻¹.
     Since X_b is computed from the block's own motion, noise of angle and rate is in the scatter, and correlation
     within a block does not matter. The cluster-robust covariance of Liang and Zeger (1986), clusters = blocks.
+    ``inverse`` is the R⁻¹ of the columns, shape (k, k), where it is known.
     """
     index = [*columns]
-    factor, norms, _ = evidence.pooled.take(index).normalised()
-    inverse = factor.inverse()
-    bread = (inverse @ inverse.T) / np.outer(norms, norms)
-    meat = np.zeros_like(bread)
-    degrees = 0
-    parts, squares = np.zeros(len(index)), np.zeros(len(index))
-    for run in evidence.runs:
-        if len(run.blocks) < 2:
-            continue
-        scores = _scores(run.triangles, index, coefficients)
-        scores -= scores.mean(axis=0)
-        own = scores.T @ scores * len(run.blocks) / (len(run.blocks) - 1)
-        meat += own
-        degrees += len(run.blocks) - 1
-        # Scaled by the norms: squares of variances of cubic stiffness and of friction differ by forty orders.
-        part = np.einsum("ij,jk,ki->i", bread, own, bread) / np.diag(bread)
-        parts += part
-        squares += part**2 / (len(run.blocks) - 1)
+    if inverse is None:
+        factor, norms, _ = evidence.pooled.take(index).normalised()
+        inverse = factor.inverse() / norms[:, None]
+    bread = inverse @ inverse.T
+    triangles, sizes = evidence.scattered
+    degrees = int(np.sum(sizes - 1))
+    if not degrees:
+        return np.zeros_like(bread), 0, np.zeros(len(index))
+    scores = _scores(triangles, index, coefficients)
+    starts = np.cumsum(sizes) - sizes
+    scores -= np.repeat(np.add.reduceat(scores, starts) / sizes[:, None], sizes, axis=0)
+    scores *= np.repeat(np.sqrt(sizes / (sizes - 1)), sizes)[:, None]
+    meat = scores.T @ scores
+    # Scaled by the norms: squares of variances of cubic stiffness and of friction differ by forty orders.
+    own = np.add.reduceat((scores @ bread) ** 2, starts) / np.diag(bread)
+    parts, squares = own.sum(axis=0), (own**2 / (sizes - 1)[:, None]).sum(axis=0)
     # Coefficients fitted to few blocks make them agree: the usual n/(n − p).
     shrink = max(degrees - len(index), 1)
     effective = np.where(squares > 0, parts**2 / np.where(squares > 0, squares, 1.0), float(degrees))
-    return bread @ meat @ bread * (degrees / shrink if degrees else 1.0), degrees, effective
+    return bread @ meat @ bread * (degrees / shrink), degrees, effective
 
 
 def _scores(triangles: Array, index: list[int], coefficients: Array) -> Array:
@@ -217,43 +231,56 @@ def _scores(triangles: Array, index: list[int], coefficients: Array) -> Array:
     return (columns.transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
 
 
-def held_out_errors(evidence: Evidence, columns: Sequence[int]) -> Array:
-    """Return the mean squared error of each run under the fit to all other groups, shape (n_runs,).
+def left_out_estimates(evidence: Evidence, columns: Sequence[int]) -> Array:
+    """Return the coefficients of the fits to all groups but one, shape (groups, k); of no group, where there is one.
 
-    Empty where there is one group only.
+    By columns of unit norm; a fold that does not excite a column gives it no coefficient.
     """
     index = [*columns]
-    solved = {group: _solve_scaled(factor, index) for group, factor in evidence.training.items()}
-    if not solved:
+    if not evidence.training or not index:
+        return np.empty((len(evidence.training), len(index)))
+    triangles = evidence.training_triangles[:, :, [*index, -1]]
+    norms = np.linalg.norm(triangles, axis=1)
+    norms[norms == 0] = 1.0
+    triangles = triangles / norms[:, None, :]
+    left, singular, right = np.linalg.svd(triangles[:, :, :-1], full_matrices=False)
+    least = 1e-12 * singular[:, :1]
+    inverse = np.where(singular > least, 1 / np.where(singular > least, singular, 1.0), 0.0)
+    pulled = inverse * (left.transpose(0, 2, 1) @ triangles[:, :, -1:])[:, :, 0]
+    scaled = (right.transpose(0, 2, 1) @ pulled[:, :, None])[:, :, 0]
+    return scaled * norms[:, -1:] / norms[:, :-1]
+
+
+def held_out_errors(evidence: Evidence, columns: Sequence[int], estimates: Array | None = None) -> Array:
+    """Return the mean squared error of each run under the fit to all other groups, shape (n_runs,).
+
+    Empty where there is one group only. ``estimates`` as :func:`left_out_estimates` gives them, if they are known.
+    """
+    if len(evidence.groups) < 2:
         return np.empty(0)
+    index = [*columns]
+    estimates = left_out_estimates(evidence, index) if estimates is None else estimates
     errors = []
     for run in evidence.runs:
         triangle = run.pooled.triangle
-        residual = triangle[:, -1] - triangle[:, index] @ solved[run.group]
+        residual = triangle[:, -1] - triangle[:, index] @ estimates[evidence.groups.index(run.group)]
         errors.append(float(residual @ residual) / run.pooled.rows)
     return np.array(errors)
 
 
-def group_t_ratios(evidence: Evidence, columns: Sequence[int]) -> Array:
+def group_t_ratios(evidence: Evidence, columns: Sequence[int], estimates: Array | None = None) -> Array:
     """Return |coefficient| / its standard error over groups, by the jackknife, shape (k,).
 
     With the estimates c_g that leave one of G groups out, se² = (G−1)/G Σ (c_g − c̄)² (Efron and Stein 1981). A term
     that describes the joint has the same coefficient whichever group is left out; one that makes up for something
-    else has not. Infinite with fewer than three groups, which cannot tell.
+    else has not. Infinite with fewer than three groups, which cannot tell. ``estimates`` as in
+    :func:`held_out_errors`.
     """
     if len(evidence.groups) < 3:
         return np.full(len(columns), np.inf)
-    estimates = np.array([_solve_scaled(factor, [*columns]) for factor in evidence.training.values()])
+    estimates = left_out_estimates(evidence, columns) if estimates is None else estimates
     groups = estimates.shape[0]
     mean = estimates.mean(axis=0)
     spread = np.sqrt((groups - 1) / groups * np.sum((estimates - mean) ** 2, axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(spread > 0, np.abs(mean) / spread, np.inf)
-
-
-def _solve_scaled(factor: Factor, index: list[int]) -> Array:
-    """Solve by columns of unit norm; a fold that does not excite a column gives it no coefficient."""
-    scaled, norms, target_norm = factor.take(index).normalised()
-    triangle = scaled.triangle
-    coefficients = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-12)[0]
-    return coefficients * target_norm / norms

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.errors import InputError
 
 Array = NDArray[np.float64]
+
+# Numbers of a matrix below which what NumPy does about its decomposition takes longer than the decomposition.
+SMALL = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,16 +101,20 @@ class Factor:
 
     def solve(self) -> Array:
         """Return the least-squares coefficients of all columns, shape (p,)."""
-        from scipy.linalg import solve_triangular
+        from scipy.linalg.lapack import dtrtrs
 
-        return solve_triangular(self.triangle[:-1, :-1], self.triangle[:-1, -1], check_finite=False)
+        if not self.n_columns:
+            return np.zeros(0)
+        solution, info = dtrtrs(self.triangle[:-1, :-1], self.triangle[:-1, -1])
+        return _regular(solution, info)
 
     def inverse(self) -> Array:
         """Return R⁻¹ of the columns, shape (p, p), so that (XᵀX)⁻¹ = R⁻¹R⁻ᵀ."""
-        from scipy.linalg import solve_triangular
+        from scipy.linalg.lapack import dtrtri
 
-        upper = self.triangle[:-1, :-1]
-        return solve_triangular(upper, np.eye(upper.shape[0]), check_finite=False)
+        if not self.n_columns:
+            return np.zeros((0, 0))
+        return _regular(*dtrtri(self.triangle[:-1, :-1]))
 
     def squared_error(self, coefficients: ArrayLike) -> float:
         """Return the sum of squared residuals ‖y − X·c‖² for given coefficients, shape (p,)."""
@@ -144,11 +152,30 @@ def merge(factors: Iterable[Factor], weights: ArrayLike | None = None) -> Factor
     return Factor(_triangle(np.vstack([part.triangle for part in parts])), sum(part.rows for part in parts))
 
 
+def _regular(solution: Array, info: int) -> Array:
+    """Return what LAPACK gives, or raise where a triangle has a zero on its diagonal."""
+    if info > 0:
+        raise np.linalg.LinAlgError(f"singular matrix: nothing on the diagonal at {info - 1}")
+    return solution
+
+
 def _triangle(matrix: Array) -> Array:
     """Return the square upper triangular factor of a matrix, rows of zeros added where it has too few rows."""
-    triangle: Array = np.linalg.qr(matrix, mode="r")  # type: ignore[assignment]
+    if 0 < matrix.size <= SMALL:
+        from scipy.linalg.lapack import dgeqrf
+
+        factored: Array = dgeqrf(matrix)[0][: matrix.shape[1]]
+        triangle = factored * _upper(*factored.shape)
+    else:
+        triangle = np.linalg.qr(matrix, mode="r")  # type: ignore[assignment]
     missing = matrix.shape[1] - triangle.shape[0]
     return np.pad(triangle, ((0, missing), (0, 0))) if missing > 0 else triangle
+
+
+@lru_cache(maxsize=64)
+def _upper(rows: int, columns: int) -> Array:
+    """Return a matrix of ones on and above the diagonal."""
+    return np.triu(np.ones((rows, columns)))
 
 
 def dependent_columns(factor: Factor, tolerance: float = 1e-9) -> list[int]:

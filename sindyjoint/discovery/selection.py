@@ -19,7 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns, group_t_ratios, held_out_errors
+from sindyjoint.discovery.evidence import (
+    Evidence,
+    Fit,
+    fit_columns,
+    group_t_ratios,
+    held_out_errors,
+    left_out_estimates,
+)
 from sindyjoint.discovery.factors import Factor
 
 Array = NDArray[np.float64]
@@ -34,6 +41,8 @@ LEAST_SHARE = 0.002
 CONSISTENT = 2.0
 # Exchanging terms is worth its time only where the model is small enough to be chosen.
 EXCHANGE_BELOW = 13
+# Columns of unit norm whose variances are inflated by more than this are swapped by fits of their own.
+MOST_INFLATED = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,19 +155,44 @@ def exchange(factor: Factor, kept: Sequence[int], forced: Sequence[int] = ()) ->
     error = _error(gram, kept)
     while True:
         best, best_error = None, error * (1 - 1e-6)
-        for leaving in kept:
+        errors, gains = _swaps(factor, gram, kept)
+        for place, leaving in enumerate(kept):
             if leaving in forced:
                 continue
-            stay = [column for column in kept if column != leaving]
-            gains = _gains(gram, stay)
-            gains[kept] = -np.inf
-            entering = int(np.argmax(gains))
-            trial_error = _error(gram, stay) - gains[entering]
+            entering = int(np.argmax(gains[place]))
+            trial_error = errors[place] - gains[place, entering]
             if trial_error < best_error:
-                best, best_error = sorted([*stay, entering]), trial_error
+                best, best_error = sorted([c for c in kept if c != leaving] + [entering]), float(trial_error)
         if best is None:
             return kept
         kept, error = best, best_error
+
+
+def _swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Array, Array]:
+    """Return what is left without each column in turn, shape (k,), and how much each outsider then gains, shape (k, p).
+
+    With S what the kept columns leave of the Gram matrix, V its rows of them times their inverse A, and v the part of
+    V for one of them, S + v·vᵀ/A_ii is what they leave without that one.
+    """
+    p = gram.shape[0] - 1
+    inverse = factor.take(kept).inverse() if len(kept) > 1 else np.full((1, 1), np.inf)
+    alone = np.einsum("ij,ij->i", inverse, inverse)
+    if not np.all(alone < MOST_INFLATED):
+        without = [[column for column in kept if column != leaving] for leaving in kept]
+        errors, gains = (
+            np.array([_error(gram, stay) for stay in without]),
+            np.array([_gains(gram, stay) for stay in without]),
+        )
+    else:
+        crossed = gram[:, [*kept]]
+        solved = crossed @ (inverse @ inverse.T)
+        target = gram[:, -1] - solved @ crossed[-1]
+        left = target + solved.T * (solved[-1] / alone)[:, None]
+        norm = np.diag(gram) - np.einsum("ij,ij->i", solved, crossed) + solved.T**2 / alone[:, None]
+        errors, norm, left = left[:, -1], norm[:, :p], left[:, :p]
+        gains = np.where(norm > 1e-10, left**2 / np.maximum(norm, 1e-10), 0.0)
+    gains[:, [*kept]] = -np.inf
+    return errors, gains
 
 
 def _error(gram: Array, kept: Sequence[int]) -> float:
@@ -188,7 +222,9 @@ def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ..
     steps = []
     for columns in sets:
         fit = fit_columns(evidence, columns)
-        held_out, consistency = held_out_errors(evidence, columns), group_t_ratios(evidence, columns)
+        estimates = left_out_estimates(evidence, columns)
+        held_out = held_out_errors(evidence, columns, estimates)
+        consistency = group_t_ratios(evidence, columns, estimates)
         steps.append(Step(fit, float(fit.unique_share.min()), held_out, consistency))
     return tuple(steps)
 
