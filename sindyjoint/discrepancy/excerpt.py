@@ -7,6 +7,7 @@ tell nearly as much; the first quarter of each lets the state forget the seam be
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ def excerpt(run: GapRun, share: float) -> tuple[GapRun, NDArray[np.intp]]:
          for place, (mask, s) in enumerate(zip(within, pieces, strict=True))]
     )  # fmt: skip
     names = ("angle", "rate", "acceleration", "time", "moment_rate", "moment_slope")
-    cut = {name: np.concatenate([getattr(motion, name)[s] for s in pieces]) for name in names}
+    cut: dict[str, Any] = {name: np.concatenate([getattr(motion, name)[s] for s in pieces]) for name in names}
     factor = run.factor[:, rows].copy()
     # A band that reaches over a seam belongs to other rows.
     for band in range(1, factor.shape[0]):
