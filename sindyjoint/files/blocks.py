@@ -1,12 +1,12 @@
 """Files that are larger than memory: the same columns as the readers give, a stretch of rows at a time.
 
-Text, Parquet, HDF5 and NPY files can be read from any row on; of the others the libraries load all or nothing.
+Text, Parquet and NPY files are read here, further formats in :mod:`sindyjoint.files.long_formats`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers.table import Table, foreign, missing_extra, short_names
+from sindyjoint.files.readers.table import Table, foreign, missing_extra
 
 Array = NDArray[np.float64]
 
@@ -72,8 +72,10 @@ def open_blocks(path: str | Path) -> Blocks | None:
     MissingExtraError
         When the library for this format is not installed.
     """
+    from sindyjoint.files.long_formats import KINDS as OTHERS
+
     file = Path(path)
-    kind = KINDS.get(file.suffix.lower())
+    kind = (KINDS | OTHERS).get(file.suffix.lower())
     if kind is None:
         return None
     try:
@@ -189,48 +191,6 @@ class _Parquet(Blocks):
         return [column[:count] for column in columns]
 
 
-class _Hdf5(Blocks):
-    """HDF5: slices of its data sets."""
-
-    def __init__(self, path: Path):
-        try:
-            import h5py
-        except ImportError as error:
-            raise missing_extra(path, "h5py", error) from error
-        from sindyjoint.files.readers.hdf5 import datasets
-
-        self.path = path
-        self._columns: list[tuple[Any, int | str | None]] = []
-        names = []
-        with foreign(path, "HDF5"):
-            self._file = h5py.File(path, "r")
-            for name, dataset in datasets(self._file, h5py):
-                if dataset.dtype.names and dataset.ndim == 1:
-                    names += [f"{name}/{field}" for field in dataset.dtype.names]
-                    self._columns += [(dataset, field) for field in dataset.dtype.names]
-                elif dataset.dtype.kind not in "fiub":
-                    continue
-                elif dataset.ndim == 2 and 1 not in dataset.shape:
-                    names += [f"{name}[:,{place}]" for place in range(dataset.shape[1])]
-                    self._columns += [(dataset, place) for place in range(dataset.shape[1])]
-                elif dataset.ndim == 1:
-                    names.append(name)
-                    self._columns.append((dataset, None))
-        self.names = tuple(names)
-        self.aliases = short_names(names, "/")
-        self.rows = max((dataset.shape[0] for dataset, _ in self._columns), default=0)
-
-    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
-        """Return rows of some columns."""
-        parts: list[NDArray] = []
-        for dataset, place in (self._columns[index] for index in wanted):
-            if isinstance(place, str):
-                parts.append(dataset.fields(place)[start:stop])
-            else:
-                parts.append(dataset[start:stop] if place is None else dataset[start:stop, place])
-        return parts
-
-
 class _Npy(Blocks):
     """One NumPy array: a column for each of its own, called by its number from 1, or by its field.
 
@@ -271,13 +231,11 @@ class _Npy(Blocks):
         return np.fromfile(self.path, self._dtype, count, offset=self._at + first * self._dtype.itemsize)
 
 
-KINDS: dict[str, type[Any]] = {
+KINDS: dict[str, Callable[[Path], Blocks | None]] = {
     ".csv": _Text,
     ".tsv": _Text,
     ".txt": _Text,
     ".dat": _Text,
     ".parquet": _Parquet,
-    ".h5": _Hdf5,
-    ".hdf5": _Hdf5,
     ".npy": _Npy,
 }

@@ -106,7 +106,8 @@ def discover_rows(
     Parameters
     ----------
     files : path or sequence of paths
-        CSV, Parquet, HDF5 or NPY, in SI units. Each file is a run; a single one is cut into four stretches.
+        CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY, in SI units. Each file is a run; a single one is cut into
+        four stretches.
     library : str, Path, Catalogue, or sequence of these
     columns : mapping, optional
         Which column is ``angle``, ``rate``, ``moment`` and, if there, ``acceleration``: names, or numbers from 1.
@@ -283,6 +284,7 @@ def _opened(path: str, changed: int) -> Blocks:
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(
-            f"{path}: cannot be read in stretches; CSV, Parquet, HDF5 or NPY is wanted for a table of force states"
+            f"{path}: cannot be read in stretches; CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY is wanted for a "
+            "table of force states"
         )
     return blocks

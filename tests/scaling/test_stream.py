@@ -38,13 +38,46 @@ def write(path, columns):
         h5py = pytest.importorskip("h5py")
         with h5py.File(path, "w") as file:
             for name, values in columns.items():
-                file[f"states/{name}"] = values
+                # One of them as a matrix of a single column.
+                file[f"states/{name}"] = values[:, None] if name == "moment" else values
+    elif path.suffix == ".mat":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w", userblock_size=512) as file:
+            file["states/angle"], file["states/rate"] = columns["angle"][None], columns["rate"][None]
+            file["states/acceleration"], file["moment"] = (
+                columns["acceleration"][None],
+                columns["moment"][None],
+            )
+            file["both"] = np.vstack([columns["angle"], columns["moment"]])
+        with path.open("r+b") as file:
+            file.write(b"MATLAB 7.3 MAT-file".ljust(512))
+    elif path.suffix == ".feather":
+        pa = pytest.importorskip("pyarrow")
+        from pyarrow import feather
+
+        feather.write_feather(pa.table(columns), path, chunksize=7000)
+    elif path.suffix == ".tdms":
+        nptdms = pytest.importorskip("nptdms")
+        with nptdms.TdmsWriter(path) as file:
+            for start in range(0, table.shape[0], 7000):
+                file.write_segment(
+                    [nptdms.ChannelObject("states", n, c[start : start + 7000]) for n, c in columns.items()]
+                )
     else:
         head = "# made by hand\n" + ",".join(columns) + "\nrad,rad/s,rad/s^2,N*m\n"
         path.write_text(head + "\n".join(",".join(map(repr, row)) for row in table.tolist()) + "\n")
 
 
-FILES = ("rows.csv", "rows.parquet", "rows.h5", "rows.npy", "fortran.npy")
+FILES = (
+    "rows.csv",
+    "rows.parquet",
+    "rows.h5",
+    "rows.npy",
+    "fortran.npy",
+    "rows.mat",
+    "rows.feather",
+    "rows.tdms",
+)
 NAMES = ("angle", "rate", "acceleration", "moment")
 
 
@@ -58,6 +91,29 @@ def test_stretches_are_what_the_reader_gives(tmp_path, name):
     for start, stop in ((0, 20_011), (0, 1), (6_999, 7_001), (12_345, 18_000), (3, 9_000), (20_000, 20_011)):
         for part, column in zip(blocks.table(start, stop).columns(wanted), whole, strict=True):
             np.testing.assert_array_equal(part, column[start:stop])
+    everything = read_table(tmp_path / name)[0]
+    assert blocks.names == everything.names and dict(blocks.aliases) == dict(everything.aliases)
+
+
+def test_a_clock_of_tdms_goes_on_from_stretch_to_stretch(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    signal = nptdms.ChannelObject("g", "angle", np.arange(100.0), properties={"wf_increment": 0.01})
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
+        file.write_segment([signal])
+    time, angle = open_blocks(tmp_path / "a.tdms").table(40, 60).columns(["time", "angle"])
+    whole = read_table(tmp_path / "a.tdms")[0].columns(["time", "angle"])
+    np.testing.assert_array_equal([time, angle], [column[40:60] for column in whole])
+
+
+def test_older_kinds_of_a_format_are_loaded_as_a_whole(tmp_path):
+    scipy_io = pytest.importorskip("scipy.io")
+    scipy_io.savemat(tmp_path / "five.mat", {"angle": np.arange(5.0)})
+    assert open_blocks(tmp_path / "five.mat") is None
+    (tmp_path / "one.feather").write_bytes(b"FEA1" + bytes(20))
+    assert open_blocks(tmp_path / "one.feather") is None
+    (tmp_path / "bad.feather").write_bytes(b"ARROW1" + bytes(20))
+    with pytest.raises(InputError, match="bad.feather"):
+        open_blocks(tmp_path / "bad.feather")
 
 
 @pytest.mark.parametrize("name", FILES)
