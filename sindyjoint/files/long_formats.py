@@ -1,6 +1,6 @@
 """Formats of instruments and programs read a stretch of rows at a time: HDF5, MATLAB v7.3, Feather, TDMS.
 
-NPZ, UFF and MATLAB v5 files cannot be: they are compressed as a whole, or hold their numbers as one long text.
+Of NPZ, MATLAB v5 and universal files the libraries load all or nothing.
 """
 
 from __future__ import annotations

@@ -284,7 +284,7 @@ def _opened(path: str, changed: int) -> Blocks:
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(
-            f"{path}: cannot be read in stretches; CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY is wanted for a "
-            "table of force states"
+            f"{path}: cannot be read in stretches; CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY is wanted for "
+            "a table of force states"
         )
     return blocks
