@@ -29,7 +29,8 @@ SAME = {"stop": "dead_zone"}
 
 def one(name: str, seed: int, size: float, noise: float) -> dict:
     from sindyjoint.workflows.diagnose import diagnose
-    from tests.diagnosis.hidden_effects import hide, one_more
+    from tests.diagnosis.further_runs import one_more
+    from tests.diagnosis.hidden_effects import hide
 
     record = dict(name=name, seed=seed, size=size, noise=noise)
     truth = SAME.get(name, name)

@@ -21,11 +21,15 @@ from sindyjoint.states import ForceStates, force_states
 Array = NDArray[np.float64]
 
 SEGMENTS = 4
+FEWEST = 3
 LEAST_PERIODS = 4  # of a segment
 # The stiffness of segments must differ by this many standard errors, and by this share, in the median run.
 SIGNIFICANT = 6.0
 SHARE = 0.002
 TREND_HARMONICS = 7
+# A start-up is over sooner. What was left out for longer, and was steady for half of that, was another joint.
+LONG = 0.25
+STEADY_SHARE = 0.5
 MEMBER = " part "  # between the name of a run and the number of its segment
 
 
@@ -33,9 +37,12 @@ def changes(runs: Sequence[Run], states: Sequence[ForceStates]) -> bool:
     """Return whether the first-harmonic stiffness of periodic runs changes in time, in most of them.
 
     Moment over angle at the excitation frequency, period by period. A channel that drifts leaves it as it is: the
-    running mean over a period is taken off both channels first.
+    running mean over a period is taken off both channels first. A run that was steady before what was taken for its
+    steady part has changed at once.
     """
     pairs = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
+    if 2 * sum(steady_before(run, s) is not None for run, s in pairs) > len(pairs):
+        return True
     found = [stiffness_change(run, s) for run, s in pairs]
     if not found:
         return False
@@ -95,31 +102,78 @@ class Segment:
     states: ForceStates
 
 
+def steady_before(run: Run, states: ForceStates, rate_share: float | None = None) -> ForceStates | None:
+    """Return the states of what was left out at the start of a run, if it was long, steady, and of other stiffness.
+
+    The motion of a joint that a moment drives changes where its stiffness does, and looks as if it had not settled.
+    """
+    if states.frequency is None:
+        return None
+    # The last period of it may hold the change.
+    end = round((states.dropped - 1 / states.frequency) * run.sample_rate)
+    if end < LONG * run.n_samples:
+        return None
+    cut = {name: getattr(run, name)[:end] for name in ("moment", "angle")}
+    rate = None if run.rate is None else run.rate[:end]
+    try:
+        early = force_states(replace(run, rate=rate, source=None, **cut), "periodic", None, rate_share)
+    except SindyJointError:
+        return None
+    lasting = early.n_samples / run.sample_rate
+    long = lasting * states.frequency >= 2 * LEAST_PERIODS and early.n_samples >= STEADY_SHARE * end
+    if not long or not _differ(period_stiffness(run, early), period_stiffness(run, states)):
+        return None
+    return replace(early, began=states.began)
+
+
+def _differ(one: NDArray[np.complex128], other: NDArray[np.complex128]) -> bool:
+    """Return whether the means of two samples differ significantly, and by more than a trifle."""
+    if min(one.size, other.size) < LEAST_PERIODS:
+        return False
+    apart = float(np.abs(np.mean(one) - np.mean(other)))
+    error = float(np.sqrt(np.var(one) / one.size + np.var(other) / other.size))
+    return apart > SIGNIFICANT * error and apart > SHARE * float(np.abs(np.mean(other)))
+
+
 def segments(run: Run, states: ForceStates, rate_share: float | None = None) -> tuple[Segment, ...]:
     """Return up to four stretches of whole periods, each with its own mean period and time.
 
     What changes within a stretch, in proportion to time, is taken off: it then repeats as it is in its middle. A run
-    that is too short for three stretches, or that is not periodic, is returned whole.
+    that is too short for three stretches, or that is not periodic, is returned whole. Of a run that changed at once
+    there are two stretches before that and two after it.
     """
     whole = (Segment(run, states),)
-    if states.method != "periodic" or states.frequency is None:
+    if states.method != "periodic":
         return whole
+    early = steady_before(run, states, rate_share)
+    if early is None:
+        parts = _stretches(run, states, rate_share, SEGMENTS)
+        return parts if len(parts) >= FEWEST else whole
+    before = _stretches(run, early, rate_share, SEGMENTS // 2)
+    after = _stretches(run, states, rate_share, SEGMENTS // 2, len(before))
+    return (*before, *after) if before and after else whole
+
+
+def _stretches(
+    run: Run, states: ForceStates, rate_share: float | None, most: int, number: int = 0
+) -> tuple[Segment, ...]:
+    """Return stretches of the steady part of a run, numbered on; none where its processing fails."""
+    assert states.frequency is not None
     per = run.sample_rate / states.frequency
     periods = int(states.n_samples / per + 1e-3)
-    count = min(SEGMENTS, periods // LEAST_PERIODS)
-    if count < 3:
-        return whole
+    count = min(most, periods // LEAST_PERIODS)
     start = int(round(states.dropped * run.sample_rate))
     edges = start + np.round(np.round(np.linspace(0, periods, count + 1)) * per).astype(int)
     parts = []
     for index, (low, high) in enumerate(zip(edges[:-1], np.minimum(edges[1:], run.n_samples), strict=True)):
-        straight = _straight(run, low, high, states.frequency, f"{run.name}{MEMBER}{index + 1}")
+        name = f"{run.name}{MEMBER}{number + index + 1}"
+        straight = _straight(run, low, high, states.frequency, name)
         cut = {n: getattr(straight, n)[low:high] for n in ("moment", "angle")}
         rate = None if straight.rate is None else straight.rate[low:high]
         try:
             part = force_states(replace(straight, rate=rate, **cut), "periodic", None, rate_share)
         except SindyJointError:
-            return whole
+            return ()
         late = low / run.sample_rate
         part = replace(part, time=part.time + late, dropped=part.dropped + late, began=states.began)
         parts.append(Segment(straight, part))

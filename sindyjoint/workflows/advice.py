@@ -18,7 +18,7 @@ from sindyjoint.discrepancy.gap import GapRun, gap_runs
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, fit_effect, rank, refine_effect
 from sindyjoint.parallel import side_by_side
 from sindyjoint.states import ForceStates
-from sindyjoint.workflows.designs import Design, designs, expected_states
+from sindyjoint.workflows.designs import BY_MOMENT, Design, designs, expected_states
 from sindyjoint.workflows.diagnosis import Advice, Step
 from sindyjoint.workflows.diagnosis_start import RATE_SHARE
 
@@ -112,8 +112,21 @@ class _Rivals:
         return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else NO_RUN, before)]
 
     def _best(self, added: Sequence[GapRun]) -> tuple[float, float, Design, GapRun] | None:
-        """Return the run with the highest expected confidence: all at a glance, the best few with rivals refitted."""
-        glanced = side_by_side(_glanced, designs(self.states), [self, tuple(added)])
+        """Return the run with the highest expected confidence, by a moment where that drove before and suffices."""
+        runs = designs(self.states)
+        moments = [each for each in runs if each.waveform == BY_MOMENT]
+        best = self._best_of(moments, added) if moments else None
+        if best is not None and best[0] >= ENOUGH:
+            return best
+        other = self._best_of([each for each in runs if each.waveform != BY_MOMENT], added)
+        found = [each for each in (best, other) if each is not None]
+        return max(found, key=lambda each: each[:2]) if found else None
+
+    def _best_of(
+        self, runs: Sequence[Design], added: Sequence[GapRun]
+    ) -> tuple[float, float, Design, GapRun] | None:
+        """Return the best of some runs: all at a glance, the best few with the rivals fitted anew."""
+        glanced = side_by_side(_glanced, runs, [self, tuple(added)])
         tried = [each for each in glanced if each is not None]
         tried.sort(key=lambda each: each[:2], reverse=True)
         again = side_by_side(_looked, [each[2:] for each in tried[:CLOSER_LOOK]], [self, tuple(added)])
@@ -143,7 +156,10 @@ class _Rivals:
         fitted = []
         for each in self.members:
             if each is not true and closely:
-                each = refine_effect(problem, each)
+                # As a rival of the campaign with these runs it is free to take any other form of its own.
+                each = max(
+                    refine_effect(problem, each), fit_effect(problem, each.effect), key=lambda f: f.gain
+                )
             gain, coefficients = problem.gain(each.variant, each.values)
             fitted.append(replace(each, gain=gain, coefficients=coefficients))
         ranking = rank(problem, fitted)

@@ -1,4 +1,8 @@
-"""Runs that a laboratory could still make: prescribed angles of several waveforms, as force states with its noise."""
+"""Runs that a laboratory could still make, as force states with its noise.
+
+Angles of several waveforms are prescribed. Where the campaign was driven by a moment, sinusoidal moments are among the
+runs: the joint is then taken to move as it did at the nearest level, at another scale and frequency.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import RATE_SHARE, reversal_guard
 from sindyjoint.states.record import NoiseFloor
+from sindyjoint.workflows.gap_response import prescribed
 
 Array = NDArray[np.float64]
 
@@ -20,8 +25,12 @@ Array = NDArray[np.float64]
 WAVEFORMS: dict[str, dict[int, float]] = {
     "sinusoidal angle": {1: 1.0},
     "two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": {1: 1.0, 3: 0.8},
+    "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": {1: 1.0, 5: 0.5},
     "triangular angle, five odd harmonics": {n: (-1.0) ** (n // 2) / n**2 for n in (1, 3, 5, 7, 9)},
 }
+#: What is asked for of a joint that a moment drives.
+BY_MOMENT = "sinusoidal moment that moves the joint so far"
+HARMONICS = 15  # of a motion under a moment
 FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
 LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
 LEAST_PERIODS = 4
@@ -39,25 +48,39 @@ class Design:
     level : float
         Peak angle, rad.
     waveform : str
-        A key of :data:`WAVEFORMS`.
+        A key of :data:`WAVEFORMS`, or :data:`BY_MOMENT`.
+    series : tuple of (int, float, float), optional
+        Order, cosine and sine of each harmonic of the angle; default: those of the waveform.
     """
 
     frequency: float
     level: float
     waveform: str
+    series: tuple[tuple[int, float, float], ...] = ()
+
+    @property
+    def harmonics(self) -> tuple[tuple[int, float, float], ...]:
+        """Order, cosine and sine of each harmonic of the angle, at any scale."""
+        return self.series or tuple((n, 0.0, a) for n, a in WAVEFORMS[self.waveform].items())
+
+    @property
+    def highest(self) -> float:
+        """Frequency of the highest harmonic, Hz."""
+        return self.frequency * max(order for order, *_ in self.harmonics)
 
     def motion(self, time: ArrayLike) -> tuple[Array, Array, Array]:
         """Return angle, rate and acceleration at some instants (s)."""
-        tones = WAVEFORMS[self.waveform]
         phase = 2 * np.pi * np.arange(2000) / 2000
-        scale = self.level / np.max(np.abs(sum(a * np.sin(n * phase) for n, a in tones.items())))
+        shape = sum(c * np.cos(n * phase) + s * np.sin(n * phase) for n, c, s in self.harmonics)
+        scale = self.level / np.max(np.abs(shape))
         t = np.asarray(time, dtype=np.float64)
         angle, rate, acceleration = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
-        for order, amplitude in tones.items():
+        for order, cosine, sine in self.harmonics:
             w = 2 * np.pi * self.frequency * order
-            angle += scale * amplitude * np.sin(w * t)
-            rate += scale * amplitude * w * np.cos(w * t)
-            acceleration -= scale * amplitude * w**2 * np.sin(w * t)
+            in_phase, ahead = np.sin(w * t), np.cos(w * t)
+            angle += scale * (sine * in_phase + cosine * ahead)
+            rate += scale * w * (sine * ahead - cosine * in_phase)
+            acceleration -= scale * w**2 * (sine * in_phase + cosine * ahead)
         return angle, rate, acceleration
 
 
@@ -68,10 +91,25 @@ def designs(states: Sequence[ForceStates]) -> tuple[Design, ...]:
         return ()
     middle = float(np.exp(np.mean(np.log(tested))))
     largest = max(_swing(s) for s in states)
-    return tuple(
-        Design(float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}"), waveform)
-        for waveform, f, x in product(WAVEFORMS, FREQUENCIES, LEVELS)
-    )
+    plan = [
+        (float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(FREQUENCIES, LEVELS)
+    ]
+    driven = [s for s in states if s.frequency and not prescribed(s)]
+    moments = [
+        Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))))
+        for f, x in (plan if driven else ())
+    ]
+    return (*moments, *(Design(f, x, waveform) for waveform, (f, x) in product(WAVEFORMS, plan)))
+
+
+def _series(states: ForceStates) -> tuple[tuple[int, float, float], ...]:
+    """Return the harmonics of a measured angle."""
+    assert states.frequency is not None
+    orders = np.arange(1, min(HARMONICS, max(1, round(states.bandwidth / states.frequency))) + 1)
+    phase = 2 * np.pi * states.frequency * np.outer(states.time, orders)
+    basis = np.hstack([np.ones((states.time.size, 1)), np.cos(phase), np.sin(phase)])
+    found = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
+    return tuple((int(n), float(c), float(s)) for n, c, s in zip(orders, *np.split(found, 2), strict=True))
 
 
 def expected_states(
@@ -82,7 +120,7 @@ def expected_states(
     It is as long as the longest of the campaign, or four periods, and as noisy as the one of the nearest level.
     """
     like = min(states, key=lambda s: abs(np.log(_swing(s) / design.level)))
-    highest = max(WAVEFORMS[design.waveform]) * design.frequency
+    highest = design.highest
     sample_rate = max(like.sample_rate, SAMPLES_PER_PERIOD * highest)
     length = max(max(s.n_samples / s.sample_rate for s in states), LEAST_PERIODS / design.frequency)
     periods = int(length * design.frequency + 1e-9)
@@ -90,7 +128,7 @@ def expected_states(
     # Reversals between samples, as anywhere in a record.
     angle, rate, acceleration = design.motion(time + 0.37 / sample_rate)
     # The standard error of a harmonic times its order's derivative, as in the periodic states.
-    orders = 2 * np.pi * design.frequency * np.array(list(WAVEFORMS[design.waveform]))
+    orders = 2 * np.pi * design.frequency * np.array([order for order, *_ in design.harmonics])
     error = np.sqrt(2 / time.size) * like.noise.angle
     noise = NoiseFloor(
         like.noise.moment,

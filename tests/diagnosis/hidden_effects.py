@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
-from sindyjoint.mechanics.sensors import delayed
 from sindyjoint.mechanics.stickslip import transfer_moment
-from sindyjoint.record import Campaign, Run
+from sindyjoint.record import Campaign
 from tests.recovery.random_joints import random_plan
 
 # Laws of scalars for the compiled simulator: parameters p[0] is the size, the rest the inner ones.
@@ -205,17 +204,9 @@ CHANNELS = (
 )
 # In no catalogue. What does not repeat (a stiffness that breathes, mains pick-up) may also pass for noise.
 OUTSIDE = (
-    "ripple",
-    "second_resonance",
-    "friction_ripple",
-    "stiffness_jump",
-    "rate_squared_stiffness",
-    "friction_lag",
-    "relay",
-    "breathing_stiffness",
-    "clipping",
-    "pick_up",
-)
+    "ripple", "second_resonance", "friction_ripple", "stiffness_jump", "rate_squared_stiffness", "friction_lag",
+    "relay", "breathing_stiffness", "clipping", "pick_up",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -350,6 +341,19 @@ def _clip_level(runs, size):
     return high
 
 
+def law_at(hidden, frequency):
+    """The law beside the joint's own at a frequency; None where a channel is at fault. Drifts have none."""
+    name, plan = hidden.name, hidden.plan
+    if name in LAWS:
+        function, states, _ = LAWS[name]
+        return FunctionLaw(function, hidden.parameters, states)
+    if name == "frequency_dependent_stiffness":
+        return FunctionLaw(_stiffness, (hidden.parameters[0] * (frequency - np.mean(plan.frequencies)),))
+    if name not in ("channel_delay", "angle_offset", "inertia_error", "nothing"):
+        raise ValueError(f"no further run is made of {name}")
+    return None
+
+
 def _stiffness(theta, omega, direction, state, p, out):
     out[0] = p[0] * theta
 
@@ -390,45 +394,3 @@ def _drifting(name, plan, moment):
             runs += part.campaign(0.0, hidden=law).runs
             began += plan.duration if name.endswith("_on") else 0.0
     return plan.campaign(0.0).with_runs(tuple(runs)), amount
-
-
-def one_more(hidden, frequency, level, waveform, noise, index=0):
-    """Return a further run of a hidden joint: the angle prescribed, its channels as wrong and as noisy as before."""
-    generator = np.random.default_rng((90_000 + hidden.plan.seed, index))
-    plan = hidden.plan
-    rate = max(plan.sample_rate, 400 * frequency)
-    time = np.arange(round(max(plan.duration, 6 / frequency) * rate)) / rate
-    shape, slope, bend = _waveform(waveform, 2 * np.pi * frequency * time + 0.1)
-    w = 2 * np.pi * frequency
-    angle, speed, acceleration = level * shape, level * w * slope, level * w**2 * bend
-    name, law, (amount, *_) = hidden.name, plan.law, (*hidden.parameters, 0.0)
-    if name in LAWS:
-        function, states, _ = LAWS[name]
-        law = SumLaw(law, FunctionLaw(function, hidden.parameters, states))
-    elif name == "frequency_dependent_stiffness":
-        law = SumLaw(law, FunctionLaw(_stiffness, (amount * (frequency - np.mean(plan.frequencies)),)))
-    elif name not in ("channel_delay", "angle_offset", "inertia_error", "nothing"):
-        raise ValueError(f"no further run is made of {name}")
-    moment, _ = transfer_moment(law, angle, speed, rate, acceleration=acceleration)
-    if name == "channel_delay":
-        moment = delayed(time, time, moment, amount)
-    if name == "angle_offset":
-        angle = angle + amount
-    moment, angle = (x + noise * np.std(x) * generator.standard_normal(x.size) for x in (moment, angle))
-    return Run(f"advised-{index}", moment, angle, rate, frequency=frequency, level=f"advised {level:.3g}")
-
-
-def _waveform(words, phase):
-    """Return a waveform of peak one and its derivatives by phase, from the words of the advice."""
-    tones = {1: 1.0}
-    if words.startswith("two-tone"):
-        tones = {1: 1.0, 3: 0.8}
-    elif words.startswith("triangular"):
-        tones = {1: 1.0, 3: -1 / 9, 5: 1 / 25, 7: -1 / 49, 9: 1 / 81}
-    elif not words.startswith("sinusoidal"):
-        raise ValueError(f"no waveform {words!r}")
-    shape = sum(a * np.sin(n * phase) for n, a in tones.items())
-    peak = np.abs(shape).max()
-    slope = sum(a * n * np.cos(n * phase) for n, a in tones.items())
-    bend = -sum(a * n**2 * np.sin(n * phase) for n, a in tones.items())
-    return shape / peak, slope / peak, bend / peak

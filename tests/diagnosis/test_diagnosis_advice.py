@@ -11,7 +11,8 @@ from sindyjoint.states import force_states
 from sindyjoint.workflows.designs import WAVEFORMS, Design, designs, expected_states
 from sindyjoint.workflows.diagnose import diagnose
 from sindyjoint.workflows.diagnosis import Advice
-from tests.diagnosis.hidden_effects import hide, one_more
+from tests.diagnosis.further_runs import one_more
+from tests.diagnosis.hidden_effects import hide
 
 RATE, NOISE = 1000.0, 0.01
 

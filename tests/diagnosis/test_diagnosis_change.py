@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.discrepancy.change import changes, segments
+from sindyjoint.discrepancy.change import changes, segments, steady_before
 from sindyjoint.discrepancy.effects import load_effects, select_effects
 from sindyjoint.discrepancy.naming import FittedEffect
 from sindyjoint.discrepancy.repair import Instant, effect_law
@@ -56,6 +56,39 @@ def test_segments_repeat_at_the_stiffness_of_their_middle():
         assert s.noise.moment == pytest.approx(0.01 * np.std(run.moment), rel=0.15)
 
 
+def driven_run(stiffness, swing, seed=0):
+    """A linear joint whose stiffness (N·m/rad) and swing (1) are functions of time, under a sinusoidal moment."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, DURATION, 1 / RATE)
+    moment = 6 * swing(time) * np.sin(2 * np.pi * FREQUENCY * time)
+    angle = moment / stiffness(time)
+    noisy = [x + 0.01 * np.std(x) * rng.standard_normal(x.size) for x in (moment, angle)]
+    return Run("driven", *noisy, RATE, frequency=FREQUENCY)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_jump_within_a_run_is_no_start_up(seed):
+    """A moment moves a joint further once it is softer; only what comes after the jump looks steady."""
+    run = driven_run(lambda t: np.where(t < 3.6, 6000.0, 5500.0), np.ones_like, seed)
+    states = force_states(run)
+    assert states.dropped >= 3.5
+    early = steady_before(run, states)
+    assert early is not None and early.time[-1] < 3.6
+    assert changes([run], [states])
+    parts = segments(run, states)
+    found = [np.std(p.states.moment) / np.std(p.states.angle) for p in parts]
+    assert len(parts) == 4 and len({p.run.name for p in parts}) == 4
+    assert found == pytest.approx([6000, 6000, 5500, 5500], rel=5e-3)
+
+
+def test_a_long_start_up_is_no_jump():
+    """A swing that dies down for half the run, at one and the same stiffness."""
+    run = driven_run(lambda t: 6000.0 + 0 * t, lambda t: 1 + 0.5 * np.exp(-t / 1.5))
+    states = force_states(run)
+    assert states.dropped >= 2.5
+    assert steady_before(run, states) is None and not changes([run], [states])
+
+
 def test_a_short_run_stays_whole():
     run = drifting_run(growth=0.2)
     short = replace(run, moment=run.moment[:2000], angle=run.angle[:2000])
@@ -95,6 +128,14 @@ def test_a_drift_of_the_stiffness_is_named_and_explains_the_gap(name, seed):
     assert result.model["quadratic_stiffness"].coefficient == pytest.approx(law.k2, rel=0.1)
     assert result.final.moment <= 1.2 * result.noise_floor.moment
     assert result.final.response <= 1.2 * result.noise_floor.response < 0.7 * result.initial.response
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [402, 403])
+def test_a_jump_of_the_stiffness_is_unknown_by_moment_and_by_motion(seed):
+    """It is no drift, which would be in proportion to time, and nothing else of the catalogue."""
+    result = diagnose(hide("stiffness_jump", seed).campaign)
+    assert result.verdict == "unknown" and all(step.probability <= 0.5 for step in result.steps)
 
 
 @pytest.mark.slow
