@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import sympy
 from hybrid_reference import solve_stick_slip
+from scipy.integrate import solve_ivp
 
+from sindyjoint.discovery.formula import variable_symbols
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import harmonic, pulse, sampled
 from sindyjoint.mechanics.laws import (
@@ -313,3 +315,20 @@ def test_softening_limits_of_the_papers_joints():
         tangent = [law.k1 + 2 * law.k2 * x + 3 * law.k3 * x**2 for x in (low, high)]
         np.testing.assert_allclose(tangent, 0, atol=1e-9 * law.k1)
         assert low < 0 < high
+
+
+def test_a_state_that_another_state_moves_starts_from_nothing():
+    """Two lags in a row answer with the fourth power of time; SciPy, with an absolute tolerance, is the reference."""
+    theta, omega, _ = variable_symbols()
+    first, second = sympy.Symbol("q", real=True), sympy.Symbol("r", real=True)
+    rates = {"q": (theta - first) / 0.5, "r": (first - second) / 0.5}
+    law = FormulaLaw(1000 * theta + 5 * omega + 200 * (theta - second), {}, rates, inertia=1.0)
+    motion = simulate(law, harmonic(5.0, 4.0), 2.0, 1000.0)
+
+    def flow(t, y):
+        moment = 1000 * y[0] + 5 * y[1] + 200 * (y[0] - y[3])
+        return y[1], 5.0 * np.sin(2 * np.pi * 4.0 * t) - moment, (y[0] - y[2]) / 0.5, (y[2] - y[3]) / 0.5
+
+    other = solve_ivp(flow, (0, 2.0), np.zeros(4), "DOP853", t_eval=motion.time, rtol=1e-10, atol=1e-14)
+    assert motion.angle == pytest.approx(other.y[0], abs=1e-7 * np.abs(other.y[0]).max())
+    assert motion.state[1] == pytest.approx(other.y[3], abs=1e-7 * np.abs(other.y[3]).max())
