@@ -48,8 +48,8 @@ MAX_EFFECTS = 4
 # An effect that helps the moment but makes the simulated response worse by this factor stands in for something else.
 WORSE_RESPONSE = 1.5
 LITTLE_HELP = 0.7
-# Where nothing repeats, an effect must win this share of the weighted gap, or of the response's, to be added.
-LEAST_GAIN = 0.02
+# Where nothing repeats, an effect must win this share of a gap on what it never saw to be added.
+LEAST_GAIN = 0.05
 MOST_REFUSALS = 2
 
 
@@ -237,9 +237,10 @@ def _idle(problem: Problem, before: Gap, after: Gap) -> bool:
     """Return whether an effect wins nothing on runs it never saw, where repetition has not measured the noise."""
     if all(run.folded for run in problem.runs):
         return False
-    return after.weighted > (1 - LEAST_GAIN) * before.weighted and not (
-        after.response < (1 - LEAST_GAIN) * before.response
+    pairs = zip(
+        (after.moment, after.weighted, after.response), (before.moment, before.weighted, before.response), strict=True
     )
+    return not any(later < (1 - LEAST_GAIN) * earlier for later, earlier in pairs)
 
 
 def _ranked(
