@@ -171,8 +171,16 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
         )
         for place, value in enumerate(values):
             if value == value:
+                # The larger of the two gaps is told above its mark, the other below.
+                other = 100 * getattr(gaps[place], "response" if name == "moment" else "moment")
+                below = value < other or (index == 1 and value == other)
                 ax.annotate(
-                    percent(value / 100), (place, value), (6, 3), textcoords="offset points", color=colour
+                    percent(value / 100),
+                    (place, value),
+                    (6, -3 if below else 3),
+                    textcoords="offset points",
+                    va="top" if below else "bottom",
+                    color=colour,
                 )
         floor = 100 * getattr(result.noise_floor, name)
         if floor == floor:
