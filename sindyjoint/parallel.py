@@ -11,6 +11,7 @@ down with it is given up and reported as :class:`Lost`.
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -225,7 +226,10 @@ class _Joblib:
 
         pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         return iter(
-            pool(delayed(_numbered)(function, number, tasks[number], place) for number in list(numbers))
+            pool(
+                delayed(_numbered)(function, number, tasks[number], place, os.getpid())
+                for number in list(numbers)
+            )
         )
 
 
@@ -288,7 +292,13 @@ def _read(place: str | None) -> tuple[Any, ...]:
     return tuple(joblib.load(place))
 
 
-def _numbered(function: Callable[..., R], number: int, task: T, place: str | None) -> tuple[int, R]:
+def _numbered(
+    function: Callable[..., R], number: int, task: T, place: str | None, home: int
+) -> tuple[int, R]:
+    if os.getpid() != home:
+        # Ctrl-C goes to all processes of a terminal; the one that handed out the tasks ends the others.
+        with suppress(ValueError):
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
     return number, _run(function, task, *_read(place))
 
 
@@ -339,7 +349,8 @@ def _dask(workers: int | None, address: str | None) -> Iterator[Any]:
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            # On any free port of this machine: None would mean 8787 on all of its addresses, or a warning.
+            dashboard_address="127.0.0.1:0",
             silence_logs=quiet,
         ) as local,
         Client(local, set_as_default=False) as client,

@@ -11,13 +11,13 @@ from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 
-# The first two are rivals, so that runs are advised; their internal states are searched roughly, then refined.
-EFFECTS = ("maxwell_branch", "fractional_damping")
+# Rivals, so that runs are advised; their internal states are searched roughly, then refined.
+EFFECTS = ("dahl_friction", "bouc_wen_hysteresis", "jenkins_element")
 
 
 def test_where_the_candidates_are_tried_changes_no_digit():
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
-    campaign = hide("maxwell_branch", 1).campaign
+    campaign = hide("dahl_friction", 0).campaign
     campaign = campaign.with_runs(campaign.runs[::4])
     effects = [effect for effect in load_effects() if effect.id in EFFECTS]
     results = [
