@@ -26,8 +26,10 @@ OF_FREQUENCY = ("inertia_error", "frequency_dependent_stiffness", "maxwell_branc
 CELLS, FINE = 6, 24
 # What was explained blurs the rest in this proportion.
 BLUR = 0.03
-# A rest without a form of its own is evidence beyond this share of what was explained: sharp corners leave some.
+# A rest without a form of its own is evidence beyond this share of what was explained, for sharp corners leave some,
+# and beyond so many times the noise, which near corners is only roughly known.
 SHAPELESS = 0.02
+NOISE_KNOWN = 1.5
 
 
 def outside_probability(first: Problem, last: Problem, found: Sequence[FittedEffect]) -> float:
@@ -47,7 +49,7 @@ def outside_probability(first: Problem, last: Problem, found: Sequence[FittedEff
     explained = max(first.chi_square - last.chi_square, 0.0)
     blur = TEMPER + BLUR**2 * explained
     formed = max(gain - cost for gain, cost in unnamed_gains(last)) - FOUND_ERROR**2 * explained
-    shapeless = last.chi_square - last.degrees - SHAPELESS * explained
+    shapeless = last.chi_square - NOISE_KNOWN * last.degrees - SHAPELESS * explained
     nats = 0.5 * max(formed, shapeless, 0.0) / blur
     return float(1 / (1 + np.exp(-np.clip(nats + prior(found), -50.0, 50.0))))
 

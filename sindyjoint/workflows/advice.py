@@ -23,7 +23,8 @@ from sindyjoint.workflows.diagnosis import Advice, Step
 from sindyjoint.workflows.diagnosis_start import RATE_SHARE
 
 MOST_RUNS = 2
-ENOUGH = 0.95  # expected confidence after which no further run is asked for
+ENOUGH = 0.95  # expected confidence at which a run by a moment is as good as any
+CLEAR = 20.0  # nats; a margin after which no second run is asked for: rivals can bend further than is tried here
 CLOSER_LOOK = 3  # runs in which the rivals are fitted anew
 # Less gain than this is none: of confidence, and of margin in nats.
 LITTLE, LITTLE_MARGIN = 0.02, 0.3
@@ -104,7 +105,7 @@ class _Rivals:
             before, margin, design, row = best
             added.append(row)
             advice.append(Advice(names, design.frequency, design.level, design.waveform, before))
-            if before >= ENOUGH:
+            if margin >= CLEAR:
                 break
         if advice:
             return advice

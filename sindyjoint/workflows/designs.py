@@ -31,6 +31,7 @@ WAVEFORMS: dict[str, dict[int, float]] = {
 #: What is asked for of a joint that a moment drives.
 BY_MOMENT = "sinusoidal moment that moves the joint so far"
 HARMONICS = 15  # of a motion under a moment
+BELOW = 0.7  # of the lowest level tested: the least that is asked for by a moment
 FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
 LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
 LEAST_PERIODS = 4
@@ -95,9 +96,14 @@ def designs(states: Sequence[ForceStates]) -> tuple[Design, ...]:
         (float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(FREQUENCIES, LEVELS)
     ]
     driven = [s for s in states if s.frequency and not prescribed(s)]
+    # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
+    least = min((BELOW * _swing(s) for s in driven), default=np.inf)
+    if 2 * len(driven) < len(tested):
+        least = np.inf
     moments = [
         Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))))
-        for f, x in (plan if driven else ())
+        for f, x in plan
+        if x >= least
     ]
     return (*moments, *(Design(f, x, waveform) for waveform, (f, x) in product(WAVEFORMS, plan)))
 

@@ -8,7 +8,7 @@ import pytest
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.reporting.diagnosis import advice_words
 from sindyjoint.states import force_states
-from sindyjoint.workflows.designs import WAVEFORMS, Design, designs, expected_states
+from sindyjoint.workflows.designs import BY_MOMENT, WAVEFORMS, Design, designs, expected_states
 from sindyjoint.workflows.diagnose import diagnose
 from sindyjoint.workflows.diagnosis import Advice
 from tests.diagnosis.further_runs import one_more
@@ -67,6 +67,25 @@ def test_runs_to_choose_from_stay_within_the_tested_angle_and_reach_past_the_tes
     assert max(d.level for d in found) <= 1.01e-3 and min(d.level for d in found) < 2e-4
     assert min(d.frequency for d in found) < 0.5 and max(d.frequency for d in found) > 15
     assert designs([replace(states[0], frequency=None)]) == ()
+
+
+def test_moments_are_asked_for_where_they_drove():
+    """A hardening joint under a moment has harmonics of its own; the run asked for has them, at another scale."""
+    time = np.arange(0, 8, 1 / RATE)
+    w = 2 * np.pi * 4.0
+    angle = 1e-3 * (np.sin(w * time) + 0.1 * np.sin(3 * w * time))
+    moment = 6 * np.sin(w * time)
+    driven = force_states(Run("driven", moment, angle, RATE, frequency=4.0))
+    asked = [d for d in designs([driven]) if d.waveform == BY_MOMENT]
+    assert asked and min(d.level for d in asked) > 5e-4
+    design = next(d for d in asked if d.frequency == 4.0 and d.level == max(x.level for x in asked))
+    for made, own in zip(
+        design.motion(driven.time), (driven.angle, driven.rate, driven.acceleration), strict=True
+    ):
+        assert np.allclose(made, own, atol=0.01 * np.abs(own).max())
+    led = [force_states(measured(Design(f, 1e-3, "sinusoidal angle"))) for f in (3.0, 6.0)]
+    nonlinear = [replace(s, moment=s.moment + 0.3 * np.sign(s.rate)) for s in led]
+    assert not any(d.waveform == BY_MOMENT for d in designs(nonlinear))
 
 
 @pytest.mark.slow
