@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from sindyjoint.discrepancy.effects import Effect
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, Ranking, fit_effects, rank
 from sindyjoint.discrepancy.pairs import hidden_pair
@@ -60,8 +62,9 @@ def add_effects(
 
 
 def _harms(before: Gap, after: Gap) -> bool:
-    """Return whether an effect wins little of the moment and loses much of the simulated response."""
-    return after.response > WORSE_RESPONSE * before.response and after.moment > LITTLE_HELP * before.moment
+    """Return whether an effect wins little of the moment and loses much of the simulated response, or all of it."""
+    kept = after.response <= WORSE_RESPONSE * before.response or np.isnan(before.response)
+    return not kept and after.moment > LITTLE_HELP * before.moment
 
 
 def _idle(problem: Problem, before: Gap, after: Gap) -> bool:
