@@ -19,7 +19,7 @@ from sindyjoint.discrepancy.naming import FOUND_ERROR, TEMPER, FittedEffect, Pro
 Array = NDArray[np.float64]
 
 # Logarithm of the odds, before any look at the fit, that so many effects stand in for something else.
-PRIOR = {0: -4.5, 1: -4.5, 2: -3.0, 3: -0.5}
+PRIOR = {0: -4.5, 1: -4.5, 2: -2.0, 3: -0.5}
 PRIOR_MORE = 1.0
 # A moment that no law of the joint's own frequencies makes differs between frequencies in these ways.
 OF_FREQUENCY = ("inertia_error", "frequency_dependent_stiffness", "maxwell_branch", "fractional_damping")

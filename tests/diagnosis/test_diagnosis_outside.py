@@ -104,7 +104,7 @@ def test_many_effects_are_less_likely_than_one_that_nobody_knows():
     [
         ("second_resonance", 1),
         ("second_resonance", 2),
-        ("rate_squared_stiffness", 0),
+        ("rate_squared_stiffness", 621),
         ("relay", 2),
         ("clipping", 3),
     ],
