@@ -27,10 +27,16 @@ R = TypeVar("R")
 # As Dask's allowed-failures: so many workers may die on one task before it is given up.
 ATTEMPTS = 3
 
-# Of the workers started here. Dask's sampling profiler, and its order to the C library to hand every 64 KB back to the
-# system, whose pages are then cleared anew for the next array, took a tenth of a worker's time.
+# Of the workers started here. Dask's sampling profiler, its order to the C library to hand every 64 KB back to the
+# system, whose pages are then cleared anew for the next array, and its looks at the machine, up to fifty a second, each
+# of which takes the interpreter from the task in hand, took a sixth of a worker's time.
 WORKER_SETTINGS = {
     "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.system-monitor.disk": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
 }
 
