@@ -24,7 +24,8 @@ from sindyjoint.workflows.diagnosis_start import RATE_SHARE
 
 MOST_RUNS = 2
 ENOUGH = 0.95  # expected confidence at which a run by a moment is as good as any
-CLEAR = 20.0  # nats; a margin after which no second run is asked for: rivals can bend further than is tried here
+# Nats; a margin after which no second run is asked for: rivals can bend further than is tried here.
+CLEAR = 20.0
 CLOSER_LOOK = 3  # runs in which the rivals are fitted anew
 # Less gain than this is none: of confidence, and of margin in nats.
 LITTLE, LITTLE_MARGIN = 0.02, 0.3
