@@ -2,6 +2,9 @@
 
 SINDYJOINT_BROWSER names a browser that is not on the path; SINDYJOINT_SCREENSHOTS a folder in which pictures are kept
 for eyes.
+
+Tests wait with locators, never with `page.wait_for_function`: a condition in the page is evaluated there, and where it
+does not hold at once, the page's own policy refuses the second look.
 """
 
 import os

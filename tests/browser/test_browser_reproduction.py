@@ -23,7 +23,7 @@ def test_the_page_reads_turns_narrow_and_prints(open_page, reproduction, screens
     assert page.locator("#table-1 thead th").nth(1).get_attribute("aria-sort") == "ascending"
     canvas = page.locator("#loops2d canvas")
     canvas.scroll_into_view_if_needed()
-    page.wait_for_function("document.querySelector('#loops2d canvas').dataset.shown === '2'")
+    page.locator("#loops2d canvas[data-shown='2']").wait_for()
     page.emulate_media(media="print")
     assert page.locator("figure svg").first.is_visible() and not page.locator(".bar").is_visible()
     narrow = open_page(reproduction, viewport={"width": 360, "height": 740}, color_scheme="dark")

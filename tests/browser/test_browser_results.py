@@ -72,6 +72,6 @@ def test_responses_are_drawn_over_each_other(open_page, page_path):
     page = open_page(page_path)
     canvas = page.locator("#loops2d canvas")
     canvas.scroll_into_view_if_needed()
-    page.wait_for_function("document.querySelector('#loops2d canvas').dataset.shown === '2'")
+    page.locator("#loops2d canvas[data-shown='2']").wait_for()
     page.locator("#loops2d [data-role=legend] button").last.click()
     assert canvas.get_attribute("data-shown") == "1"

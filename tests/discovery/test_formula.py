@@ -183,13 +183,13 @@ BOMBS = [
 @pytest.mark.parametrize("text", BOMBS)
 def test_formulas_that_want_to_cost_time_do_not(text):
     parse_formula("theta")
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         compile_terms([parse_formula(text)])(THETA, OMEGA, ALPHA)
     except FormulaError:
         pass
     # Milliseconds on a quiet machine; a tower of powers worked out in full would take hours.
-    assert time.perf_counter() - start < 5.0
+    assert time.process_time() - start < 5.0
 
 
 def test_too_long_a_text_is_refused_before_it_is_read():
