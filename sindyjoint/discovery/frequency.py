@@ -298,18 +298,22 @@ def _answer(
 ) -> tuple[Answer, str]:
     """Return the answer and its reason; ``change`` is the trend over the band and half its 95 % interval."""
     tested = f"over {band[0]:.3g} to {band[1]:.3g} Hz"
-    trend = f"a trend of {change[0]:+.1%} ± {change[1]:.1%}"
+    trend = f"a trend of {100 * change[0]:+.1f} % ± {100 * change[1]:.1f} %"
     if np.isfinite(spread):
-        trend += f", spread beyond the errors {spread:.1%}"
+        trend += f", spread beyond the errors {100 * spread:.1f} %"
     if p < LEVEL and bound >= NOTABLE * margin:
-        within = f"; beyond {bound:.1%} it is ruled out" if bound < margin else ""
+        within = f"; beyond {100 * bound:.1f} % it is ruled out" if bound < margin else ""
         return "depends on frequency", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:
-        ruled_out = f"every change {tested} beyond {bound:.1%} is ruled out, which is below the margin of {margin:.0%}"
+        ruled_out = (
+            f"every change {tested} beyond {100 * bound:.1f} % is ruled out, which is below the margin of "
+            f"{100 * margin:.0f} %"
+        )
         if p < LEVEL:
             ruled_out += f"; a smaller one is there, and significant: {trend} (p = {p:.2g})"
         return "independent within margin", ruled_out
     return (
         "cannot tell",
-        f"no change {tested} is seen (p = {p:.2g}), but one of {bound:.0%} is not ruled out; margin {margin:.0%}",
+        f"no change {tested} is seen (p = {p:.2g}), but one of {100 * bound:.0f} % is not ruled out; "
+        f"margin {100 * margin:.0f} %",
     )

@@ -198,7 +198,7 @@ def in_words(pair: Inseparable, largest_angle: float | None = None, softening: f
         f"{pair.t_ratio:.1f} standard errors out (their marks correlate to {abs(pair.correlation):.2f})"
     )
     if largest_angle is not None and softening is not None and np.isfinite(softening):
-        text += f"; no run passes {largest_angle / softening:.0%} of the softening limit"
+        text += f"; no run passes {100 * (largest_angle / softening):.0f} % of the softening limit"
     return text
 
 

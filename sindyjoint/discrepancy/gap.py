@@ -71,6 +71,8 @@ class GapRun:
         Where an acceleration enters: the band within which it is known.
     swings : Swings, optional
         Of a free run: rows are then what a moment changes of its motion, two for each swing.
+    record : ndarray, optional
+        For pictures: the target of a run that does not repeat at every sample, NaN where the joint sticks.
     """
 
     name: str
@@ -84,6 +86,15 @@ class GapRun:
     variance: float = 0.0
     band: Band | None = None
     swings: Swings | None = None
+    record: Array | None = None
+
+    def whole(self) -> GapRun:
+        """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
+        if self.record is None:
+            return self
+        between = max(1, (self.motion.angle.size - 1) // max(1, self.record.size - 1))
+        rows = np.flatnonzero(np.isfinite(self.record))
+        return replace(self, motion=replace(self.motion, keep=rows * between), target=self.record[rows])
 
     def white(self, rows: Array) -> Array:
         """Return rows of columns, (m,) or (m, k), in units of independent noise; as many, but in free motion."""
@@ -254,7 +265,8 @@ def _strided(
     if free and (swinging := _swinging(states, model, group, every)) is not None:
         return swinging
     rows = _stretches(np.flatnonzero(states.moving[::every]), most)
-    target = states.moment[::every][rows] - (model.joint.inertia or 0.0) * acceleration[rows]
+    moments = states.moment[::every] - (model.joint.inertia or 0.0) * acceleration
+    record, target = np.where(states.moving[::every], moments, np.nan), moments[rows]
     coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
     between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
     if between > 1:
@@ -270,7 +282,9 @@ def _strided(
     noise = float(np.mean(variance)) - error**2
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     band = Band(kernel, rows) if model.inertia else None
-    return GapRun(states.run, group, states.level, motion, target, factor, sigma, False, noise, band)
+    return GapRun(
+        states.run, group, states.level, motion, target, factor, sigma, False, noise, band, record=record
+    )
 
 
 def _swinging(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:

@@ -56,7 +56,7 @@ def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Pl
         rows = float(mask.mean())
         share = float(excess[mask].sum()) / total
         if 0 < rows < 0.95 and share > 1.3 * rows and share > 0.15:
-            text = f"{words}: {share:.0%} of the gap in {rows:.0%} of the samples"
+            text = f"{words}: {100 * share:.0f} % of the gap in {100 * rows:.0f} % of the samples"
             places.append((share * np.log(share / rows), Place(axis, span, share, text)))
 
     for axis, values, what in (
@@ -69,7 +69,7 @@ def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Pl
                 axis,
                 mask,
                 (low, min(high, 1.0)),
-                f"{what} from {low:.0%} to {min(high, 1.0):.0%} of the largest",
+                f"{what} from {100 * low:.0f} % to {100 * min(high, 1.0):.0f} % of the largest",
             )
     add("side", angle > 0, "positive angle", f"at positive {sides}")
     add("side", angle < 0, "negative angle", f"at negative {sides}")

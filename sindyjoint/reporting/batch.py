@@ -113,7 +113,7 @@ def scatter_rows(result: Batch) -> tuple[tuple[str, ...], list[tuple[str, ...]]]
                 superscripted(rounded(s.mean, s.mean_error))
                 if np.isfinite(s.mean_error)
                 else f"{s.mean:.4g}",
-                f"{share:.1%}" if np.isfinite(share) else DASH,
+                f"{100 * share:.1f} %" if np.isfinite(share) else DASH,
                 ", ".join(result.records[i].id for i in s.outliers) or "none",
             )
         )
@@ -129,7 +129,7 @@ def trend_rows(result: Batch) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
             (
                 f"{_words(t.coefficient)} with {t.covariate}",
                 f"{superscripted(rounded(t.slope, t.slope_error))} {per}",
-                f"{t.change:+.1%}".replace("-", "−") if np.isfinite(t.change) else DASH,
+                f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH,
                 f"{t.p_value:.2g}",
                 f"{t.p_adjusted:.2g}",
                 "yes" if t.significant else "not seen",
@@ -163,7 +163,7 @@ def show_batch(result: Batch) -> None:
     for trend in result.population.trends:
         if trend.significant:
             print(
-                f"- trend: {_words(trend.coefficient)} changes by {trend.change:+.1%} over the range of the "
+                f"- trend: {_words(trend.coefficient)} changes by {100 * trend.change:+.1f} % over the range of the "
                 f"{trend.covariate} (p = {trend.p_adjusted:.2g})"
             )
     for note in result.notes:

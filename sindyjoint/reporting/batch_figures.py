@@ -85,7 +85,8 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     ax.set_xlabel("temperature (°C)" if trend.covariate == TEMPERATURE else plain(trend.covariate))
     ax.set_ylabel(f"{term.replace('_', ' ')} ({unit})")
     ax.set_title(
-        f"{trend.change:+.1%} over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"), color=MUTED
+        f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),
+        color=MUTED,
     )
     return ax
 

@@ -139,7 +139,7 @@ def _coefficients(result: Comparison) -> TextTable:
                 _percent(share.get(term.id, float("nan"))),
                 _value(term.coefficient, term.standard_error),
                 interval_text(*term.interval95, term.standard_error),
-                f"{result.bias[term.id] / abs(term.coefficient):+.2%}".replace("-", "−")
+                f"{100 * (result.bias[term.id] / abs(term.coefficient)):+.2f} %".replace("-", "−")
                 if term.id in result.bias
                 else DASH,
             )
@@ -167,8 +167,8 @@ def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
     rows = []
     for test in tests:
         values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
-        spread = (f"{test.q:.1f}", f"{test.i_squared:.0%}", _percent(test.tau / abs(test.mean)))
-        trend = f"{test.change:+.1%}".replace("-", "−")
+        spread = (f"{test.q:.1f}", f"{100 * test.i_squared:.0f} %", _percent(test.tau / abs(test.mean)))
+        trend = f"{100 * test.change:+.1f} %".replace("-", "−")
         said: str = test.answer
         if said == "independent within margin" and test.p_value < LEVEL:
             said += f"; a change of {trend} is significant"
@@ -369,9 +369,9 @@ def _value(value: float, error: float) -> str:
 
 def _percent(value: float) -> str:
     return (
-        f"{value:.2%}"
+        f"{100 * value:.2f} %"
         if np.isfinite(value) and value < 0.1
-        else f"{value:.0%}"
+        else f"{100 * value:.0f} %"
         if np.isfinite(value)
         else DASH
     )

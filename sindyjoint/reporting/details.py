@@ -58,7 +58,7 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
                     f"{state.sample_rate:.4g} Hz",
                     state.method,
                     f"{state.bandwidth:.3g} Hz",
-                    f"{state.moving.mean():.1%}",
+                    f"{100 * state.moving.mean():.1f} %",
                     f"{state.noise.angle:.2e} {angle}",
                     f"{state.noise.moment:.2e} {moment}",
                 )
@@ -104,8 +104,10 @@ def _shares(result: Discovery) -> Iterator[str]:
     rows = [("term", "share it carries alone", "relative error", "bias taken out")]
     for term in result.model.terms:
         size = abs(term.coefficient) or 1.0
-        out = f"{bias[term.id] / size:+.3%}" if term.id in bias else "–"
-        rows.append((term.id, f"{term.unique_share:.2%}", f"{term.standard_error / size:.3%}", out))
+        out = f"{100 * (bias[term.id] / size):+.3f} %" if term.id in bias else "–"
+        rows.append(
+            (term.id, f"{100 * term.unique_share:.2f} %", f"{100 * (term.standard_error / size):.3f} %", out)
+        )
     yield from _aligned(rows)
 
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 WIDTH = 100
 NARROW = 5  # inches, below which a legend has one column
+MOST_RIVALS = 4
 FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
 
 
@@ -185,6 +186,8 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
         floor = 100 * getattr(result.noise_floor, name)
         if floor == floor:
             label = f"noise floor of the {called}, {percent(floor / 100)}"
+            if shown and floor not in known:
+                label += ", below the axis"
             ax.axhline(floor, color=colour, lw=0.8, ls=(0, (1, 1.5)), label=label)
     if known and max(known) > FAR * min(known):
         ax.set_yscale("log")
@@ -216,18 +219,22 @@ def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
     return ax
 
 
+def rivals_height(result: Diagnosis) -> float:
+    """Return the height of the picture of the rivals, inches: a bar is as thick whatever their number."""
+    return 1.1 + 0.28 * sum(1 + len(step.rivals[:MOST_RIVALS]) for step in result.steps)
+
+
 def rivals(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the probability of the named effect of each step and of its rivals."""
     rows = []
     for index, step in enumerate(result.steps):
         rows.append((f"{index + 1}. {words(step.effect)}", step.probability, PALETTE[0]))
-        rows += [(f"    {words(name)}", p, MUTED) for name, p in step.rivals[:4]]
+        rows += [(f"    {words(name)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
     for place, (_, probability, colour) in enumerate(rows):
         ax.barh(place, probability, height=0.6, color=colour)
         ax.text(probability + 0.008, place, f"{probability:.2f}", va="center", color=INK)
     ax.set_yticks(range(len(rows)), [label for label, _, _ in rows])
-    # Few bars stay as thin as many.
-    ax.set_ylim(max(len(rows), 4) - 0.5, -0.5)
+    ax.set_ylim(len(rows) - 0.5, -0.5)
     ax.set_xlim(0, 1.08)
     ax.set_xlabel("probability")
     ax.set_title("Named effects and their rivals")

@@ -67,7 +67,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
     facts = [
         (
             f"{q.moment} explained",
-            f"{explained:.2%}" if data.model.terms else "none",
+            f"{100 * explained:.2f} %" if data.model.terms else "none",
             "of the mean square, where it moves",
         ),
         ("Left over", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
@@ -79,7 +79,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
         (
             "Moving samples",
             f"{fitted.samples:,}".replace(",", "\u202f"),
-            f"{fitted.moving_fraction:.0%} of all; the rest sticks or reverses",
+            f"{100 * fitted.moving_fraction:.0f} % of all; the rest sticks or reverses",
         ),
     ]
     unit = "kg" if data.translation else "kg*m^2"

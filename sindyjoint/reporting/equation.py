@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from sindyjoint.discovery.model import INERTIA, JointModel, ModelTerm
+
+if TYPE_CHECKING:
+    from sindyjoint.discrepancy.naming import FittedEffect
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
 THIN_SPACE = '<mspace width="0.17em"/>'
@@ -57,14 +62,39 @@ class _StatePrinter(MathMLPresentationPrinter):
             row.appendChild(element)
         return row
 
+    def _print_Mul(self, expr: Any) -> Any:
+        # A decay stays a factor with a negative exponent: sympy would set it under the bar of a fraction.
+        decays = [factor for factor in expr.args if factor.func is sympy.exp]
+        if not decays:
+            return super()._print_Mul(expr)
+        rest = expr.func(*[factor for factor in expr.args if factor.func is not sympy.exp])
+        row = self.dom.createElement("mrow")
+        for factor in ([] if rest == 1 else [rest]) + decays:
+            if row.hasChildNodes():
+                row.appendChild(self.dom.createElement("mo"))
+                row.lastChild.appendChild(self.dom.createTextNode("&InvisibleTimes;"))
+            row.appendChild(self._print(factor))
+        return row
+
+    def _print_exp(self, expr: Any) -> Any:
+        power = self.dom.createElement("msup")
+        letter = self.dom.createElement("mi")
+        letter.appendChild(self.dom.createTextNode("e"))
+        power.appendChild(letter)
+        power.appendChild(self._print(expr.args[0]))
+        return power
+
     def _print_Float(self, expr: Any) -> Any:
         number = self.dom.createElement("mn")
         number.appendChild(self.dom.createTextNode(f"{float(expr):.4g}"))
         return number
 
 
-def mathml(model: JointModel) -> str:
-    """Return the equation, with symbols for coefficients, as a ``<math>`` element; all text in it is escaped."""
+def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
+    """Return the equation, with symbols for coefficients, as a ``<math>`` element; all text in it is escaped.
+
+    ``further`` names moments that are no terms of a joint model; they are added by name.
+    """
     motion = model.joint.motion
     printer = _StatePrinter(motion)
     parts = [_term(printer, term) for term in sorted(model.terms, key=lambda t: t.id != INERTIA)]
@@ -72,10 +102,38 @@ def mathml(model: JointModel) -> str:
         letter, variable = ("m", "x") if motion == "translation" else ("I", "θ")
         second = f'<mover accent="true"><mi>{variable}</mi><mo>¨</mo></mover>'
         parts.insert(0, f"<mi>{letter}</mi><mo>⁢</mo>{second}")
+    parts += [_named_moment(name, motion) for name in further]
     left = "F" if motion == "translation" else "M"
     # Each summand is a row of its own: a browser may break the line only between them.
     right = "<mo>+</mo>".join(f"<mrow>{part}</mrow>" for part in parts) or "<mn>0</mn>"
     return f'<math display="block"><mi>{left}</mi><mo>=</mo>{right}</math>'
+
+
+def effect_mathml(effect: FittedEffect, motion: str) -> str:
+    """Return the moment of an effect, and the rates of its internal states, as lines of ``<math>``."""
+    printer = _StatePrinter(motion)
+    variant = effect.variant
+    lines = [
+        (
+            _named_moment(effect.effect.name, motion),
+            "<mo>+</mo>".join(_product(printer, c.symbol, c.expression) for c in variant.columns),
+        )
+    ]
+    for state in variant.states:
+        letter = symbol_mathml(state.name)
+        rate = _formula(printer, state.rate)
+        if state.limit is not None:
+            rate += (
+                f'<mo>,</mo><mspace width="1em"/><mrow><mo>|</mo>{letter}<mo>|</mo></mrow><mo>≤</mo>'
+                f"{_formula(printer, state.limit)}"
+            )
+        lines.append((f'<mover accent="true">{letter}<mo>˙</mo></mover>', rate))
+    return "".join(f'<math display="block">{left}<mo>=</mo>{right}</math>' for left, right in lines)
+
+
+def _named_moment(name: str, motion: str) -> str:
+    letter = "F" if motion == "translation" else "M"
+    return f"<msub><mi>{letter}</mi><mtext>{escape(name)}</mtext></msub>"
 
 
 def symbol_mathml(symbol: str) -> str:
@@ -109,12 +167,22 @@ def split_symbol(symbol: str) -> tuple[str, str]:
 
 
 def _term(printer: _StatePrinter, term: ModelTerm) -> str:
-    symbol = symbol_mathml(term.symbol)
-    if term.expression.is_number and term.expression == 1:
+    return _product(printer, term.symbol, term.expression)
+
+
+def _product(printer: _StatePrinter, name: str, expression: Any) -> str:
+    """Return a coefficient times a formula."""
+    symbol = symbol_mathml(name)
+    if expression.is_number and expression == 1:
         return symbol
-    formula = printer.doprint(term.expression)
-    for written, wanted in _BETTER.items():
-        formula = formula.replace(written, wanted)
-    if term.expression.is_Add or term.expression.could_extract_minus_sign():
+    formula = _formula(printer, expression)
+    if expression.is_Add or expression.could_extract_minus_sign():
         formula = f"<mrow><mo>(</mo>{formula}<mo>)</mo></mrow>"
     return f"{symbol}{THIN_SPACE}{formula}"
+
+
+def _formula(printer: _StatePrinter, expression: Any) -> str:
+    formula: str = printer.doprint(expression)
+    for written, wanted in _BETTER.items():
+        formula = formula.replace(written, wanted)
+    return formula

@@ -81,8 +81,8 @@ def check_rows(checks: Sequence[TableCheck]) -> list[list[str]]:
                 f"{check.printed_average:.4g}{'' if check.average_follows else ' !'}",
                 f"{check.deviation:.4g}",
                 f"{check.printed_deviation:.4g}{'' if check.deviation_follows else ' !'}",
-                f"{check.test.change:+.1%} (p {check.test.p_trend:.2f})",
-                f"{check.test.change_bound:.0%}",
+                f"{100 * check.test.change:+.1f} % (p {check.test.p_trend:.2f})",
+                f"{100 * check.test.change_bound:.0f} %",
                 check.test.answer,
             ]
         )

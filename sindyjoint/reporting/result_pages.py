@@ -9,7 +9,7 @@ import numpy as np
 
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.reporting.diagnosis import advice_words, level_unit, parameter_unit
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.equation import effect_mathml, mathml
 from sindyjoint.reporting.figures import kinds_of
 from sindyjoint.reporting.page import inline_svg, markup, number, render
 from sindyjoint.reporting.provenance import Provenance
@@ -142,9 +142,13 @@ def response_payload(runs: Sequence[RunVerification]) -> dict[str, Any]:
 def _common(result: Verification | Diagnosis, pictures: dict[str, bytes]) -> dict[str, Any]:
     """Return what both pages show of a model and of figures: a diagnosis', with its effects among the terms."""
     model = getattr(result, "whole", None) or result.model
+    motion, moments = model.joint.motion, list(getattr(result, "moments", ()))
     return {
         **inlined(result, pictures),
-        "equation": markup(mathml(model)),
+        "equation": markup(
+            mathml(model, [e.effect.name for e in moments])
+            + "".join(effect_mathml(e, motion) for e in moments)
+        ),
         "term_columns": ("Term", "Of", "Value", "Unit", "95 % interval"),
         "term_rows": _terms(model),
     }

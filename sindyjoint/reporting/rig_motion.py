@@ -139,14 +139,14 @@ def joint_rows(result: RigMotion) -> list[tuple[str, ...]]:
             (
                 name,
                 amount(float(np.abs(response.angle[index]).max()), "rad"),
-                f"{response.stuck[index].mean():.1%}",
+                f"{100 * response.stuck[index].mean():.1f} %",
                 f"{result.last_slips[index]:.2f} s",
                 amount(lost, "J"),
-                f"{lost / total:.1%}",
+                f"{100 * (lost / total):.1f} %",
             )
         )
     lost = response.beam_dissipation
-    return [*rows, ("beams", "–", "–", "–", amount(lost, "J"), f"{lost / total:.1%}")]
+    return [*rows, ("beams", "–", "–", "–", amount(lost, "J"), f"{100 * (lost / total):.1f} %")]
 
 
 def mode_rows(result: RigMotion) -> list[tuple[str, ...]]:
@@ -194,7 +194,7 @@ def rig_page(result: RigMotion, origin: Provenance, pictures: dict[str, bytes]) 
         title=f"{result.rig.name} in motion",
         origin=origin,
         result=result,
-        headline=f"Most of the energy, {result.heat[first] / total:.0%}, is dissipated in: {first}.",
+        headline=f"Most of the energy, {100 * (result.heat[first] / total):.0f} %, is dissipated in: {first}.",
         reason=f"The joints slip for the last time {locked_at:.2f} s after the pulse.",
         modes=mode_rows(result),
         columns=COLUMNS,

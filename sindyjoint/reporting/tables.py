@@ -153,6 +153,6 @@ def terms_table(model: JointModel) -> Table:
         table.add_column(heading, justify="right" if heading in ("value", "carries alone") else "left")
     for row in term_rows(model):
         # Names come from a catalogue that anybody may write: Text keeps square brackets from being markup.
-        cells = (row.name, row.symbol, row.formula, row.value, row.unit, f"{row.share:.1%}")
+        cells = (row.name, row.symbol, row.formula, row.value, row.unit, f"{100 * row.share:.1f} %")
         table.add_row(*(Text(cell) for cell in cells))
     return table

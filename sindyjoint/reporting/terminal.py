@@ -40,8 +40,8 @@ def show_discovery(result: Discovery) -> None:
         console.print(f"inertia {inertia:g} {'kg·m²' if rotation else 'kg'}, declared")
     console.print(
         f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
-        f"({fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0:.2%}), "
-        f"noise floor {fitted.noise_floor:.3g} {unit}, moving {fitted.moving_fraction:.0%} of the time"
+        f"({100 * (fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0):.2f} %), "
+        f"noise floor {fitted.noise_floor:.3g} {unit}, moving {100 * fitted.moving_fraction:.0f} % of the time"
     )
     if result.skew is not None:
         console.print(
@@ -85,7 +85,7 @@ def _table(result: Discovery, interval: bool) -> Table:
             rounded(term.coefficient, term.standard_error),
             pretty_unit(term.unit),
             *([f"{low:.4g} … {high:.4g}"] if interval else []),
-            f"{term.unique_share:.1%}",
+            f"{100 * term.unique_share:.1f} %",
         )
     return table
 

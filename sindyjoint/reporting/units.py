@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 
@@ -50,3 +51,17 @@ _TRANSLATION = Quantities(
 def quantities(motion: str) -> Quantities:
     """Return the names for ``"rotation"`` or ``"translation"``."""
     return _TRANSLATION if motion == "translation" else _ROTATION
+
+
+def in_words_of(motion: str, text: str) -> str:
+    """Return a text about a joint that rotates in the words of a kind of motion.
+
+    Examples
+    --------
+    >>> in_words_of("translation", "Moment over angle and rate")
+    'Force over displacement and velocity'
+    """
+    own, other = quantities("rotation"), quantities(motion)
+    named = {getattr(own, name): getattr(other, name) for name in ("angle", "rate", "moment")}
+    named |= {was.lower(): now.lower() for was, now in named.items()}
+    return re.sub(r"\b(" + "|".join(named) + r")\b", lambda found: named[found[0]], text)

@@ -150,7 +150,7 @@ def _variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]
 def _sticking(states: Sequence[ForceStates]) -> Iterator[str]:
     least = min(states, key=lambda s: s.moving_fraction)
     if least.moving_fraction < 0.2:
-        yield f"run {least.run!r} moves in only {least.moving_fraction:.0%} of its samples"
+        yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
 
 
 def _misfit(model: JointModel) -> Iterator[str]:
@@ -159,7 +159,8 @@ def _misfit(model: JointModel) -> Iterator[str]:
         explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
         moment, _ = channel_words(model)
         yield (
-            f"the model explains {explained:.1%} of the mean square {moment}; {fitted.misfit:.1%} of the RMS {moment} "
-            f"is neither model nor noise (noise floor {fitted.noise_floor / fitted.moment_rms:.1%}): memory, play or "
-            "another effect outside this library is likely"
+            f"the model explains {100 * explained:.1f} % of the mean square {moment}; "
+            f"{100 * fitted.misfit:.1f} % of the RMS {moment} is neither model nor noise (noise floor "
+            f"{100 * (fitted.noise_floor / fitted.moment_rms):.1f} %): memory, play or another effect "
+            "outside this library is likely"
         )

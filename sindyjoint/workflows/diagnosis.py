@@ -9,6 +9,7 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discrepancy.budget import Budget
 from sindyjoint.discrepancy.naming import FittedEffect
 from sindyjoint.discrepancy.places import Place
+from sindyjoint.discrepancy.repair import is_term
 from sindyjoint.workflows.diagnosis_runs import RunGap
 
 
@@ -131,6 +132,13 @@ class Diagnosis:
     hidden: str | None = None
     before: tuple[RunGap, ...] = field(default=(), repr=False)
     after: tuple[RunGap, ...] = field(default=(), repr=False)
+
+    @property
+    def moments(self) -> tuple[FittedEffect, ...]:
+        """The effects that add a moment and are no term of :attr:`whole`: with a memory, or of a run."""
+        return tuple(
+            e for e in self.effects if e.effect.enters == "moment" and not is_term(e.effect, e.variant)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""

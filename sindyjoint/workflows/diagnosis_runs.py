@@ -16,8 +16,9 @@ from sindyjoint.discrepancy.repair import all_columns
 Array = NDArray[np.float64]
 
 MOST_RUNS = 12
-# Of a long run the first rows, of which curves are drawn, and evenly some of the others, for maps.
-FIRST_ROWS = 400
+# Of a long run one stretch, of which curves are drawn, and evenly some of the other rows, for maps.
+CURVE_ROWS = 400
+CURVE_PERIODS = 2
 MOST_ROWS = 1500
 
 
@@ -39,6 +40,8 @@ class RunGap:
         Transfer moment (with that of the inertia where this is identified), N·m.
     noise : float
         RMS of the noise of a row, N·m.
+    curve : int
+        How many rows, the first ones, belong to one stretch of the run, of which curves may be drawn.
     """
 
     run: str
@@ -51,6 +54,7 @@ class RunGap:
     measured: Array
     model: Array
     noise: float
+    curve: int
 
     @property
     def left(self) -> Array:
@@ -74,12 +78,15 @@ def run_gaps(
     adding = [e for e in effects if e.effect.enters != "time shift"]
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in adding)])
     chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_RUNS)).round().astype(int))
-    return tuple(_beside(rows[i], all_columns(rows[i], model, adding) @ coefficients) for i in chosen)
+    whole = [rows[i].whole() for i in chosen]
+    return tuple(_beside(run, all_columns(run, model, adding) @ coefficients) for run in whole)
 
 
 def _beside(run: GapRun, model: Array) -> RunGap:
-    keep, part = run.motion.keep, _part(run.target.size)
+    keep = run.motion.keep
     time = np.asarray(run.motion.step * keep if run.folded else run.motion.time[keep], dtype=np.float64)
+    curve = _stretch(run, time)
+    part = np.concatenate([curve, _others(time.size, curve)])
     return RunGap(
         run=run.name,
         level=run.level,
@@ -91,13 +98,32 @@ def _beside(run: GapRun, model: Array) -> RunGap:
         measured=run.target[part],
         model=model[part],
         noise=_noise(run),
+        curve=curve.size,
     )
 
 
-def _part(size: int) -> NDArray[np.intp]:
-    first = np.arange(min(size, FIRST_ROWS))
-    every = -(-max(size - first.size, 1) // (MOST_ROWS - FIRST_ROWS))
-    return np.concatenate([first, np.arange(first.size, size, every)])
+def _stretch(run: GapRun, time: Array) -> NDArray[np.intp]:
+    """Return the rows of a stretch: the mean period; some periods from the middle; of free decays the start."""
+    every = np.arange(time.size)
+    if run.folded:
+        return every
+    if run.swings is not None:
+        return every[:CURVE_ROWS]
+    if run.motion.frequency > 0:
+        length = CURVE_PERIODS / run.motion.frequency
+    else:
+        length = CURVE_ROWS * float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    # Of the middle half of the run, where it has settled, the stretch that holds most rows.
+    starts = time[0] + (time[-1] - time[0]) * np.linspace(0.25, 0.75, 21)
+    first = np.searchsorted(time, starts)
+    last = np.searchsorted(time, starts + length, side="right")
+    best = int(np.argmax(last - first))
+    return every[first[best] : last[best] : max(1, -(-int(last[best] - first[best]) // CURVE_ROWS))]
+
+
+def _others(size: int, curve: NDArray[np.intp]) -> NDArray[np.intp]:
+    left = np.setdiff1d(np.arange(size), curve)
+    return left[:: max(1, -(-left.size // (MOST_ROWS - CURVE_ROWS)))]
 
 
 def _noise(run: GapRun) -> float:

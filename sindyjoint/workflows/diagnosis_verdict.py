@@ -77,8 +77,11 @@ def judge(problem: Problem, steps: Sequence[Step], left: float, outside: float =
     """
     if left > (UNEXPLAINED if _repeats(problem) else UNEXPLAINED_BROADBAND):
         if steps:
-            return "unknown", f"the effects found leave {left:.0%} of the gap beyond noise unexplained"
-        return "unknown", f"no known effect explains the gap; {left:.0%} of it is more than noise"
+            return (
+                "unknown",
+                f"the effects found leave {100 * left:.0f} % of the gap beyond noise unexplained",
+            )
+        return "unknown", f"no known effect explains the gap; {100 * left:.0f} % of it is more than noise"
     if not steps:
         return "nothing_missing", "what is left repeats no better than noise"
     if outside > 0.5:

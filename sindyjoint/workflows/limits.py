@@ -55,7 +55,7 @@ def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
     late = [s.run for s in periodic if s.dropped > LARGE_DROP * ends[s.run]]
     if late:
         lines.append(
-            f"{max(s.dropped / ends[s.run] for s in periodic):.0%} of the record was left out as start-up in "
+            f"{100 * max(s.dropped / ends[s.run] for s in periodic):.0f} % of the record was left out as start-up in "
             f"{_some(late)}: what changed in that time was not examined"
         )
     return lines

@@ -130,7 +130,7 @@ def table_findings(checks: Sequence[TableCheck]) -> tuple[str, ...]:
                 )
     said.append(
         "the printed standard deviations divide by four (ddof = 0); as estimates of the scatter behind four values "
-        f"they are {np.sqrt(3 / 4):.0%} of what dividing by three gives"
+        f"they are {100 * np.sqrt(3 / 4):.0f} % of what dividing by three gives"
     )
     moved = [check for check in checks if check.test.answer == "depends on frequency"]
     same = [check for check in checks if check.test.answer == "independent within margin"]
@@ -143,11 +143,11 @@ def table_findings(checks: Sequence[TableCheck]) -> tuple[str, ...]:
     if same:
         names = ", ".join(f"{check.symbol} ({check.joint})" for check in same)
         said.append(
-            f"a change over 3 to 6 Hz of more than {same[0].test.margin:.0%} is ruled out for {names} only"
+            f"a change over 3 to 6 Hz of more than {100 * same[0].test.margin:.0f} % is ruled out for {names} only"
         )
     least, most = min(c.detectable for c in checks), max(c.detectable for c in checks)
     said.append(
         "'no obvious trend' from four values is weak: a change over the band would have to be "
-        f"{least:.0%} (at best) to {most:.0%} to be found in four of five such tables"
+        f"{100 * least:.0f} % (at best) to {100 * most:.0f} % to be found in four of five such tables"
     )
     return tuple(said)

@@ -185,8 +185,8 @@ def _refinement(
     ]
     count = len(problem.runs)
     reason = (
-        f"coefficients refined on the simulated response of {count} run(s): NRMSE {_pooled(before):.3%} before, "
-        f"{_pooled(after):.3%} after"
+        f"coefficients refined on the simulated response of {count} run(s): NRMSE "
+        f"{100 * _pooled(before):.3f} % before, {100 * _pooled(after):.3f} % after"
     )
     if without_pushing(model) is not model:
         reason += "; negative Coulomb friction, which cannot be simulated, was started from none"
@@ -241,12 +241,12 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
             continue
         if alone:
             sentences.append(
-                f"{named[0]} is not determined by these runs: its standard error is {size:.0%} of it"
+                f"{named[0]} is not determined by these runs: its standard error is {100 * size:.0f} % of it"
             )
         else:
             sentences.append(
                 f"{', '.join(named[:-1])} and {named[-1]} are not determined one by one: they can change together, by "
-                f"{size:.0%} of their sizes, without a visible change of the response"
+                f"{100 * size:.0f} % of their sizes, without a visible change of the response"
             )
     return tuple(sentences)
 

@@ -260,15 +260,15 @@ def statements(joints: tuple[JointReproduction, ...], pulse: PulseReproduction) 
         term = SYMBOLS[int(np.argmax(joint.largest_error))]
         said.append(
             f"{joint.table.joint}: every parameter at every frequency comes back within {largest:.2f} of the paper's "
-            f"standard deviations (furthest: {term}), from strains and displacements with {NOISE:.0%} noise"
+            f"standard deviations (furthest: {term}), from strains and displacements with {100 * NOISE:.0f} % noise"
         )
         fit = np.array(joint.paper_fit.coefficients)
         off = np.abs(fit / np.array(joint.table.row(MAP_FREQUENCY)) - 1)
         said.append(
             f"{joint.table.joint}: the paper's own procedure (cells averaged with the sticking samples in them, then a "
-            f"surface) misses the truth by {off[0]:.0%} of k1, {off[3]:.0%} of c1 and {off[4]:.0%} of M_F on the same "
-            f"virtual runs, and leaves {joint.paper_fit.residual_rms:.3g} N·m RMS; the paper prints "
-            f"{joint.table.surface_rms:g} N·m for its fit"
+            f"surface) misses the truth by {100 * off[0]:.0f} % of k1, {100 * off[3]:.0f} % of c1 and "
+            f"{100 * off[4]:.0f} % of M_F on the same virtual runs, and leaves "
+            f"{joint.paper_fit.residual_rms:.3g} N·m RMS; the paper prints {joint.table.surface_rms:g} N·m for its fit"
         )
     return (*said, *_pulse_statements(pulse))
 
@@ -279,13 +279,13 @@ def _pulse_statements(pulse: PulseReproduction) -> list[str]:
     plain, richer = pulse.plain, pulse.richer
     return [
         f"pulse of {PULSE.force:g} N for {1e3 * PULSE.duration:g} ms: amplitude RMS error "
-        f"{plain.amplitude_rms_error:.2%} of the first peak and mean period difference "
+        f"{100 * (plain.amplitude_rms_error or 0):.2f} % of the first peak and mean period difference "
         f"{1e3 * (plain.mean_period_difference or 0):.2f} ms where the truth holds nothing the model lacks; "
-        f"{richer.amplitude_rms_error:.1%} and {1e3 * (richer.mean_period_difference or 0):.2f} ms where its friction "
-        f"gives way elastically over {1e6 * PRESLIDING:g} µrad; the paper prints {PULSE.amplitude_rms_error:g} (no "
-        f"unit) and {1e3 * PULSE.mean_period_difference:g} ms",
+        f"{100 * (richer.amplitude_rms_error or 0):.1f} % and {1e3 * (richer.mean_period_difference or 0):.2f} ms where its "
+        f"friction gives way elastically over {1e6 * PRESLIDING:g} µrad; the paper prints "
+        f"{PULSE.amplitude_rms_error:g} (no unit) and {1e3 * PULSE.mean_period_difference:g} ms",
         f"the paper's five-term law predicts what the paper did not see: the joint slips for the last time "
-        f"{pulse.locked_at:.2f} s after the pulse and is locked for {pulse.stuck_share:.0%} of the "
+        f"{pulse.locked_at:.2f} s after the pulse and is locked for {100 * pulse.stuck_share:.0f} % of the "
         f"{PULSE.compared:g} s, while the beams ring on with their material damping alone",
         f"and its period shrinks from {1e3 * first:.0f} to {1e3 * last:.0f} ms as the amplitude falls, since the joint "
         "softens at large angles and is rigid when locked; the paper reports a period that grows slightly, which "

@@ -118,7 +118,10 @@ def verdict_of(problem: PulseProblem, given: Fit, state: State, steps: Sequence[
             )
         return "nothing_missing", "noise and the model's own uncertainty explain the gap"
     if left > UNEXPLAINED:
-        return "unknown", f"the effects found leave {left:.0%} of the gap (RMS) beyond noise unexplained"
+        return (
+            "unknown",
+            f"the effects found leave {100 * left:.0f} % of the gap (RMS) beyond noise unexplained",
+        )
     classes = [step.members for step in steps if len(step.members) > 1]
     if classes:
         apart = "; ".join(" or ".join(m.replace("_", " ") for m in members) for members in classes)

@@ -101,7 +101,7 @@ def where(
 
     def add(axis: str, span: tuple[float, float] | str, words: str, share: float, rows: float) -> None:
         if 0 < rows < 0.95 and share > LEAST_SHARE and share > LEAST_EXCESS * rows:
-            text = f"{words}{at}: {share:.0%} of the gap in {rows:.0%} of the record"
+            text = f"{words}{at}: {100 * share:.0f} % of the gap in {100 * rows:.0f} % of the record"
             places.append((share * float(np.log(share / rows)), Place(axis, span, share, text)))
 
     for low, high in zip((0.0, 0.05, 0.25, 0.5, 0.75), (0.05, 0.25, 0.5, 0.75, 1.0), strict=True):
@@ -111,7 +111,7 @@ def where(
     for low, high in ((0.0, 0.1), (0.1, 0.3), (0.3, 0.6), (0.6, 1.01)):
         mask = (height >= low) & (height < high)
         top = min(high, 1.0)
-        add("amplitude", (low, top), f"while the swing is {low:.0%} to {top:.0%} of the largest",
+        add("amplitude", (low, top), f"while the swing is {100 * low:.0f} % to {100 * top:.0f} % of the largest",
             float(power[mask].sum()) / total, float(mask.mean()))  # fmt: skip
     places += _frequencies(left, measured, sample_rate, noise, at)
     place = _phase(simulated, measured, sample_rate, at)
@@ -135,7 +135,7 @@ def _frequencies(
         mask = (frequency >= low * main) & (frequency < high * main)
         share, rows = float(gap[mask].sum() / gap.sum()), float(own[mask].sum() / own.sum())
         if share > LEAST_SHARE and share > LEAST_EXCESS * rows:
-            text = f"{words}{at}: {share:.0%} of the gap, {rows:.0%} of the response"
+            text = f"{words}{at}: {100 * share:.0f} % of the gap, {100 * rows:.0f} % of the response"
             span = (low * main, min(high * main, sample_rate / 2))
             found.append(
                 (share * float(np.log(share / max(rows, 1e-3))), Place("frequency", span, share, text))
@@ -163,7 +163,7 @@ def _phase(simulated: Array, measured: Array, sample_rate: float, at: str) -> tu
         (amplitude / total, "amplitude", "the amplitudes differ"),
     ):
         if share > 0.65:
-            return share * 0.5, Place("phase", span, share, f"{words}{at}: {share:.0%} of the gap")
+            return share * 0.5, Place("phase", span, share, f"{words}{at}: {100 * share:.0f} % of the gap")
     return None
 
 

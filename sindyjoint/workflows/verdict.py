@@ -73,7 +73,7 @@ def judge(regressor: JointRegressor, model: JointModel, completed: bool = False)
         )
     gap, (word, _) = model.fitted.misfit, channel_words(model)
     if found and gap > TOLERATED_MISFIT and "nor noise" not in reason:
-        reason += f"; {gap:.1%} of the {word} is neither model nor noise"
+        reason += f"; {100 * gap:.1f} % of the {word} is neither model nor noise"
     return Verdict(verdict, missing, extra, reason)
 
 
@@ -105,7 +105,10 @@ def _answer(
     hidden = [term for term in missing if _largest_share(regressor, model, term) > NEGLIGIBLE_SHARE]
     absent = [term for term in missing if term not in hidden]
     if absent:
-        return "refuted", f"{_names(absent)} would carry less than {NEGLIGIBLE_SHARE:.0%} of the {word}"
+        return (
+            "refuted",
+            f"{_names(absent)} would carry less than {100 * NEGLIGIBLE_SHARE:.0f} % of the {word}",
+        )
     if hidden:
         return "undecided", f"{_names(hidden)} was not found, and these runs could not have shown it"
     return _judge_fit(regressor, model, word)
@@ -118,12 +121,12 @@ def _judge_fit(regressor: JointRegressor, model: JointModel, word: str) -> tuple
     if gap > min(max(least, doubt), TOLERATED_MISFIT):
         # What is missing is larger than the weakest of the five: it may be a term, or change that one.
         return "undecided", (
-            f"the five terms are the best of these candidates, yet {gap:.1%} of the {word} is neither they nor noise; "
-            f"the weakest of the five alone carries {least:.1%}"
+            f"the five terms are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
+            f"noise; the weakest of the five alone carries {100 * least:.1f} %"
         )
     return "confirmed", (
         f"exactly the paper's five terms out of {len(regressor.terms_)} candidates; the weakest of them alone carries "
-        f"{least:.1%} of the {word}, and {gap:.1%} is left beyond the noise"
+        f"{100 * least:.1f} % of the {word}, and {100 * gap:.1f} % is left beyond the noise"
     )
 
 

@@ -187,14 +187,15 @@ def judged(
     worst = max(runs, key=lambda run: run.beyond_noise)
     if not failed and len(runs) > 1 and worst.beyond_noise > tolerance:
         said.append(
-            f"{worst.name}: {worst.beyond_noise:.1%} of the response lies beyond the noise, the most of all runs"
+            f"{worst.name}: {100 * worst.beyond_noise:.1f} % of the response lies beyond the noise, the most of all "
+            "runs"
         )
     if failed:
         reason = f"the simulation of {len(failed)} of {len(runs)} run(s) did not reach its end"
     else:
         reason = (
-            f"{beyond:.2%} of the response is neither simulated nor noise; {tolerance:.0%} is tolerated "
-            f"(NRMSE {whole:.2%}, noise floor {floor or 0:.2%})"
+            f"{100 * beyond:.2f} % of the response is neither simulated nor noise; {100 * tolerance:.0f} % is "
+            f"tolerated (NRMSE {100 * (whole or 0):.2f} %, noise floor {100 * (floor or 0):.2f} %)"
         )
     return Verification(
         model=model,

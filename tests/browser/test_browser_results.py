@@ -57,7 +57,7 @@ def test_tables_sort_by_the_numbers_they_show(open_page, page_path):
 
 def test_numbers_are_read_from_what_is_shown(open_page, page_path):
     page = open_page(page_path)
-    shown = ["5910 ± 40", "(−2.684 ± 0.012)·10⁹", "1.04 %", "−0.5", "+0.02%", "stlsq", "(1.5 ± 0.1)·10⁻⁵"]
+    shown = ["5910 ± 40", "(−2.684 ± 0.012)·10⁹", "1.04 %", "−0.5", "+0.02 %", "stlsq", "(1.5 ± 0.1)·10⁻⁵"]
     read = page.evaluate("texts => texts.map((text) => shownNumber(text) ?? null)", shown)
     assert (
         read[:5] == [5910, -2.684e9, 1.04, -0.5, 0.02]

@@ -82,12 +82,12 @@ def test_three_answers():
     sharp = frequency_test("k1", HERTZ, flat, [1.0] * 4)
     assert sharp.answer == "independent within margin" and "is ruled out" in sharp.reason
     rough = frequency_test("k1", HERTZ, flat, [10.0] * 4)
-    assert rough.answer == "cannot tell" and "is not ruled out; margin 10%" in rough.reason
+    assert rough.answer == "cannot tell" and "is not ruled out; margin 10 %" in rough.reason
     steep = frequency_test("k1", HERTZ, [100.0, 110.0, 120.0, 130.0], [1.0] * 4)
     assert steep.answer == "depends on frequency" and steep.change == pytest.approx(30 / 115, rel=1e-6)
     tiny = frequency_test("k1", HERTZ, [100.0, 101.0, 102.0, 103.0], [0.1] * 4)
-    assert tiny.answer == "independent within margin" and "below the margin of 10%" in tiny.reason
-    assert "a smaller one is there, and significant: a trend of +3.0% ± 0.3%" in tiny.reason
+    assert tiny.answer == "independent within margin" and "below the margin of 10 %" in tiny.reason
+    assert "a smaller one is there, and significant: a trend of +3.0 % ± 0.3 %" in tiny.reason
     either_side = frequency_test("c", HERTZ, [1.0, -1.0, 1.0, -1.0], [3.0] * 4)
     assert either_side.change_bound == np.inf and either_side.answer == "cannot tell"
 

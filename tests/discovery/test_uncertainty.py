@@ -79,7 +79,7 @@ def test_words():
     pair = Inseparable("cubic_stiffness", "quintic_stiffness", 1.84, -0.973)
     assert in_words(pair, 3.2e-4, 8.68e-4) == (
         "cubic stiffness and quintic stiffness are not separable on these runs: with both in the law, cubic stiffness "
-        "stands only 1.8 standard errors out (their marks correlate to 0.97); no run passes 37% of the softening limit"
+        "stands only 1.8 standard errors out (their marks correlate to 0.97); no run passes 37 % of the softening limit"
     )
     assert in_words(pair).endswith("(their marks correlate to 0.97)")
 

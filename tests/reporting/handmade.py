@@ -79,9 +79,9 @@ def report_data(
     return ReportData(
         model=law,
         verdict="refuted",
-        verdict_reason="quadratic stiffness would carry less than 1% of the moment",
+        verdict_reason="quadratic stiffness would carry less than 1 % of the moment",
         selection_reason="the largest set in which each term carries at least 0.002 of the moment alone",
-        warnings=("one level only", f"run {runs[0]!r} moves in only 19% of its samples"),
+        warnings=("one level only", f"run {runs[0]!r} moves in only 19 % of its samples"),
         loops=tuple(one[0] for one in loops),
         surface=surface,
         residual_map=force_state_map(angle, rate, residual, 12),

@@ -23,7 +23,7 @@ def verification(name="bench joint", runs=("pulse at tip",), subject="a rig", fa
         kind="rig",
         subject=subject,
         verdict="failed" if failed else "passed",
-        reason="the response is simulated within 2%",
+        reason="the response is simulated within 2 %",
         tolerance=0.05,
         response_nrmse=0.02,
         moment_nrmse=None,
@@ -71,7 +71,19 @@ def run_gaps(left):
         model = 5912 * angle + 48 * rate
         measured = model + left * (angle / 1e-3) ** 3 + 0.01 * np.sin(977 * time)
         runs.append(
-            RunGap(name, level, 4.0 if repeats else 0.0, repeats, time, angle, rate, measured, model, 0.01)
+            RunGap(
+                name,
+                level,
+                4.0 if repeats else 0.0,
+                repeats,
+                time,
+                angle,
+                rate,
+                measured,
+                model,
+                0.01,
+                time.size,
+            )
         )
     return tuple(runs)
 
@@ -91,9 +103,9 @@ def diagnosis(name="bench joint", effect="jenkins_element", verdict="ambiguous")
         budget=Budget(0.63, 0.01, 0.15, 0.0, 0.21),
         where=(
             Place("phase", "after the reversals, on the way back to zero", 0.85,
-                  "after the reversals, on the way back to zero: 85% of the gap in 42% of the samples"),
+                  "after the reversals, on the way back to zero: 85 % of the gap in 42 % of the samples"),
             Place("angle", (0.25, 0.5), 0.6,
-                  "|angle| from 25% to 50% of the largest: 60% of the gap in 33% of the samples"),
+                  "|angle| from 25 % to 50 % of the largest: 60 % of the gap in 33 % of the samples"),
         ) if named else (),
         steps=(step,) if named else (),
         advice=(Advice((effect, "bouc_wen"), 17.4, 1.16e-4, "sinusoidal angle", 0.99),) if named else (),

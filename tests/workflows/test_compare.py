@@ -121,7 +121,7 @@ def test_a_small_but_significant_change_is_told_in_the_table(result):
     test = frequency_test("linear_stiffness", [3, 4, 5, 6], [100.0, 101.0, 102.0, 103.0], [0.1] * 4)
     tables = {table.name: table for table in comparison_tables(replace(result, tests=(test,)))}
     said = tables["frequency-dependence"].rows[0][-1]
-    assert said == "independent within margin; a change of +3.0% is significant"
+    assert said == "independent within margin; a change of +3.0 % is significant"
 
 
 def test_wrong_options_are_refused(campaign):

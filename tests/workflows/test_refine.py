@@ -93,7 +93,7 @@ def test_directions_are_named_alone_and_together():
     parameters = [Parameter(name, "coefficient", 1.0, 1.0, 0.0, 2.0) for name in ("k1", "k3", "c1")]
     assert undetermined_directions(parameters, np.diag([1e-4, 1e-4, 1e-4])) == ()
     alone = undetermined_directions(parameters, np.diag([1e-4, 1e-4, 0.36]))
-    assert alone == ("c1 is not determined by these runs: its standard error is 60% of it",)
+    assert alone == ("c1 is not determined by these runs: its standard error is 60 % of it",)
     together = np.diag([1e-6, 1e-6, 1e-6])
     together[:2, :2] += 0.01 * np.array([[1.0, -0.8], [-0.8, 0.64]])
     assert undetermined_directions(parameters, together)[0].startswith(

@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 
 CELLS = 24
 SHOWN = 2  # runs
-STRETCH = 300  # samples of a run that does not repeat
 
 
 def maps(result: Diagnosis) -> list[Panel]:
@@ -103,7 +102,7 @@ def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
 
 
 def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
-    """Draw the measured moment and the models' over the angle; over time where the run does not repeat."""
+    """Draw the measured moment and the models' over the angle; over time where the run has no frequency."""
     q = quantities(result.model.joint.motion)
     factor, unit = prefixed(float(np.abs(before.measured).max()), q.moment_unit)
     for x, y in _pieces(result, before, before.measured * factor):
@@ -151,12 +150,10 @@ def _left(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
 def _axes(result: Diagnosis, ax: Axes, run: RunGap, vertical: str) -> None:
     q = quantities(result.model.joint.motion)
     _, unit = _angle_unit(result)
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({unit})" if run.repeats else "Time (s)")
+    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({unit})" if run.frequency > 0 else "Time (s)")
     ax.set_ylabel(vertical)
-    where = (
-        f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "") if run.repeats else run.run
-    )
-    ax.set_title(plain(shortened(where)))
+    where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
+    ax.set_title(plain(shortened(where if run.repeats else run.run)))
 
 
 def _measured(result: Diagnosis) -> str:
@@ -171,16 +168,14 @@ def _angle_unit(result: Diagnosis) -> tuple[float, str]:
 
 
 def _pieces(result: Diagnosis, run: RunGap, values: Array) -> list[tuple[Array, Array]]:
-    """Return curves to draw: a mean period by direction of motion, a run that does not repeat by its stretches.
+    """Return curves to draw: of a mean period by direction of motion, of another run by unbroken parts of a stretch.
 
     Samples in which the joint sticks are no part of either, and no line crosses them.
     """
     factor, _ = _angle_unit(result)
+    time, rate = run.time[: run.curve], run.rate[: run.curve]
+    cut = np.diff(time) > 1.5 * np.median(np.diff(time))
     if run.repeats:
-        step = np.median(np.diff(run.time))
-        cuts = np.flatnonzero((np.diff(np.sign(run.rate)) != 0) | (np.diff(run.time) > 1.5 * step)) + 1
-        parts = np.split(np.arange(run.time.size), cuts)
-        return [(run.angle[part] * factor, values[part]) for part in parts]
-    shown = np.arange(min(run.time.size, STRETCH))
-    cuts = np.flatnonzero(np.diff(run.time[shown]) > 1.5 * np.median(np.diff(run.time))) + 1
-    return [(run.time[part], values[part]) for part in np.split(shown, cuts)]
+        cut |= np.diff(np.sign(rate)) != 0
+    x = run.angle * factor if run.frequency > 0 else run.time
+    return [(x[part], values[part]) for part in np.split(np.arange(run.curve), np.flatnonzero(cut) + 1)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -23,6 +24,7 @@ from sindyjoint.reporting.figures.rig_kinds import REPRODUCTION, RIG
 from sindyjoint.reporting.reproduction_figures import ReproductionFigures
 from sindyjoint.reporting.rig_motion import RigFigures
 from sindyjoint.reporting.style import plain, shortened
+from sindyjoint.reporting.units import in_words_of
 from sindyjoint.workflows.batch_summary import Batch
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.diagnosis import Diagnosis
@@ -224,6 +226,7 @@ DIAGNOSIS: dict[str, Kind] = {
             "Probability of each named effect, and of the effects that would explain nearly as much.",
             lambda result: [diagnosis.rivals] if result.steps else [],
             wide=True,
+            height=diagnosis.rivals_height,
         ),
     )
 }
@@ -337,7 +340,20 @@ OTHERS = (Verification, Diagnosis, Comparison, Batch, ReproductionFigures, RigFi
 
 
 def kinds_of(result: Any) -> dict[str, Kind]:
-    """Return the kinds of figure that belong to a result."""
+    """Return the kinds of figure that belong to a result, in the words of its kind of motion."""
+    kinds = _kinds(result)
+    joint = getattr(getattr(result, "model", None), "joint", None)
+    if joint is None or joint.motion == "rotation":
+        return kinds
+    return {
+        name: replace(
+            kind, title=in_words_of(joint.motion, kind.title), caption=in_words_of(joint.motion, kind.caption)
+        )
+        for name, kind in kinds.items()
+    }
+
+
+def _kinds(result: Any) -> dict[str, Kind]:
     if isinstance(result, Verification):
         return VERIFICATION
     if isinstance(result, StructureDiagnosis):
