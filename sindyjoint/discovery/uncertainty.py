@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.best_subset import replicate_subsets
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT
+from sindyjoint.words import spelled
 
 Array = NDArray[np.float64]
 
@@ -192,7 +193,7 @@ def in_words(pair: Inseparable, largest_angle: float | None = None, softening: f
         Largest angle tested and angle at which the elastic moment's tangent vanishes, rad (m). Told where both terms
         are stiffnesses, for it is a larger angle that would separate them.
     """
-    first, second = (name.replace("_", " ") for name in (pair.chosen, pair.candidate))
+    first, second = (spelled(name) for name in (pair.chosen, pair.candidate))
     text = (
         f"{first} and {second} are not separable on these runs: with both in the law, {first} stands only "
         f"{pair.t_ratio:.1f} standard errors out (their marks correlate to {abs(pair.correlation):.2f})"

@@ -28,6 +28,8 @@ THRESHOLDS = np.geomspace(0.015, 0.8, 9)
 GAPS = (0.6, 0.85)
 # Relaxation times, in units of the motion's own 1/ω.
 FORGETTING = np.array([0.15, 0.4, 1.0, 2.5, 6.0])
+# Two signals that point the same way within this are one.
+ROUNDING = 1e-9
 TURNS = 3
 
 
@@ -144,8 +146,13 @@ def frequency_columns(run: GapRun, middle: float) -> Array:
 
 
 def inertial_columns(run: GapRun) -> Array:
-    """Return the acceleration: at one frequency it is a stiffness, shape (m, 1)."""
-    return run.acceleration[:, None]
+    """Return the acceleration: at one frequency it is a stiffness, shape (m, 1).
+
+    Zero where the run moves freely: its moment is then that of its own inertia, which any multiple of it would explain.
+    """
+    own, target = run.acceleration, run.target
+    cosine = float(own @ target) / max(float(np.linalg.norm(own) * np.linalg.norm(target)), 1e-300)
+    return np.zeros((own.size, 1)) if abs(cosine) > 1 - ROUNDING else own[:, None]
 
 
 def time_columns(run: GapRun, middle: float) -> Array:

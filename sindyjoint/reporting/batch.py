@@ -19,6 +19,7 @@ from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.style import figure_bytes, pretty_unit
 from sindyjoint.reporting.tables import csv_text, superscripted
 from sindyjoint.rounding import rounded
+from sindyjoint.words import spelled
 from sindyjoint.workflows.batch import CAMPAIGNS
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def _cell(value: Any) -> str:
 
 def joint_rows(result: Batch) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return headings and rows of the table that people read."""
-    units = [f"{_words(term)} ({pretty_unit(result.units[term])})" for term in result.common]
+    units = [f"{spelled(term)} ({pretty_unit(result.units[term])})" for term in result.common]
     temperature = any(record.joint.get("temperature") for record in result.records)
     serial = any(record.joint.get("serial") for record in result.records)
     head = [
@@ -109,7 +110,7 @@ def scatter_rows(result: Batch) -> tuple[tuple[str, ...], list[tuple[str, ...]]]
         share = s.spread / abs(s.mean) if s.mean else float("nan")
         rows.append(
             (
-                f"{_words(s.coefficient)} ({pretty_unit(result.units[s.coefficient])})",
+                f"{spelled(s.coefficient)} ({pretty_unit(result.units[s.coefficient])})",
                 superscripted(rounded(s.mean, s.mean_error))
                 if np.isfinite(s.mean_error)
                 else f"{s.mean:.4g}",
@@ -127,7 +128,7 @@ def trend_rows(result: Batch) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         per = f"{pretty_unit(result.units[t.coefficient])} per {'K' if t.covariate == 'temperature' else 'step'}"
         rows.append(
             (
-                f"{_words(t.coefficient)} with {t.covariate}",
+                f"{spelled(t.coefficient)} with {t.covariate}",
                 f"{superscripted(rounded(t.slope, t.slope_error))} {per}",
                 f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH,
                 f"{t.p_value:.2g}",
@@ -163,7 +164,7 @@ def show_batch(result: Batch) -> None:
     for trend in result.population.trends:
         if trend.significant:
             print(
-                f"- trend: {_words(trend.coefficient)} changes by {100 * trend.change:+.1f} % over the range of the "
+                f"- trend: {spelled(trend.coefficient)} changes by {100 * trend.change:+.1f} % over the range of the "
                 f"{trend.covariate} (p = {trend.p_adjusted:.2g})"
             )
     for note in result.notes:
@@ -286,7 +287,3 @@ class CampaignFiles:
                 # The joint is discovered all the same.
                 (folder / "diagnosis").mkdir(exist_ok=True)
                 (folder / "diagnosis" / "impossible.txt").write_text(f"{error}\n", encoding="utf-8")
-
-
-def _words(term: str) -> str:
-    return term.replace("_", " ")

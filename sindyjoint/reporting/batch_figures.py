@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, prefixed, shortened
+from sindyjoint.words import spelled
 from sindyjoint.workflows.batch_summary import TEMPERATURE
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def joints(result: Batch, ax: Axes, term: str) -> Axes:
     else:
         ax.set_xlabel("campaign, in the order of the table")
     ax.set_xlim(-0.7, values.size - 0.3)
-    ax.set_title(term.replace("_", " "))
+    ax.set_title(spelled(term))
     ax.set_ylabel(unit)
     return ax
 

@@ -27,6 +27,7 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.rounding import rounded
+from sindyjoint.words import spelled
 from sindyjoint.workflows.verdict import PAPER_TERMS
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[
         if any(choice[term] for choice in choices) or term in PAPER_TERMS:
             rows.append(
                 (
-                    f"{_words(term)} ({pretty_unit(result.units.get(term, '?'))})",
+                    f"{spelled(term)} ({pretty_unit(result.units.get(term, '?'))})",
                     *(_cell(c, term) for c in choices),
                 )
             )
@@ -135,7 +136,7 @@ def _coefficients(result: Comparison) -> TextTable:
     for term in result.model.terms:
         rows.append(
             (
-                f"{_words(term.id)} ({pretty_unit(result.units[term.id])})",
+                f"{spelled(term.id)} ({pretty_unit(result.units[term.id])})",
                 _percent(share.get(term.id, float("nan"))),
                 _value(term.coefficient, term.standard_error),
                 interval_text(*term.interval95, term.standard_error),
@@ -173,7 +174,7 @@ def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
         if said == "independent within margin" and test.p_value < LEVEL:
             said += f"; a change of {trend} is significant"
         answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), said)
-        rows.append((_words(test.name), *values, *spread, *answer))
+        rows.append((spelled(test.name), *values, *spread, *answer))
     return TextTable(
         "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)
     )
@@ -186,7 +187,7 @@ def _folds(result: Comparison) -> TextTable:
             _percent(fold.moment_error),
             "the same"
             if fold.kept == result.model.ids
-            else ", ".join(_words(term) for term in fold.kept) or "none",
+            else ", ".join(spelled(term) for term in fold.kept) or "none",
         )
         for kind, validation in result.left_out.items()
         for fold in validation.folds
@@ -254,7 +255,7 @@ def inclusion(result: Comparison, ax: Axes) -> Axes:
     ax.axvline(len(PAPER_TERMS) - 0.5, color=INK, linewidth=0.8)
     ax.set_xlim(-0.5, len(terms) - 0.5)
     ax.set_ylim(len(rows) - 0.5, -0.5)
-    names = [_words(term) for term in terms]
+    names = [spelled(term) for term in terms]
     ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
     ax.set_yticks(range(len(rows)), [plain(shortened(name, 20)) for name, _ in rows])
     ax.tick_params(length=0)
@@ -339,7 +340,7 @@ def show_comparison(result: Comparison) -> None:
     if result.tests:
         print("\nthe same at every frequency?")
         for test in result.tests:
-            print(f"  {_words(test.name)}: {test.answer}; {test.reason}")
+            print(f"  {spelled(test.name)}: {test.answer}; {test.reason}")
     for text in (*result.undetermined, *result.warnings):
         print(f"\nnote: {text}")
 
@@ -355,7 +356,7 @@ def _difference(choice: Choice) -> str:
 
 
 def _list(terms: Sequence[str]) -> str:
-    return " and ".join(_words(term) for term in terms)
+    return " and ".join(spelled(term) for term in terms)
 
 
 def _cell(choice: Choice, term: str) -> str:
@@ -375,10 +376,6 @@ def _percent(value: float) -> str:
         if np.isfinite(value)
         else DASH
     )
-
-
-def _words(term: str) -> str:
-    return term.replace("_", " ")
 
 
 def _tex(text: str) -> str:

@@ -19,6 +19,7 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.units import quantities
 from sindyjoint.rounding import percent
+from sindyjoint.words import spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,9 +47,9 @@ def show_diagnosis(result: Diagnosis) -> None:
         table.add_column(heading, justify="right" if heading.endswith(("gap", "ity")) else "left")
     table.add_row("model alone", *_figures(result.initial), "", "")
     for step in result.steps:
-        others = ", ".join(words(m) for m in step.members if m != step.effect)
+        others = ", ".join(spelled(m) for m in step.members if m != step.effect)
         table.add_row(
-            f"+ {words(step.effect)}", *_figures(step.gap_after), f"{step.probability:.2f}", others or "–"
+            f"+ {spelled(step.effect)}", *_figures(step.gap_after), f"{step.probability:.2f}", others or "–"
         )
     table.add_row("noise floor", *_figures(result.noise_floor), "", "")
     console.print(table)
@@ -58,9 +59,9 @@ def show_diagnosis(result: Diagnosis) -> None:
             for name, value in step.parameters.items()
         )
         dropped = (
-            f"; no longer needed: {', '.join(map(words, step.terms_dropped))}" if step.terms_dropped else ""
+            f"; no longer needed: {', '.join(map(spelled, step.terms_dropped))}" if step.terms_dropped else ""
         )
-        console.print(f"\n{words(step.effect)}: {escape(values)}{dropped}", soft_wrap=False)
+        console.print(f"\n{spelled(step.effect)}: {escape(values)}{dropped}", soft_wrap=False)
     budget = result.budget
     if budget.total > 0:
         parts = ", ".join(
@@ -74,14 +75,14 @@ def show_diagnosis(result: Diagnosis) -> None:
         level = f"{advice.level:.3g} {level_unit(result)}"
         console.print(escape(advice_words(advice, level)))
     if result.hidden is not None:
-        console.print(f"\nhidden in this virtual test was: [bold]{words(result.hidden)}[/]")
+        console.print(f"\nhidden in this virtual test was: [bold]{spelled(result.hidden)}[/]")
     for warning in result.warnings:
         console.print(f"- {escape(warning)}")
 
 
 def advice_words(advice: Advice, level: str) -> str:
     """Return in a sentence which run to make, at a level in its unit, or that none would help."""
-    *first, last = map(words, advice.separates)
+    *first, last = map(spelled, advice.separates)
     apart = f"to tell {', '.join(first)} and {last} apart"
     if not advice.frequency:
         return f"{apart}: {advice.waveform.removeprefix('none: ')}"
@@ -95,11 +96,6 @@ def level_unit(result: Diagnosis) -> str:
 
     rotates = result.model.joint.motion == "rotation" and not isinstance(result, StructureDiagnosis)
     return "rad" if rotates else "m"
-
-
-def words(identifier: str) -> str:
-    """Return an id as words."""
-    return identifier.replace("_", " ")
 
 
 def parameter_unit(step: Step, name: str) -> str:
@@ -151,7 +147,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
 
     The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
     """
-    labels = ["model alone", *(f"+ {words(s.effect)}" for s in result.steps)]
+    labels = ["model alone", *(f"+ {spelled(s.effect)}" for s in result.steps)]
     gaps = [result.initial, *(s.gap_after for s in result.steps)]
     names = {"moment": quantities(result.model.joint.motion).moment.lower(), "response": "response"}
     shown = [100 * getattr(gap, name) for gap in gaps for name in names]
@@ -228,8 +224,8 @@ def rivals(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the probability of the named effect of each step and of its rivals."""
     rows = []
     for index, step in enumerate(result.steps):
-        rows.append((f"{index + 1}. {words(step.effect)}", step.probability, PALETTE[0]))
-        rows += [(f"    {words(name)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
+        rows.append((f"{index + 1}. {spelled(step.effect)}", step.probability, PALETTE[0]))
+        rows += [(f"    {spelled(name)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
     for place, (_, probability, colour) in enumerate(rows):
         ax.barh(place, probability, height=0.6, color=colour)
         ax.text(probability + 0.008, place, f"{probability:.2f}", va="center", color=INK)

@@ -12,6 +12,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.reporting.style import INK, MUTED, RULE
+from sindyjoint.words import spelled
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -71,7 +72,8 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["number"] = number
-    environment.filters["joined"] = lambda items: ", ".join(str(item).replace("_", " ") for item in items)
+    environment.filters["spelled"] = spelled
+    environment.filters["joined"] = lambda items: ", ".join(spelled(str(item)) for item in items)
     return environment
 
 

@@ -17,6 +17,7 @@ from sindyjoint.reporting.style import INK, PALETTE, prefixed
 from sindyjoint.reporting.tables import term_rows
 from sindyjoint.reporting.units import quantities
 from sindyjoint.rounding import percent
+from sindyjoint.words import spelled
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.diagnosis import Diagnosis, Gap
@@ -96,13 +97,13 @@ def diagnosis_page(result: Diagnosis, origin: Provenance, pictures: dict[str, by
             (
                 "Effects named",
                 str(len(result.steps)),
-                ", ".join(words(step.effect) for step in result.steps) or "none",
+                ", ".join(spelled(step.effect) for step in result.steps) or "none",
             ),
         ],
         columns=("Step", f"{moment} gap", "Response gap", "Probability", "Not told apart from"),
         rows=_step_rows(result),
         parameters=[
-            (words(step.effect), name, number(value, 4), parameter_unit(step, name) or "–")
+            (spelled(step.effect), name, number(value, 4), parameter_unit(step, name) or "–")
             for step in result.steps
             for name, value in step.parameters.items()
         ],
@@ -184,11 +185,11 @@ def _run_row(run: RunVerification) -> tuple[str, ...]:
 def _step_rows(result: Diagnosis) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("model alone", *_gap(result.initial), "", "")]
     for step in result.steps:
-        others = ", ".join(words(member) for member in step.members if member != step.effect)
+        others = ", ".join(spelled(member) for member in step.members if member != step.effect)
         dropped = (
-            f"; no longer needed: {', '.join(map(words, step.terms_dropped))}" if step.terms_dropped else ""
+            f"; no longer needed: {', '.join(map(spelled, step.terms_dropped))}" if step.terms_dropped else ""
         )
-        named = f"+ {words(step.effect)}{dropped}"
+        named = f"+ {spelled(step.effect)}{dropped}"
         rows.append((named, *_gap(step.gap_after), f"{step.probability:.2f}", others or "–"))
     return [*rows, ("noise floor", *_gap(result.noise_floor), "", "")]
 
@@ -209,8 +210,3 @@ def _short(values: Any) -> list[float | None]:
 def milliseconds(value: float | None) -> str:
     """Return a time in ms; a dash where there is none."""
     return "–" if value is None or not np.isfinite(value) else f"{1e3 * value:.3g} ms"
-
-
-def words(identifier: str) -> str:
-    """Return an id as words."""
-    return identifier.replace("_", " ")

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.reporting.diagnosis import words
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.rounding import percent
+from sindyjoint.words import spelled
 from sindyjoint.workflows.oscillation import hilbert_envelope, main_frequency
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def cycles(record: RecordGap, ax: Axes) -> Axes:
 
 def gap_by_step(result: StructureDiagnosis, ax: Axes) -> Axes:
     """Draw the response gap of the model alone and after each effect, on a logarithmic scale down to the noise."""
-    rows = [("model alone", result.initial), *((f"+ {words(s.effect)}", s.gap_after) for s in result.steps)]
+    rows = [("model alone", result.initial), *((f"+ {spelled(s.effect)}", s.gap_after) for s in result.steps)]
     values = [100 * gap.response for _, gap in rows]
     floor = 100 * result.noise_floor.response
     # What is not known is NaN: a simulation that failed, a floor that no record gave.

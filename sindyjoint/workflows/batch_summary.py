@@ -15,6 +15,7 @@ from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.discovery.population import FEWEST_JOINTS, Population, population
 from sindyjoint.errors import InputError
+from sindyjoint.words import spelled
 from sindyjoint.workflows.batch_record import FACTORS_FILE, CampaignRecord
 
 Array = NDArray[np.float64]
@@ -314,7 +315,7 @@ def _notes(
 
 
 def _listed(terms: Sequence[str]) -> str:
-    return ", ".join(term.replace("_", " ") for term in terms)
+    return ", ".join(spelled(term) for term in terms)
 
 
 def _number(value: float) -> float | None:

@@ -103,21 +103,22 @@ def _beside(run: GapRun, model: Array) -> RunGap:
 
 
 def _stretch(run: GapRun, time: Array) -> NDArray[np.intp]:
-    """Return the rows of a stretch: the mean period; some periods from the middle; of free decays the start."""
+    """Return the rows of a stretch: the mean period; some periods of a sine; of other runs where most is going on."""
     every = np.arange(time.size)
-    if run.folded:
+    if run.folded or time.size < 2:
         return every
-    if run.swings is not None:
-        return every[:CURVE_ROWS]
-    if run.motion.frequency > 0:
-        length = CURVE_PERIODS / run.motion.frequency
-    else:
-        length = CURVE_ROWS * float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    # Of the middle half of the run, where it has settled, the stretch that holds most rows.
-    starts = time[0] + (time[-1] - time[0]) * np.linspace(0.25, 0.75, 21)
+    span, periodic = time[-1] - time[0], run.motion.frequency > 0
+    length = (
+        CURVE_PERIODS / run.motion.frequency if periodic else CURVE_ROWS * float(np.median(np.diff(time)))
+    )
+    # A sine has settled in the middle half of its run; the stretch that holds most rows is shown.
+    low, high = (0.25 * span, 0.75 * span) if periodic else (0.0, max(span - length, 0.0))
+    starts = time[0] + np.linspace(low, high, 41)
     first = np.searchsorted(time, starts)
     last = np.searchsorted(time, starts + length, side="right")
-    best = int(np.argmax(last - first))
+    weight = np.ones(time.size) if periodic else run.target**2
+    held = np.append(0.0, np.cumsum(weight))
+    best = int(np.argmax(held[last] - held[first]))
     return every[first[best] : last[best] : max(1, -(-int(last[best] - first[best]) // CURVE_ROWS))]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from sindyjoint.discrepancy.budget import explained_by_state
 from sindyjoint.discrepancy.naming import FittedEffect, Problem
 from sindyjoint.discrepancy.outside import outside_probability
+from sindyjoint.words import spelled
 from sindyjoint.workflows.diagnosis import Gap, Step
 
 # Named effects must account for all but this share of what repeats; else something unknown is there.
@@ -90,11 +91,9 @@ def judge(problem: Problem, steps: Sequence[Step], left: float, outside: float =
             f"outside the catalogue is there with a probability of {outside:.2f}"
         )
     if any(len(s.members) > 1 for s in steps):
-        apart = "; ".join(
-            " or ".join(m.replace("_", " ") for m in s.members) for s in steps if len(s.members) > 1
-        )
+        apart = "; ".join(" or ".join(spelled(m) for m in s.members) for s in steps if len(s.members) > 1)
         return "ambiguous", f"these runs cannot tell apart: {apart}"
-    return "named", "found: " + ", then ".join(s.effect.replace("_", " ") for s in steps)
+    return "named", "found: " + ", then ".join(spelled(s.effect) for s in steps)
 
 
 def humble(steps: Sequence[Step], verdict: str, outside: float = 0.0) -> list[Step]:

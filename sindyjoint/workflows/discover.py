@@ -16,6 +16,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.words import spelled
 from sindyjoint.workflows.cautions import cautions
 from sindyjoint.workflows.long_runs import LONGEST, Tally, fit_long, has_long_runs
 from sindyjoint.workflows.verdict import PAPER_TERMS, Verdict, judge
@@ -197,7 +198,7 @@ def discover(
         and verdict.verdict == "refuted"
         and _artefacts(regressor, model, verdict, campaign, force_states)
     ):
-        names = " and ".join(term.replace("_", " ") for term in verdict.extra)
+        names = " and ".join(spelled(term) for term in verdict.extra)
         verdict = replace(
             verdict,
             verdict="undecided",

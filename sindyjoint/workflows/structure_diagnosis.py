@@ -12,6 +12,7 @@ from sindyjoint.discovery.model import INERTIA, JointModel
 from sindyjoint.discrepancy.budget import Budget
 from sindyjoint.discrepancy.structure_effects import Change
 from sindyjoint.mechanics.rigs import Rig
+from sindyjoint.words import spelled
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
 from sindyjoint.workflows.model_law import with_coefficients
 from sindyjoint.workflows.structure_gap import RecordGap, audible_end, most, relative_gap, where
@@ -124,9 +125,9 @@ def verdict_of(problem: PulseProblem, given: Fit, state: State, steps: Sequence[
         )
     classes = [step.members for step in steps if len(step.members) > 1]
     if classes:
-        apart = "; ".join(" or ".join(m.replace("_", " ") for m in members) for members in classes)
+        apart = "; ".join(" or ".join(spelled(m) for m in members) for members in classes)
         return "ambiguous", f"this record cannot tell apart: {apart}"
-    return "named", "found: " + ", then ".join(step.effect.replace("_", " ") for step in steps)
+    return "named", "found: " + ", then ".join(spelled(step.effect) for step in steps)
 
 
 def kind_of(change: Change) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.model import INERTIA, TOLERATED_MISFIT, JointModel
+from sindyjoint.words import spelled
 from sindyjoint.workflows.cautions import channel_words
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ def _paper_suffices(regressor: JointRegressor, model: JointModel) -> bool:
 
 
 def _names(terms: Sequence[str]) -> str:
-    words = [term.replace("_", " ") for term in terms]
+    words = [spelled(term) for term in terms]
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 

@@ -94,6 +94,9 @@ def test_coulomb_friction_is_named_and_the_swing_goes_on_as_said(seed):
     assert result.steps[0].parameters["M_F"] == pytest.approx(0.1, rel=0.05)
     # Held out: the last third of the swing, from a fit to what comes before.
     assert result.final.response < 0.2 * result.initial.response
+    # Friction is a function of the state. The moment of a free swing is that of its inertia, and says nothing of it.
+    parts = {part: getattr(result.budget, part) for part in ("state", "history", "run")}
+    assert max(parts, key=parts.get) == "state" and parts["state"] > 0.5 * result.budget.total
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

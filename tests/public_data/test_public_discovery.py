@@ -90,7 +90,7 @@ def test_silverbox_is_explained_but_for_a_little(public_data):
     assert model["cubic_stiffness"].coefficient == pytest.approx(7.494e5 / 1.946e5, rel=0.2)
     assert "coulomb_friction" not in model
     assert model.fitted.residual_rms / model.fitted.moment_rms < 0.03
-    assert "coulomb friction" in found.verdict.reason
+    assert "Coulomb friction" in found.verdict.reason
 
 
 def test_bouc_wen_is_called_memory(public_data):

@@ -52,7 +52,7 @@ def test_viscous_joint_has_no_friction():
     law = PaperLaw(6066.0, -1.9e5, -2.684e9, 48.0, 0.0)
     found = discover(virtual_campaign(law, duration=5.0, noise=0.01, random_state=0))
     assert "coulomb_friction" not in found.model.ids
-    assert found.verdict.verdict == "refuted" and "coulomb friction" in found.verdict.reason
+    assert found.verdict.verdict == "refuted" and "Coulomb friction" in found.verdict.reason
 
 
 @pytest.mark.slow

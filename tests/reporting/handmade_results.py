@@ -96,7 +96,7 @@ def diagnosis(name="bench joint", effect="jenkins_element", verdict="ambiguous")
     named = verdict in ("named", "ambiguous")
     return Diagnosis(
         verdict=verdict,
-        reason="these runs cannot tell apart: jenkins element or bouc wen",
+        reason="these runs cannot tell apart: Jenkins element or Bouc–Wen",
         initial=gaps[0],
         final=gaps[1] if named else gaps[0],
         noise_floor=Gap(0.00985, float("nan")),

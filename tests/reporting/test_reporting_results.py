@@ -110,7 +110,7 @@ def test_the_verdicts_in_plain_words():
     lines = read(diagnosis_page(diagnosis(), ORIGIN, draw_all(diagnosis()))).lines
     assert any(line.startswith("ambiguous Something is missing") for line in lines)
     assert any(line.startswith("2.16 % → 1.04 %") for line in lines)
-    assert "Hidden in this virtual test was: jenkins element." in lines
+    assert "Hidden in this virtual test was: Jenkins element." in lines
     nothing = read(diagnosis_page(made := diagnosis(verdict="nothing_missing"), ORIGIN, draw_all(made))).lines
     assert "nothing missing Nothing is missing: what is left is noise." in nothing
 

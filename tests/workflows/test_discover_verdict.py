@@ -61,7 +61,7 @@ def test_viscous_joint_has_no_friction():
     found = discover(campaign(PaperLaw(INTER_PANEL.k1, INTER_PANEL.k2, INTER_PANEL.k3, INTER_PANEL.c1)))
     assert set(found.model.ids) == set(PAPER_TERMS) - {"coulomb_friction"}
     assert (found.verdict.verdict, found.verdict.missing) == ("refuted", ("coulomb_friction",))
-    assert found.verdict.reason == "coulomb friction would carry less than 1 % of the moment"
+    assert found.verdict.reason == "Coulomb friction would carry less than 1 % of the moment"
 
 
 def test_friction_alone_has_no_stiffness():
@@ -170,7 +170,7 @@ def test_a_library_without_the_terms_decides_nothing():
     assert "was not among the candidates: others may stand in its place" in found.verdict.reason
     forbidden = discover(campaign(), forbidden=("coulomb_friction",))
     assert forbidden.verdict.verdict == "undecided"
-    assert forbidden.verdict.reason.startswith("coulomb friction was not among the candidates")
+    assert forbidden.verdict.reason.startswith("Coulomb friction was not among the candidates")
 
 
 def test_one_periodic_run_decides_nothing():

@@ -27,6 +27,7 @@ from sindyjoint.reporting.style import (
     pretty_unit,
 )
 from sindyjoint.reporting.units import quantities
+from sindyjoint.words import spelled
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.frequency import FrequencyTest
@@ -150,7 +151,7 @@ def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     ax.margins(x=0.12)
     ax.set_xlabel("Frequency (Hz)")
     ax.set_ylabel(unit)
-    ax.set_title(plain(test.name.replace("_", " ")) + "\n" + plain(test.answer))
+    ax.set_title(plain(spelled(test.name)) + "\n" + plain(test.answer))
     return ax
 
 
