@@ -281,8 +281,8 @@ def _pulse_statements(pulse: PulseReproduction) -> list[str]:
         f"pulse of {PULSE.force:g} N for {1e3 * PULSE.duration:g} ms: amplitude RMS error "
         f"{100 * (plain.amplitude_rms_error or 0):.2f} % of the first peak and mean period difference "
         f"{1e3 * (plain.mean_period_difference or 0):.2f} ms where the truth holds nothing the model lacks; "
-        f"{100 * (richer.amplitude_rms_error or 0):.1f} % and {1e3 * (richer.mean_period_difference or 0):.2f} ms where "
-        f"its friction gives way elastically over {1e6 * PRESLIDING:g} µrad; the paper prints "
+        f"{100 * (richer.amplitude_rms_error or 0):.1f} % and {1e3 * (richer.mean_period_difference or 0):.2f} ms "
+        f"where its friction gives way elastically over {1e6 * PRESLIDING:g} µrad; the paper prints "
         f"{PULSE.amplitude_rms_error:g} (no unit) and {1e3 * PULSE.mean_period_difference:g} ms",
         f"the paper's five-term law predicts what the paper did not see: the joint slips for the last time "
         f"{pulse.locked_at:.2f} s after the pulse and is locked for {100 * pulse.stuck_share:.0f} % of the "

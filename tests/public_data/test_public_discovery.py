@@ -45,7 +45,8 @@ def test_emps_with_everything_on_offer(public_data, sindyjoint):
     assert directions & set(model.ids)
     assert found.verdict.verdict == "refuted" and set(found.verdict.extra) & set(model.ids)
     printed = " ".join(sindyjoint("discover", public_data("emps")).stdout.split())
-    assert f"({model.fitted.residual_rms / model.fitted.moment_rms:.2%})" in printed
+    share = 100 * model.fitted.residual_rms / model.fitted.moment_rms
+    assert f"({share:.2f} %)" in printed
     assert "the data need" in printed
 
 
