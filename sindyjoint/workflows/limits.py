@@ -25,7 +25,7 @@ def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
     states : sequence of ForceStates
         Of the runs that may be used for identification, whole.
     """
-    lines = []
+    lines = [*campaign.notes]
     if campaign.simulated:
         lines.append("the campaign is simulated (a virtual test), not measured")
     if len(states) == 1:

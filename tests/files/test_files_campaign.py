@@ -306,6 +306,19 @@ def test_text_in_a_column_that_nobody_asks_for(bench):
     np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])
 
 
+def test_a_file_that_ends_within_its_last_number_is_pointed_at(bench):
+    text = (bench.folder / "run.csv").read_text()
+    said = "run.csv: the last line has no end and its last number is short: the file may be cut off"
+    assert bench.load().notes == ()
+    bench.csv(text[:-15])
+    assert bench.load().notes == (said,)
+    # Cut between two numbers it is refused; without the last line end alone nothing is wrong with it.
+    bench.csv(text[: text.rindex(",")])
+    assert "line 401 has 2 fields" in refusal(bench)
+    bench.csv(text.rstrip("\n"))
+    assert bench.load().notes == ()
+
+
 def test_values_beyond_float64_in_si(bench):
     bench.replace('unit = "N*m"', 'unit = "kN*m"').line(9, "0.035,1e308,0.1")
     with pytest.raises(

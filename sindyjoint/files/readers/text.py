@@ -16,6 +16,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.files.readers.table import Table
 
 COMMENTS = ("#", "%", "//")
+COMPARED = 20  # lines that the last one of a file is compared with
 # What no text table holds: control characters other than tab, line ends, form feed and DOS's end of file.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
 _BLANK = re.compile(r"\A[ \t\f]*\n|\n[ \t\f]*\n|\n[ \t\f]+\Z")
@@ -42,10 +43,23 @@ def read_text(path: Path, data: bytes) -> Table:
     InputError
         For an empty file, binary rubbish, a header without data, or rows of different lengths.
     """
-    layout = layout_of(path, data)
+    text = _decode(path, data)
+    layout = _layout(path, text)
     return Table(
-        path, layout.names, lambda wanted: _parse(layout, wanted), row=lambda i: f"line {layout.numbers[i]}"
+        path,
+        layout.names,
+        lambda wanted: _parse(layout, wanted),
+        row=lambda i: f"line {layout.numbers[i]}",
+        note="" if text.endswith("\n") else _cut_off(layout),
     )
+
+
+def _cut_off(layout: Layout) -> str:
+    """Return a note where the last number of a file without a last line end is shorter than those above it."""
+    *above, last = (len(_fields(line, layout.delimiter)[-1]) for line in layout.lines[-COMPARED - 1 :])
+    if len(above) < COMPARED or last >= min(above):
+        return ""
+    return "the last line has no end and its last number is short: the file may be cut off"
 
 
 def layout_of(path: Path, data: bytes) -> Layout:
