@@ -94,6 +94,21 @@ def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
             "the joint gives off energy in every run (negative dissipation): a channel may be reversed or the "
             f"{load} may lead the {motion} in time"
         )
+    else:
+        yield from falling(model)
+
+
+def falling(model: JointModel) -> Iterator[str]:
+    """Warn of a viscous damping that feeds energy into a joint which, on the whole, takes it."""
+    if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
+        return
+    moment, angle = channel_words(model)
+    rate = "rate" if angle == "angle" else "velocity"
+    yield (
+        f"the linear damping is negative, {model['linear_damping'].coefficient:.3g} {_damping_unit(model)}: the {moment} "
+        f"falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the tested "
+        "range the model gives off energy"
+    )
 
 
 def _mean_stiffness(model: JointModel) -> float:

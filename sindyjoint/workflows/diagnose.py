@@ -23,6 +23,7 @@ from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.advice import advise
+from sindyjoint.workflows.cautions import falling
 from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
 from sindyjoint.workflows.diagnosis_gap import gap_of, noise_floor
 from sindyjoint.workflows.diagnosis_loop import add_effects
@@ -165,7 +166,7 @@ def _diagnosed(
         where=where(moments, campaign.joint.motion) if verdict != "nothing_missing" else (),
         steps=tuple(steps),
         advice=advise(work.rows, work.states, work.model, repaired.effects, steps, candidates),
-        warnings=tuple(limits(campaign, states)),
+        warnings=(*limits(campaign, states), *falling(repaired.model)),
         model=repaired.model,
         effects=repaired.effects,
         whole=whole_model(replace(repaired, effects=joint), work.rows),
