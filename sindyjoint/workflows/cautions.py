@@ -105,9 +105,9 @@ def falling(model: JointModel) -> Iterator[str]:
     moment, angle = channel_words(model)
     rate = "rate" if angle == "angle" else "velocity"
     yield (
-        f"the linear damping is negative, {model['linear_damping'].coefficient:.3g} {_damping_unit(model)}: the {moment} "
-        f"falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the tested "
-        "range the model gives off energy"
+        f"the linear damping is negative, {model['linear_damping'].coefficient:.3g} {_damping_unit(model)}: the "
+        f"{moment} falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the "
+        "tested range the model gives off energy"
     )
 
 
