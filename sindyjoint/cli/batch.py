@@ -9,7 +9,21 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.discover import _Method, _Selection, _States
+from sindyjoint.cli.options import (
+    AlignOption,
+    AsJson,
+    BandwidthOption,
+    CandidatesOption,
+    ForbidOption,
+    ForceOption,
+    Method,
+    MethodOption,
+    Selection,
+    SelectionOption,
+    States,
+    StatesOption,
+    ThresholdOption,
+)
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -24,12 +38,7 @@ def batch(
     out: Annotated[
         Path, typer.Option("--out", help="Folder for the table, the page, and a folder per campaign.")
     ],
-    library: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--library", "-l", help="Candidate terms: name or path of a catalogue. Repeatable. [extended]"
-        ),
-    ] = None,
+    library: CandidatesOption = None,
     reports: Annotated[
         bool,
         typer.Option("--reports", help="A full report for each campaign, too; takes three times as long."),
@@ -40,23 +49,15 @@ def batch(
     jobs: JobsOption = 1,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
-    method: Annotated[_Method, typer.Option(help="How the path of models is made.")] = _Method.stlsq,
-    selection: Annotated[_Selection, typer.Option(help="How one model is chosen.")] = _Selection.evidence,
-    threshold: Annotated[
-        float | None, typer.Option(help="Least share of the moment that a term carries alone.")
-    ] = None,
-    force: Annotated[
-        list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")
-    ] = None,
-    forbid: Annotated[
-        list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
-    ] = None,
-    states: Annotated[_States, typer.Option(help="How rates are made of angles.")] = _States.auto,
-    bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None,
-    align: Annotated[
-        bool, typer.Option("--align", help="Remove the time skew between the channels.")
-    ] = False,
+    as_json: AsJson = False,
+    method: MethodOption = Method.stlsq,
+    selection: SelectionOption = Selection.evidence,
+    threshold: ThresholdOption = None,
+    force: ForceOption = None,
+    forbid: ForbidOption = None,
+    states: StatesOption = States.auto,
+    bandwidth: BandwidthOption = None,
+    align: AlignOption = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.discover import CampaignPath
+from sindyjoint.cli.options import AsJson, CampaignPath
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -39,7 +39,7 @@ def compare(
         float,
         typer.Option(help="Relative change of a coefficient over the tested band that would not matter."),
     ] = 0.10,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     jobs: JobsOption = 1,
     workers: WorkersOption = None,

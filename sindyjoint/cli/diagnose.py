@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
@@ -53,7 +54,7 @@ def diagnose(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
     jobs: JobsOption = 1,
     workers: WorkersOption = None,

@@ -4,12 +4,28 @@ from __future__ import annotations
 
 import json
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.options import (
+    AlignOption,
+    AsJson,
+    BandwidthOption,
+    CampaignPath,
+    CandidatesOption,
+    ForbidOption,
+    ForceOption,
+    Method,
+    MethodOption,
+    Nuisance,
+    Selection,
+    SelectionOption,
+    States,
+    StatesOption,
+    ThresholdOption,
+)
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -17,78 +33,21 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
 
 
-class _Method(StrEnum):
-    stlsq = "stlsq"
-    best_subset = "best_subset"
-    backward = "backward"
-    coefficient_stlsq = "coefficient_stlsq"
-    sr3 = "sr3"
-    ssr = "ssr"
-    frols = "frols"
-    ensemble = "ensemble"
-    lasso_lars = "lasso_lars"
-
-
-class _Selection(StrEnum):
-    evidence = "evidence"
-    one_standard_error = "one_standard_error"
-
-
-class _Nuisance(StrEnum):
-    delay = "delay"
-    gain = "gain"
-    offset = "offset"
-
-
-class _States(StrEnum):
-    auto = "auto"
-    periodic = "periodic"
-    broadband = "broadband"
-
-
-CampaignPath = Annotated[
-    Path | None,
-    typer.Argument(
-        metavar="CAMPAIGN",
-        help="campaign.toml or its folder. Without it: the built-in virtual test of the inter-panel joint.",
-        show_default=False,
-    ),
-]
-
-
 def discover(
     campaign: CampaignPath = None,
-    library: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--library", "-l", help="Candidate terms: name or path of a catalogue. Repeatable. [extended]"
-        ),
-    ] = None,
+    library: CandidatesOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
-    method: Annotated[_Method, typer.Option(help="How the path of models is made.")] = _Method.stlsq,
-    selection: Annotated[
-        _Selection, typer.Option(help="How one model of the path is chosen.")
-    ] = _Selection.evidence,
-    threshold: Annotated[
-        float | None,
-        typer.Option(
-            help="Least share of the moment that a term carries alone, instead of choosing by evidence."
-        ),
-    ] = None,
-    force: Annotated[
-        list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")
-    ] = None,
-    forbid: Annotated[
-        list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
-    ] = None,
-    states: Annotated[_States, typer.Option(help="How rates are made of angles.")] = _States.auto,
-    bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None,
-    align: Annotated[
-        bool, typer.Option("--align", help="Remove the time skew found between the channels.")
-    ] = False,
+    as_json: AsJson = False,
+    method: MethodOption = Method.stlsq,
+    selection: SelectionOption = Selection.evidence,
+    threshold: ThresholdOption = None,
+    force: ForceOption = None,
+    forbid: ForbidOption = None,
+    states: StatesOption = States.auto,
+    bandwidth: BandwidthOption = None,
+    align: AlignOption = False,
     correct: Annotated[
         bool,
         typer.Option(
@@ -100,7 +59,7 @@ def discover(
         bool, typer.Option("--refine", help="Refine the coefficients on the simulated response of the runs.")
     ] = False,
     nuisance: Annotated[
-        list[_Nuisance] | None,
+        list[Nuisance] | None,
         typer.Option(
             help="With --refine: estimate delay of the moment, gain or zero error of the angle, too. Repeatable."
         ),

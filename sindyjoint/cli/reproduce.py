@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 app = typer.Typer(rich_markup_mode=None)
@@ -21,7 +22,7 @@ def reproduce(
         Path | None,
         typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -57,7 +58,7 @@ def reproduce(
 
 @app.command()
 def tables(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Recompute the paper's printed tables from their rows, and test them for dependence on frequency.
 

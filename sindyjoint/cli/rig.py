@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 
@@ -25,7 +26,7 @@ def rig(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for report.html, rig.json, response.csv and figures.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 
@@ -47,7 +48,7 @@ def verify(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for verification.json and figures.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = 0,
     quiet: Quiet = False,
     verbose: Verbose = False,
