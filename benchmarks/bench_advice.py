@@ -10,7 +10,6 @@ advice until the class is resolved.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -24,7 +23,12 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+
 SAME = {"stop": "dead_zone"}
+# Most often not told apart from others.
+AMBIGUOUS = ("dahl_friction", "lugre_friction", "bouc_wen_hysteresis", "jenkins_element", "maxwell_branch",
+             "constant_moment", "angle_offset", "inertia_error", "frequency_dependent_stiffness")  # fmt: skip
 
 
 def one(name: str, seed: int, size: float, noise: float) -> dict:
@@ -89,11 +93,9 @@ def judge(r: dict) -> str:
 
 
 def run(args: argparse.Namespace) -> None:
-    path = Path(args.out)
-    lines = path.read_text().splitlines() if path.exists() else []
-    done = {(r["name"], r["seed"], r["size"], r["noise"]) for r in map(json.loads, lines)}
+    done = done_in(args.out, ("name", "seed", "size", "noise"))
     for seed in args.seeds:
-        for name in args.names:
+        for name in args.names or AMBIGUOUS:
             if (name, seed, args.size, args.noise) in done:
                 continue
             try:
@@ -101,8 +103,7 @@ def run(args: argparse.Namespace) -> None:
             except Exception as error:  # a benchmark goes on, and says what failed
                 print(f"{name} {seed} ERROR {type(error).__name__}: {error}", flush=True)
                 continue
-            with path.open("a") as file:
-                file.write(json.dumps(record) + "\n")
+            append(args.out, record)
             told = "; ".join(
                 f"{x['frequency']:g} Hz {x['level']:.3g} {x['waveform'][:10]} "
                 f"said {x['said']:.2f} got {x.get('probability', 0):.2f}"
@@ -115,7 +116,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def show(args: argparse.Namespace) -> None:
-    records = [json.loads(line) for path in args.paths for line in Path(path).read_text().splitlines()]
+    records = records_in(args.paths)
     count = Counter(judge(r) for r in records)
     print(dict(count))
     ambiguous = sum(n for k, n in count.items() if k != "not ambiguous")
@@ -139,19 +140,7 @@ def show(args: argparse.Namespace) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    arguments = commands(
+        __doc__, run, show, size=dict(type=float, default=0.06), noise=dict(type=float, default=0.01)
     )
-    commands = parser.add_subparsers(required=True)
-    running = commands.add_parser("run")
-    running.add_argument("--out", required=True)
-    running.add_argument("--names", nargs="+", required=True)
-    running.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
-    running.add_argument("--size", type=float, default=0.06)
-    running.add_argument("--noise", type=float, default=0.01)
-    running.set_defaults(do=run)
-    showing = commands.add_parser("show")
-    showing.add_argument("paths", nargs="+")
-    showing.set_defaults(do=show)
-    arguments = parser.parse_args()
     arguments.do(arguments)

@@ -10,7 +10,6 @@ resumed. Names: effects of tests/diagnosis/hidden_effects.py, ``nothing``, or tw
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -24,6 +23,7 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
 from tests.diagnosis.hidden_effects import OUTSIDE  # noqa: E402
 
 # What the referee hides, under the name that the catalogue has for it.
@@ -87,12 +87,7 @@ def run(args: argparse.Namespace) -> None:
     from tests.diagnosis.hidden_effects import CHANNELS, LAWS
 
     names = args.names or [n for n in (*LAWS, *CHANNELS, "nothing") if n not in OUTSIDE]
-    path = Path(args.out)
-    done = set()
-    if path.exists():
-        for line in path.read_text().splitlines():
-            r = json.loads(line)
-            done.add((r["name"], r["seed"], r["size"], r["noise"]))
+    done = done_in(args.out, ("name", "seed", "size", "noise"))
     tasks = [
         task
         for seed in args.seeds
@@ -105,8 +100,7 @@ def run(args: argparse.Namespace) -> None:
         delayed(one)(*t, not args.no_advice) for t in tasks
     )
     for record in results:
-        with path.open("a") as file:
-            file.write(json.dumps(record) + "\n")
+        append(args.out, record)
         print(line_of(record), flush=True)
 
 
@@ -153,10 +147,7 @@ def calibration(records: list[dict], bins: int = 10) -> tuple[float, list[tuple[
         for effect, p in [(s["effect"], s["probability"]), *s["rivals"]]:
             stated.append(p)
             true.append(effect == name)
-    p, t = np.array(stated), np.array(true, dtype=float)
-    edges = np.minimum((p * bins).astype(int), bins - 1)
-    curve = [(p[edges == b].mean(), t[edges == b].mean(), int((edges == b).sum())) for b in np.unique(edges)]
-    return sum(abs(a - b) * n for a, b, n in curve) / max(p.size, 1), curve
+    return _curve(np.array(stated), np.array(true, dtype=float), bins)
 
 
 def top_calibration(records: list[dict], bins: int = 10) -> tuple[float, list[tuple[float, float, int]]]:
@@ -167,14 +158,18 @@ def top_calibration(records: list[dict], bins: int = 10) -> tuple[float, list[tu
             continue
         stated.append(r["steps"][0]["probability"])
         true.append(r["steps"][0]["effect"] == SAME.get(r["name"], r["name"]))
-    p, t = np.array(stated), np.array(true, dtype=float)
+    return _curve(np.array(stated), np.array(true, dtype=float), bins)
+
+
+def _curve(p: np.ndarray, t: np.ndarray, bins: int) -> tuple[float, list[tuple[float, float, int]]]:
+    """Return the mean distance between what was said and what was true, and both in bins of what was said."""
     edges = np.minimum((p * bins).astype(int), bins - 1)
     curve = [(p[edges == b].mean(), t[edges == b].mean(), int((edges == b).sum())) for b in np.unique(edges)]
     return sum(abs(a - b) * n for a, b, n in curve) / max(p.size, 1), curve
 
 
 def show(args: argparse.Namespace) -> None:
-    records = [json.loads(line) for path in args.paths for line in Path(path).read_text().splitlines()]
+    records = records_in(args.paths)
     for size, noise in sorted({(r["size"], r["noise"]) for r in records}):
         some = [r for r in records if (r["size"], r["noise"]) == (size, noise)]
         print(f"\n== size {size:.0%}, noise {noise:.1%}: {len(some)} campaigns")
@@ -224,21 +219,13 @@ def show_effects(records: list[dict]) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    arguments = commands(
+        __doc__,
+        run,
+        show,
+        sizes=dict(nargs="+", type=float, default=[0.06]),
+        noises=dict(nargs="+", type=float, default=[0.01]),
+        jobs=dict(type=int, default=1),
+        no_advice=dict(action="store_true", help="leave out the search for further runs"),
     )
-    commands = parser.add_subparsers(required=True)
-    running = commands.add_parser("run")
-    running.add_argument("--out", required=True)
-    running.add_argument("--names", nargs="*")
-    running.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
-    running.add_argument("--sizes", nargs="+", type=float, default=[0.06])
-    running.add_argument("--noises", nargs="+", type=float, default=[0.01])
-    running.add_argument("--jobs", type=int, default=1)
-    running.add_argument("--no-advice", action="store_true", help="leave out the search for further runs")
-    running.set_defaults(do=run)
-    showing = commands.add_parser("show")
-    showing.add_argument("paths", nargs="+")
-    showing.set_defaults(do=show)
-    arguments = parser.parse_args()
     arguments.do(arguments)

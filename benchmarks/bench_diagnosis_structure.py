@@ -10,7 +10,6 @@ resumed. Names: those of tests/diagnosis/hidden_structures.py.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -23,6 +22,8 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
 
 
 def one(name: str, seed: int, noise: float, duration: float) -> dict:
@@ -78,12 +79,7 @@ def line_of(r: dict) -> str:
 def run(args: argparse.Namespace) -> None:
     from tests.diagnosis.hidden_structures import NAMES
 
-    path = Path(args.out)
-    done = set()
-    if path.exists():
-        for line in path.read_text().splitlines():
-            r = json.loads(line)
-            done.add((r["name"], r["seed"], r["noise"], r["duration"]))
+    done = done_in(args.out, ("name", "seed", "noise", "duration"))
     for seed in args.seeds:
         for name in args.names or NAMES:
             # Noise differs from seed to seed unless one is given.
@@ -91,13 +87,12 @@ def run(args: argparse.Namespace) -> None:
             if (name, seed, noise, args.duration) in done:
                 continue
             record = one(name, seed, noise, args.duration)
-            with path.open("a") as file:
-                file.write(json.dumps(record) + "\n")
+            append(args.out, record)
             print(line_of(record), flush=True)
 
 
 def show(args: argparse.Namespace) -> None:
-    records = [json.loads(line) for path in args.paths for line in Path(path).read_text().splitlines()]
+    records = records_in(args.paths)
     good = [r for r in records if "error" not in r]
     table, named = defaultdict(Counter), defaultdict(Counter)
     for r in records:
@@ -120,19 +115,5 @@ def show(args: argparse.Namespace) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    commands = parser.add_subparsers(required=True)
-    running = commands.add_parser("run")
-    running.add_argument("--out", required=True)
-    running.add_argument("--names", nargs="*")
-    running.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
-    running.add_argument("--noise", type=float)
-    running.add_argument("--duration", type=float, default=6.0)
-    running.set_defaults(do=run)
-    showing = commands.add_parser("show")
-    showing.add_argument("paths", nargs="+")
-    showing.set_defaults(do=show)
-    arguments = parser.parse_args()
+    arguments = commands(__doc__, run, show, noise=dict(type=float), duration=dict(type=float, default=6.0))
     arguments.do(arguments)
