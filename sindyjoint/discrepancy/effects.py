@@ -154,9 +154,13 @@ class Variant:
         limits = [np.inf if s.limit is None else float(s.limit.subs(substitution)) for s in self.states]
         integrate: Any = integrate_states
         every = motion.follow
+        rate = motion.rate[::every]
+        if motion.repeats:
+            # What repeats comes back: the rest of a mean over samples would carry a slider away, pass by pass.
+            rate = rate - rate.mean()
         states = integrate(
             motion.angle[::every],
-            motion.rate[::every],
+            rate,
             motion.step * every,
             np.asarray(values, dtype=np.float64),
             np.array(limits),

@@ -31,6 +31,7 @@ COLUMN_ERROR = 0.01
 COLUMN_ERROR_ONCE = 0.03  # along a motion that does not repeat
 FOUND_ERROR = 0.06
 CANCELS = 2.0
+MOST_TRIALS = 80  # of inner parameters, per parameter; a ridge is followed slowly
 # Steps of integration over all runs for one trial of inner parameters.
 ROUGH_STEPS = 30_000
 # Inner parameters are refined where the search came within this share of the best gain.
@@ -253,7 +254,7 @@ def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
         method="Nelder-Mead",
         options={
             "initial_simplex": np.vstack([start, start + 0.1 * np.eye(start.size)]),
-            "maxfev": 15 * start.size,
+            "maxfev": MOST_TRIALS * start.size,
         },
     )
     values = np.exp(np.clip(found.x, *bounds))
@@ -324,7 +325,7 @@ def _search(gain: Callable[[Array], float], bounds: Array) -> Array:
                 "initial_simplex": simplex,
                 "xatol": 2e-3,
                 "fatol": 0.02,
-                "maxfev": 20 * bounds.shape[0],
+                "maxfev": MOST_TRIALS * bounds.shape[0],
             },
         )
         if -found.fun > best_gain:

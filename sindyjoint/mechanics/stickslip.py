@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.mechanics.laws import Law, as_compiled, softening_limit
+from sindyjoint.mechanics.laws import CompiledLaw, Law, as_compiled, softening_limit
 
 Array = NDArray[np.float64]
 
@@ -253,6 +253,26 @@ def slip_direction(rate: ArrayLike) -> Array:
     return sign[last]
 
 
+APPROACH = 200  # samples
+
+
+def _from_rest(compiled: CompiledLaw, angle: Array, rate: Array) -> Array:
+    """Return the internal states of a joint brought from rest at zero to the first angle, as fast as it moves later."""
+    from sindyjoint.mechanics.kernels import integrate_states
+
+    state = np.zeros((compiled.n_states, APPROACH))
+    fastest = float(np.abs(rate).max()) if rate.size else 0.0
+    if not (fastest > 0 and np.isfinite(fastest) and angle[0] != 0):
+        return state[:, 0]
+    duration = 0.5 * np.pi * abs(float(angle[0])) / fastest
+    phase = np.linspace(0.0, np.pi, APPROACH)
+    approach, speed = 0.5 * angle[0] * (1 - np.cos(phase)), 0.5 * angle[0] * np.sin(phase) * np.pi / duration
+    integrate_states(
+        compiled.address, approach, speed, compiled.parameters, duration / (APPROACH - 1), 1, state
+    )
+    return state[:, -1]
+
+
 def transfer_moment(
     law: Law,
     angle: ArrayLike,
@@ -275,6 +295,8 @@ def transfer_moment(
     acceleration : array_like, shape (n,), optional
         rad/s²; without it the inertia moment is left out and M_T alone is returned.
     initial_state : array_like, shape (n_states,), optional
+        Default: what a joint has that was at rest at zero, and was brought from there to the first angle. A slider that
+        never slips afterwards keeps it.
     substeps : int
         Runge–Kutta steps of the internal states per sample.
 
@@ -301,8 +323,9 @@ def transfer_moment(
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
-        if initial_state is not None:
-            state[:, 0] = initial_state
+        if initial_state is None:
+            initial_state = _from_rest(compiled, theta, omega)
+        state[:, 0] = initial_state
         integrate_states(
             compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state
         )
