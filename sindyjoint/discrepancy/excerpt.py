@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discrepancy.gap import GapRun
+from sindyjoint.discrepancy.gap_run import GapRun
 
 WINDOWS = 8
 WARM_UP = 0.25
@@ -47,6 +47,6 @@ def excerpt(run: GapRun, share: float) -> tuple[GapRun, NDArray[np.intp]]:
         factor[band, : rows.size - band][rows[band:] - rows[:-band] != band] = 0.0
     later = replace(
         run, motion=replace(motion, keep=keep, **cut), target=run.target[rows], factor=factor, sigma=run.sigma[rows],
-        band=None,
+        band=None, chain=None,
     )  # fmt: skip
     return later, rows

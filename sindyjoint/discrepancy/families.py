@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.terms import Reference
-from sindyjoint.discrepancy.gap import GapRun
+from sindyjoint.discrepancy.gap_run import GapRun
 
 Array = NDArray[np.float64]
 

@@ -10,14 +10,14 @@ likelihoods (linearised errors in variables; Fuller, Measurement Error Models, 1
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import MeasuredMotion
+from sindyjoint.discrepancy.gap_run import Band, GapRun
 from sindyjoint.discrepancy.swings import FEWEST_SWINGS, Swings, reversals
 from sindyjoint.discrepancy.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.states import ForceStates
@@ -28,10 +28,6 @@ Array = NDArray[np.float64]
 
 PHASES = 240
 FEWEST_PHASES = 12
-# A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
-STRETCHES = 20
-FOLDS = 5
-GOLDEN = 0.6180339887
 # Rows of a run that does not repeat: this many per period of its bandwidth, and of all runs together at most so many.
 ROWS_PER_PERIOD = 5
 MOST_ROWS = 16_000
@@ -44,116 +40,6 @@ SUBSTEPS = 3
 # The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
 CHAIN_ERROR = 5e-4
 LEAST_NOISE = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class GapRun:
-    """One run as rows of independent unit noise.
-
-    Parameters
-    ----------
-    name : str
-    group : str
-        What is held out together with it.
-    level : str or None
-    motion : MeasuredMotion
-    target : ndarray, shape (m,)
-        Transfer moment at the kept samples (moment at the sensor where the inertia is identified), N·m.
-    factor : ndarray, shape (m, m) or (bands + 1, m)
-        Where folded the inverse of the Cholesky factor of the rows' covariance; else that factor, banded, lower.
-    sigma : ndarray, shape (m,)
-        Standard error of each row's moment by the moment's own noise, N·m.
-    folded : bool
-        Whether the rows are a mean period, whose noise repetition has measured.
-    variance : float
-        Mean variance of the rows by noise, (N·m)²; what a model leaves beyond it is the model's own error.
-    band : Band, optional
-        Where an acceleration enters: the band within which it is known.
-    swings : Swings, optional
-        Of a free run: rows are then what a moment changes of its motion, two for each swing.
-    record : ndarray, optional
-        For pictures: the target of a run that does not repeat at every sample, NaN where the joint sticks.
-    """
-
-    name: str
-    group: str
-    level: str | None
-    motion: MeasuredMotion
-    target: Array
-    factor: Array
-    sigma: Array
-    folded: bool
-    variance: float = 0.0
-    band: Band | None = None
-    swings: Swings | None = None
-    record: Array | None = None
-
-    def whole(self) -> GapRun:
-        """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
-        if self.record is None:
-            return self
-        between = max(1, (self.motion.angle.size - 1) // max(1, self.record.size - 1))
-        rows = np.flatnonzero(np.isfinite(self.record))
-        return replace(self, motion=replace(self.motion, keep=rows * between), target=self.record[rows])
-
-    def white(self, rows: Array) -> Array:
-        """Return rows of columns, (m,) or (m, k), in units of independent noise; as many, but in free motion."""
-        if self.swings is not None:
-            return self.swings.white(rows)
-        if self.folded:
-            return self.factor @ rows
-        from scipy.linalg.lapack import dtbtrs
-
-        solution, _ = dtbtrs(self.factor, rows, uplo="L")
-        return solution.reshape(rows.shape)
-
-    @property
-    def white_size(self) -> int:
-        """Number of rows of independent noise."""
-        return self.target.size if self.swings is None else self.swings.size
-
-    def row_groups(self, alone: bool, size: int) -> NDArray[np.object_]:
-        """Return what is held out together, per row: the run's group, or stretches of it where the run is alone."""
-        if not alone:
-            return np.full(size, self.group, dtype=object)
-        stretch = np.arange(size) * STRETCHES // size
-        return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
-
-    def rough(self) -> GapRun:
-        """Return the run for searching inner parameters: internal states are integrated in longer steps."""
-        return replace(self, motion=self.motion.rough())
-
-    @property
-    def angle(self) -> Array:
-        """Angle at the kept samples, rad."""
-        return self.motion.angle[self.motion.keep]
-
-    @property
-    def rate(self) -> Array:
-        """Rate at the kept samples, rad/s."""
-        return self.motion.rate[self.motion.keep]
-
-    @property
-    def acceleration(self) -> Array:
-        """Acceleration at the kept samples, rad/s²."""
-        return self.motion.acceleration[self.motion.keep]
-
-
-@dataclass(frozen=True, eq=False)
-class Band:
-    """A low-pass over the even grid from which rows were taken."""
-
-    kernel: Array
-    places: NDArray[np.intp]
-
-    def within(self, left: Array) -> Array:
-        """Return what is left at the rows within the band, shape (m,); gaps between rows are bridged."""
-        from scipy.signal import fftconvolve
-
-        grid = np.interp(np.arange(self.places[0], self.places[-1] + 1), self.places, left)
-        half = self.kernel.size // 2
-        smooth = fftconvolve(np.pad(grid, half, mode="edge"), self.kernel, mode="valid")
-        return smooth[self.places - self.places[0]]
 
 
 def gap_runs(
@@ -188,24 +74,6 @@ def gap_runs(
             s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), MOST_ROWS * s.n_samples // samples, free
         )
         for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
-    )
-
-
-def row_groups(runs: Sequence[GapRun], white: bool = False) -> NDArray[np.object_]:
-    """Return what is held out together, for the stacked rows of all runs: of moments, or of independent noise."""
-    sizes = [run.white_size if white else run.target.size for run in runs]
-    alone = len({run.group for run in runs}) == 1
-    if alone and len(runs) > 1:
-        return np.concatenate(
-            [np.full(size, run.name, dtype=object) for run, size in zip(runs, sizes, strict=True)]
-        )
-    return np.concatenate([run.row_groups(alone, size) for run, size in zip(runs, sizes, strict=True)])
-
-
-def reference_scales(runs: Sequence[GapRun]) -> Reference:
-    """Return the largest angle and rate over the kept samples of all runs."""
-    return Reference(
-        float(max(np.abs(r.angle).max() for r in runs)), float(max(np.abs(r.rate).max() for r in runs)), None
     )
 
 
@@ -259,14 +127,44 @@ def _strided(
 
     The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
     """
-    every = max(1, int(states.sample_rate / (ROWS_PER_PERIOD * states.bandwidth)))
-    angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
-    step = every / states.sample_rate
+    every = _stride(states)
     if free and (swinging := _swinging(states, model, group, every)) is not None:
         return swinging
     rows = _stretches(np.flatnonzero(states.moving[::every]), most)
+    moments, motion = _strided_motion(states, model, rows)
+    record = np.where(states.moving[::every], moments, np.nan)
+    sigma = np.full(rows.size, float(np.hypot(states.noise.moment, error)))
+    factor, variance = kernel_noise_factor(states, model, motion, rows * every, sigma)
+    noise = float(np.mean(variance)) - error**2
+    kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
+    band = Band(kernel, rows) if model.inertia else None
+    return GapRun(
+        states.run,
+        group,
+        states.level,
+        motion,
+        moments[rows],
+        factor,
+        sigma,
+        False,
+        noise,
+        band,
+        record=record,
+    )
+
+
+def _stride(states: ForceStates) -> int:
+    return max(1, int(states.sample_rate / (ROWS_PER_PERIOD * states.bandwidth)))
+
+
+def _strided_motion(
+    states: ForceStates, model: JointModel, rows: NDArray[np.intp]
+) -> tuple[Array, MeasuredMotion]:
+    """Return the moments at every strided sample of a run, and its motion with some of them as rows."""
+    every = _stride(states)
+    step = every / states.sample_rate
+    angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
     moments = states.moment[::every] - (model.joint.inertia or 0.0) * acceleration
-    record, target = np.where(states.moving[::every], moments, np.nan), moments[rows]
     coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
     between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
     if between > 1:
@@ -276,15 +174,17 @@ def _strided(
             for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
         )
     keep = rows * between
-    motion = _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
-    sigma = np.full(rows.size, float(np.hypot(states.noise.moment, error)))
-    factor, variance = kernel_noise_factor(states, model, motion, rows * every, sigma)
-    noise = float(np.mean(variance)) - error**2
-    kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
-    band = Band(kernel, rows) if model.inertia else None
-    return GapRun(
-        states.run, group, states.level, motion, target, factor, sigma, False, noise, band, record=record
+    return moments, _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
+
+
+def along_twin(run: GapRun, states: ForceStates, twin: ForceStates, model: JointModel) -> GapRun:
+    """Return the rows of a run that does not repeat, made of the states of its twin; weights are the run's own."""
+    every = _stride(states)
+    rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
+        int
     )
+    moments, motion = _strided_motion(twin, model, rows)
+    return replace(run, motion=motion, target=moments[rows])
 
 
 def _swinging(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:

@@ -18,7 +18,8 @@ from sindyjoint.discovery.model import JointModel
 from sindyjoint.discovery.terms import Reference
 from sindyjoint.discrepancy.effects import Effect, Variant
 from sindyjoint.discrepancy.excerpt import excerpt
-from sindyjoint.discrepancy.gap import GapRun, base_columns, reference_scales
+from sindyjoint.discrepancy.gap import base_columns
+from sindyjoint.discrepancy.gap_run import GapRun, reference_scales
 from sindyjoint.discrepancy.swings import correlation
 from sindyjoint.parallel import side_by_side
 
@@ -29,6 +30,7 @@ GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
 TEMPER = 2.0
 COLUMN_ERROR = 0.01
 COLUMN_ERROR_ONCE = 0.03  # along a motion that does not repeat
+STATE_ERROR_ONCE = 0.08  # the same of internal states, which remember what smoothing took from the reversals
 FOUND_ERROR = 0.06
 CANCELS = 2.0
 MOST_TRIALS = 80  # of inner parameters, per parameter; a ridge is followed slowly
@@ -272,7 +274,10 @@ def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
     repeated = problem.repeated
     rows = problem.target.size / repeated
     left = max(1.0, min((problem.chi_square - f.gain) / max(problem.degrees, 1) for f in fitted))
-    error = COLUMN_ERROR if all(run.folded for run in problem.runs) else COLUMN_ERROR_ONCE
+    best = max(fitted, key=lambda f: f.gain)
+    error = COLUMN_ERROR
+    if not all(run.folded for run in problem.runs):
+        error = STATE_ERROR_ONCE if best.variant.states else COLUMN_ERROR_ONCE
     blur = TEMPER * repeated + error**2 * max(f.gain for f in fitted) / left
     # What the columns of effects found before got wrong is left over too, and is no effect of its own.
     own = [max(f.gain - FOUND_ERROR**2 * problem.explained, 0.0) for f in fitted]

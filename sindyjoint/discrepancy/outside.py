@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discrepancy.gap import GapRun
+from sindyjoint.discrepancy.gap_run import GapRun
 from sindyjoint.discrepancy.naming import FOUND_ERROR, TEMPER, FittedEffect, Problem, stack
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discrepancy import families
-from sindyjoint.discrepancy.gap import GapRun, row_groups
+from sindyjoint.discrepancy.gap_run import GapRun, row_groups
 from sindyjoint.discrepancy.naming import Problem, stack
 
 Array = NDArray[np.float64]

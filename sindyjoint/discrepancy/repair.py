@@ -13,7 +13,8 @@ from sindyjoint.discovery.dimensions import unit_for
 from sindyjoint.discovery.formula import variable_symbols
 from sindyjoint.discovery.model import JointModel, ModelTerm
 from sindyjoint.discrepancy.effects import Effect, Variant
-from sindyjoint.discrepancy.gap import GapRun, base_columns, row_groups
+from sindyjoint.discrepancy.gap import base_columns
+from sindyjoint.discrepancy.gap_run import GapRun, row_groups
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, stack
 
 if TYPE_CHECKING:
@@ -141,6 +142,7 @@ def held_out_gap(
 
     Each group of runs is left out in turn; coefficients (and, with ``again``, inner parameters) come from the others.
     The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
+    So is what the processing leaves of the model's own simulation.
     """
     labels, white_labels = row_groups(runs), row_groups(runs, white=True)
     plain = np.vstack([all_columns(run, model, effects) for run in runs])
@@ -196,6 +198,7 @@ def _relative(runs: Sequence[GapRun], left: Array, target: Array, noise: dict[st
     ends = np.cumsum([run.target.size for run in runs])[:-1]
     square = []
     for run, part in zip(runs, np.split(left, ends), strict=True):
+        part = part if run.chain is None else part + run.chain
         within = part if run.band is None else run.band.within(part)
         square.append(within**2 + (noise[run.name] ** 2 if run.folded else 0.0))
     return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(target**2)))

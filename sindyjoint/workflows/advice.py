@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.model import JointModel
 from sindyjoint.discrepancy.effects import Effect
-from sindyjoint.discrepancy.gap import GapRun, gap_runs
+from sindyjoint.discrepancy.gap import gap_runs
+from sindyjoint.discrepancy.gap_run import GapRun
 from sindyjoint.discrepancy.naming import FittedEffect, Problem, fit_effect, rank, refine_effect
 from sindyjoint.parallel import side_by_side
 from sindyjoint.states import ForceStates

@@ -17,7 +17,7 @@ from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import RATE_SHARE, reversal_guard
 from sindyjoint.states.record import NoiseFloor
-from sindyjoint.workflows.gap_response import prescribed
+from sindyjoint.workflows.simulated_run import prescribed
 
 Array = NDArray[np.float64]
 

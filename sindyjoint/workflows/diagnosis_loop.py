@@ -37,6 +37,8 @@ def add_effects(
     repaired = Repaired(work.model, ())
     steps = list(steps)
     refused: set[str] = set()
+    # Where a pair was begun: the first of it may win nothing until the second is there.
+    begun: tuple[Work, list[FittedEffect], Repaired, list[Step], Gap] | None = None
     while True:
         problem = Problem.build(work.rows, work.model, found)
         if len(steps) >= most:
@@ -54,10 +56,18 @@ def add_effects(
             continue
         if not paired and _idle(problem, before, after):
             break
+        if begun is None and paired and not _repeats(problem):
+            begun = work, found, repaired, steps, before
+        elif begun is not None and _vain(begun[-1], after):
+            break
+        else:
+            begun = None
         work, found, repaired = added.work, list(added.effects), added.repaired
         steps = _renamed(steps, added)
         steps.append(_step(ranking, found, repaired, before, after))
         before = after
+    if begun is not None and _vain(begun[-1], before):
+        work, found, repaired, steps, before = begun
     return replace(repaired, effects=tuple(found)), steps, work
 
 
@@ -67,9 +77,14 @@ def _harms(before: Gap, after: Gap) -> bool:
     return not kept and after.moment > LITTLE_HELP * before.moment
 
 
+def _repeats(problem: Problem) -> bool:
+    """Return whether repetition has measured the noise of every row."""
+    return all(run.folded for run in problem.runs)
+
+
 def _idle(problem: Problem, before: Gap, after: Gap) -> bool:
     """Return whether an effect wins nothing on runs it never saw, where repetition has not measured the noise."""
-    if all(run.folded for run in problem.runs):
+    if _repeats(problem):
         return False
     pairs = zip(
         (after.moment, after.weighted, after.response),
@@ -77,6 +92,13 @@ def _idle(problem: Problem, before: Gap, after: Gap) -> bool:
         strict=True,
     )
     return not any(later < (1 - LEAST_GAIN) * earlier for later, earlier in pairs)
+
+
+def _vain(before: Gap, after: Gap) -> bool:
+    """Return whether two effects that were found as a pair win nothing together: what one gap wins another loses."""
+    later, earlier = ([gap.moment, gap.weighted, gap.response] for gap in (after, before))
+    ratio = np.array(later) / np.array(earlier)
+    return not float(np.nansum(np.log(ratio))) < np.log(1 - LEAST_GAIN)
 
 
 def _ranked(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discrepancy.gap import GapRun
+from sindyjoint.discrepancy.gap_run import GapRun
 from sindyjoint.discrepancy.naming import FittedEffect
 from sindyjoint.discrepancy.repair import all_columns
 

@@ -12,13 +12,15 @@ from sindyjoint.discovery.catalogue import as_catalogue
 from sindyjoint.discovery.model import Fitted, JointModel
 from sindyjoint.discrepancy.change import MEMBER, changes, segments
 from sindyjoint.discrepancy.effects import Effect
-from sindyjoint.discrepancy.gap import GapRun, gap_runs
+from sindyjoint.discrepancy.gap import gap_runs
+from sindyjoint.discrepancy.gap_run import GapRun
 from sindyjoint.discrepancy.naming import FittedEffect
 from sindyjoint.discrepancy.repair import model_errors, refit
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.rows import group_labels
+from sindyjoint.workflows.diagnosis_chain import chain_errors, without_chain
 
 # Stribeck friction lives at low rates: diagnosis keeps all that the noise of the rate allows.
 RATE_SHARE = 0.02
@@ -48,9 +50,11 @@ class Work:
         """Return the work with the rows that its states, and the model with its effects, make."""
         free = is_free(campaign)
         rows = gap_runs(states, model, groups, free=free)
-        errors = model_errors(rows, model, effects)
+        left = chain_errors(runs, states, rows, model, effects)
+        errors = model_errors(without_chain(rows, left), model, effects)
         if any(errors):
             rows = gap_runs(states, model, groups, errors=errors, free=free)
+        rows = without_chain(rows, left)
         return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
 
     def moment_rows(self) -> tuple[GapRun, ...]:

@@ -8,15 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.discovery.model import JointModel
-from sindyjoint.discrepancy.gap import GapRun, gap_runs
+from sindyjoint.discrepancy.gap import gap_runs
+from sindyjoint.discrepancy.gap_run import GapRun
 from sindyjoint.discrepancy.naming import FittedEffect, refine_effect
 from sindyjoint.discrepancy.repair import Repaired, is_term, refit, refitted, whole_model
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates
 from sindyjoint.workflows.diagnosis_start import Work
-from sindyjoint.workflows.gap_response import simulated
 from sindyjoint.workflows.refine import refine
+from sindyjoint.workflows.simulated_run import simulated
 
 # Share of each run that the model is fitted to before it says how the rest goes on.
 SEEN = 2 / 3

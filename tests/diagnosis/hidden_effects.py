@@ -11,7 +11,7 @@ import numpy as np
 from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.record import Campaign
-from tests.recovery.random_joints import random_plan
+from tests.recovery.random_joints import aperiodic_campaign, random_plan
 
 # Laws of scalars for the compiled simulator: parameters p[0] is the size, the rest the inner ones.
 
@@ -240,6 +240,14 @@ def hide(name, seed, size=0.06, noise=0.01, **fixed):
         return replace(_in_channels(second, plan, size, noise, generator, law), name=name)
     both = SumLaw(law, _law(second, plan, size, generator))
     return Hidden(name, size, plan.campaign(noise, hidden=both), plan, law.parameters)
+
+
+def hide_in_noise(name, kind, seed, size=0.06, noise=0.01):
+    """Return the same under moments that do not repeat, ``"multisine"`` or ``"sweep"``; no effect of a channel."""
+    plan = random_plan(seed, drive="moment", sample_rate=1000.0)
+    law = None if name == "nothing" else _law(name, plan, size, np.random.default_rng(50_000 + seed))
+    campaign = aperiodic_campaign(plan, noise, kind, hidden=law)
+    return Hidden(name, size if law else 0.0, campaign, plan, law.parameters if law else ())
 
 
 def _law(name, plan, size, generator):

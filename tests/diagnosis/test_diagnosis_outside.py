@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.discrepancy.effects import MeasuredMotion, load_effects, select_effects
-from sindyjoint.discrepancy.gap import GapRun
+from sindyjoint.discrepancy.gap_run import GapRun
 from sindyjoint.discrepancy.naming import FittedEffect, Problem
 from sindyjoint.discrepancy.outside import outside_probability, prior
 from sindyjoint.workflows.diagnose import diagnose

@@ -11,7 +11,7 @@ import sympy
 
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import multisine, sweep
-from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw, PaperLaw
+from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
@@ -111,12 +111,14 @@ def _moment_rms(k1, k3, c1, friction, peaks, frequencies):
     return float(np.sqrt(np.mean(squares)))
 
 
-def aperiodic_campaign(plan, noise, kind, runs=6, duration=10.0):
+def aperiodic_campaign(plan, noise, kind, runs=6, duration=10.0, hidden=None):
     """Return runs that do not repeat: multisines of 1 to 8 Hz or sweeps from 1 to 8 Hz, at two levels.
 
-    The moment is scaled until the largest angle is 0.88 or 0.6 of the softening limit.
+    ``hidden`` is a law that acts beside the joint's own. The moment is scaled until the largest angle is 0.88 or 0.6 of
+    the softening limit.
     """
     rng = np.random.default_rng((20_000, plan.seed))
+    law = plan.law if hidden is None else SumLaw(plan.law, hidden)
     made = []
     for index in range(runs):
         if kind == "multisine":
@@ -125,7 +127,7 @@ def aperiodic_campaign(plan, noise, kind, runs=6, duration=10.0):
         else:
             drive = sweep(1.0, *((1.0, 8.0) if index % 2 == 0 else (8.0, 1.0)), duration)
         target = (0.88, 0.6)[index % 2] * plan.angle_limit
-        motion = _reaching(plan.law, drive, target, duration, plan.sample_rate)
+        motion = _reaching(law, drive, target, duration, plan.sample_rate)
         channels = [
             signal + noise * np.sqrt(np.mean(signal**2)) * rng.normal(size=signal.size)
             for signal in (motion.moment, motion.angle)
@@ -136,7 +138,8 @@ def aperiodic_campaign(plan, noise, kind, runs=6, duration=10.0):
 
 def _reaching(law, drive, target, duration, rate):
     """Return the motion under a drive scaled until its largest angle is the target, to 2 %, from below."""
-    low, high = 0.0, 4 * law.k1 * target + 4 * law.M_F
+    own = law.first if isinstance(law, SumLaw) else law
+    low, high = 0.0, 4 * own.k1 * target + 4 * own.M_F
     reached = None
     for _ in range(40):
         middle = 0.5 * (low + high)

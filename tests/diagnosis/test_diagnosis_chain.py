@@ -1,0 +1,43 @@
+"""Runs that do not repeat: what smoothing does to the model's own motion is not taken for an effect of the joint."""
+
+import numpy as np
+import pytest
+
+from sindyjoint.workflows.diagnose import diagnose
+from sindyjoint.workflows.diagnosis_chain import chain_errors
+from tests.diagnosis.hidden_effects import hide_in_noise
+from tests.diagnosis.test_diagnosis_budget import work_on
+
+
+@pytest.mark.parametrize("kind", ["multisine", "sweep"])
+def test_without_noise_the_chain_is_what_is_left(kind):
+    # Noise of a ten-thousandth: what the law leaves of its own motion is then made by the smoothing.
+    work = work_on(hide_in_noise("nothing", kind, 3, noise=1e-4).campaign)
+    before = [row.target + row.chain for row in work.rows]
+    again = chain_errors(work.runs, work.states, work.rows, work.model, ())
+    for row, target, chain in zip(work.rows, before, again, strict=True):
+        model = target - row.chain - row.target
+        assert np.allclose(model, 0.0)
+        assert chain.shape == row.target.shape and 0 < np.std(chain) < 0.02 * np.std(target)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("multisine", 32), ("multisine", 34), ("multisine", 35), ("sweep", 35)]
+)
+def test_nothing_is_missing_from_runs_that_do_not_repeat(kind, seed):
+    # Without the chain taken off, a Maxwell branch or an inertia error was named in each of these.
+    result = diagnose(hide_in_noise("nothing", kind, seed).campaign)
+    assert result.verdict == "nothing_missing" and not result.steps
+
+
+@pytest.mark.parametrize("name", ["quintic_stiffness", "cubic_damping", "maxwell_branch"])
+def test_one_effect_is_named_and_no_second(name):
+    result = diagnose(hide_in_noise(name, "multisine", 32).campaign)
+    assert len(result.steps) == 1 and name in result.steps[0].members
+    assert result.final.moment < 1.1 * result.noise_floor.moment
+
+
+def test_runs_that_repeat_and_free_runs_have_no_chain():
+    from tests.diagnosis.hidden_effects import hide
+
+    assert all(row.chain is None for row in work_on(hide("nothing", 1).campaign).rows)
