@@ -126,7 +126,12 @@ class Problem:
 
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
-        return self.gain_of(variant, stack(self.runs, lambda run: variant.along(run.motion, values)))
+        parts = [variant.along(run.motion, values) for run in self.runs]
+        # A state that no step of the search can follow has no column.
+        if not all(np.isfinite(part).all() for part in parts):
+            return 0.0, np.zeros(len(variant.columns))
+        white = [run.white(part) for run, part in zip(self.runs, parts, strict=True)]
+        return self.gain_of(variant, np.vstack(white))
 
     def gain_of(self, variant: Variant, columns: Array) -> tuple[float, Array]:
         """Return the same for whitened columns, shape (N, n_columns)."""
