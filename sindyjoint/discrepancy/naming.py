@@ -25,7 +25,9 @@ from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
 
+# Per number of inner parameters: points of a grid, and from how many of the best a search starts.
 GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
+STARTS = {1: 1, 2: 3}
 # What the linearised noise model leaves out makes likelihoods overconfident; calibrated on simulated campaigns.
 TEMPER = 2.0
 COLUMN_ERROR = 0.01
@@ -33,6 +35,8 @@ COLUMN_ERROR_ONCE = 0.03  # along a motion that does not repeat
 STATE_ERROR_ONCE = 0.08  # the same of internal states, which remember what smoothing took from the reversals
 FOUND_ERROR = 0.06
 CANCELS = 2.0
+# Inner parameters are refined until their gain rises by less than this, or by this share of it; searched less closely.
+LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
 MOST_TRIALS = 80  # of inner parameters, per parameter; a ridge is followed slowly
 # Steps of integration over all runs for one trial of inner parameters.
 ROUGH_STEPS = 30_000
@@ -261,6 +265,8 @@ def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
         method="Nelder-Mead",
         options={
             "initial_simplex": np.vstack([start, start + 0.1 * np.eye(start.size)]),
+            "xatol": 1e-3,
+            "fatol": max(LEAST_RISE, SHARE_OF_RISE * fitted.gain),
             "maxfev": MOST_TRIALS * start.size,
         },
     )
@@ -311,7 +317,7 @@ def _orthonormal(matrix: Array) -> Array:
 
 
 def _search(gain: Callable[[Array], float], bounds: Array) -> Array:
-    """Return the best inner parameters: a grid in their logarithms, then Nelder–Mead from its two best points."""
+    """Return the best inner parameters: a grid in their logarithms, then Nelder–Mead from its best points."""
     if bounds.shape[0] == 0:
         return np.empty(0)
     from scipy.optimize import minimize
@@ -323,7 +329,7 @@ def _search(gain: Callable[[Array], float], bounds: Array) -> Array:
     gains = np.array([gain(np.exp(point)) for point in grid])
     spacing = (high - low) / np.maximum(np.array(shape) - 1, 1)
     best_point, best_gain = grid[int(np.argmax(gains))], float(gains.max())
-    for start in np.argsort(-gains, kind="stable")[: 1 if bounds.shape[0] == 1 else 2]:
+    for start in np.argsort(-gains, kind="stable")[: STARTS.get(bounds.shape[0], 2)]:
         simplex = np.vstack(
             [grid[start], grid[start] + np.diag(np.where(grid[start] < high, 0.5, -0.5) * spacing)]
         )
@@ -333,8 +339,8 @@ def _search(gain: Callable[[Array], float], bounds: Array) -> Array:
             method="Nelder-Mead",
             options={
                 "initial_simplex": simplex,
-                "xatol": 2e-3,
-                "fatol": 0.02,
+                "xatol": 1e-2,
+                "fatol": max(LEAST_RISE, 100 * SHARE_OF_RISE * float(gains.max())),
                 "maxfev": MOST_TRIALS * bounds.shape[0],
             },
         )
