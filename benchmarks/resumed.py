@@ -16,7 +16,7 @@ def records_in(paths: Iterable[str]) -> list[dict]:
 
 def done_in(path: str, keys: tuple[str, ...]) -> set[tuple]:
     """Return what a file holds already, as the values of its records' ``keys``."""
-    return {tuple(record[key] for key in keys) for record in records_in([path])}
+    return {tuple(record.get(key) for key in keys) for record in records_in([path])}
 
 
 def append(path: str, record: dict) -> None:
