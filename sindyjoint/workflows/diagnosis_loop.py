@@ -97,8 +97,8 @@ def _idle(problem: Problem, before: Gap, after: Gap) -> bool:
 def _vain(before: Gap, after: Gap) -> bool:
     """Return whether two effects that were found as a pair win nothing together: what one gap wins another loses."""
     later, earlier = ([gap.moment, gap.weighted, gap.response] for gap in (after, before))
-    ratio = np.array(later) / np.array(earlier)
-    return not float(np.nansum(np.log(ratio))) < np.log(1 - LEAST_GAIN)
+    won = np.nansum(np.log(np.maximum(later, 1e-300)) - np.log(np.maximum(earlier, 1e-300)))
+    return not float(won) < np.log(1 - LEAST_GAIN)
 
 
 def _ranked(
