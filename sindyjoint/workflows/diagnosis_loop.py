@@ -19,6 +19,8 @@ from sindyjoint.workflows.diagnosis_start import Work
 # An effect that helps the moment but makes the simulated response worse by this factor stands in for something else.
 WORSE_RESPONSE = 1.5
 LITTLE_HELP = 0.7
+# An effect with which runs left out are missed by so much more is none.
+WORSE_MOMENT = 2.0
 # Where nothing repeats, an effect must win this share of a gap on what it never saw to be added.
 LEAST_GAIN = 0.05
 MOST_REFUSALS = 2
@@ -51,7 +53,10 @@ def add_effects(
         say(f"adding {best.effect.name}")
         added = add_effect(work, found, best, candidates)
         after = gap_of(added.work, added.repaired.model, added.effects)
-        if not paired and _harms(before, after) and len(refused) < MOST_REFUSALS:
+        bursts = _bursts(before, after)
+        if bursts and len(refused) >= MOST_REFUSALS:
+            break
+        if bursts or (not paired and _harms(before, after) and len(refused) < MOST_REFUSALS):
             refused.add(best.effect.id)
             continue
         if not paired and _idle(problem, before, after):
@@ -75,6 +80,11 @@ def _harms(before: Gap, after: Gap) -> bool:
     """Return whether an effect wins little of the moment and loses much of the simulated response, or all of it."""
     kept = after.response <= WORSE_RESPONSE * before.response or np.isnan(before.response)
     return not kept and after.moment > LITTLE_HELP * before.moment
+
+
+def _bursts(before: Gap, after: Gap) -> bool:
+    """Return whether runs left out are missed by far more with an effect: it is determined by single runs only."""
+    return after.moment > WORSE_MOMENT * before.moment and not after.response < before.response
 
 
 def _repeats(problem: Problem) -> bool:
