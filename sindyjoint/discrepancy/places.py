@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.discrepancy.gap_run import GapRun
 from sindyjoint.discrepancy.naming import Problem
 
 
@@ -30,6 +32,8 @@ NAMES = {
 def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Place, ...]:
     """Return the regions that hold most of the gap beyond noise, compared with their share of the samples.
 
+    Of bands that overlap the one that tells most is named.
+
     Parameters
     ----------
     problem : Problem
@@ -42,13 +46,9 @@ def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Pl
     total = float(excess.sum())
     if total <= 0:
         return ()
-    runs = problem.runs
-    join = {
-        name: np.concatenate([getattr(r, name) for r in runs]) for name in ("angle", "rate", "acceleration")
-    }
     angle, rate = (
-        join["angle"] / (problem.reference.angle or 1.0),
-        join["rate"] / (problem.reference.rate or 1.0),
+        np.concatenate([getattr(run, name) for run in problem.runs]) / (largest or 1.0)
+        for name, largest in (("angle", problem.reference.angle), ("rate", problem.reference.rate))
     )
     places: list[tuple[float, Place]] = []
 
@@ -78,6 +78,14 @@ def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Pl
     after = angle * rate < 0
     add("phase", after, "after reversal", "after the reversals, on the way back to zero")
     add("phase", ~after, "before reversal", "before the reversals, on the way out")
+    for axis, label, rows in _labelled(problem.runs):
+        add(axis, rows, label, f"{axis} {label}")
+    places.sort(key=lambda each: -each[0])
+    return tuple(_apart([place for _, place in places])[:most])
+
+
+def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+    """Yield each frequency, level and run by name, and which rows are of it."""
     for axis, labels in (
         ("frequency", [f"{r.motion.frequency:.3g} Hz" if r.motion.frequency else "" for r in runs]),
         ("level", [r.level or "" for r in runs]),
@@ -88,6 +96,19 @@ def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Pl
         )
         for label in dict.fromkeys(labels):
             if label:
-                add(axis, rows == label, label, f"{axis} {label}")
-    places.sort(key=lambda each: -each[0])
-    return tuple(place for _, place in places[:most])
+                yield axis, label, rows == label
+
+
+def _apart(places: Sequence[Place]) -> list[Place]:
+    """Return the places less those whose band lies in, or around, one that comes before."""
+    kept: list[Place] = []
+    for place in places:
+        if not any(other.axis == place.axis and _nested(other.range, place.range) for other in kept):
+            kept.append(place)
+    return kept
+
+
+def _nested(first: tuple[float, float] | str, second: tuple[float, float] | str) -> bool:
+    if isinstance(first, str) or isinstance(second, str):
+        return False
+    return max(first[0], second[0]) < min(first[1], second[1])

@@ -8,10 +8,14 @@ import pytest
 
 from sindyjoint.cli import main
 from sindyjoint.discrepancy.effects import load_effects
+from sindyjoint.discrepancy.naming import Problem
+from sindyjoint.discrepancy.places import where
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rounding import percent
 from sindyjoint.workflows.diagnose import diagnose
+from tests.diagnosis.hidden_effects import hide
+from tests.diagnosis.test_diagnosis_budget import work_on
 
 
 def slide(quadratic, motion="translation"):
@@ -93,3 +97,18 @@ def test_a_floor_of_rounding_is_not_told_to_three_digits(capsys):
     result = diagnose(slide(900.0, "rotation"))
     show_diagnosis(replace(result, noise_floor=replace(result.noise_floor, response=2.09e-7)))
     assert "< 0.01 %" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["stribeck_friction", "dahl_friction", "quintic_stiffness"])
+def test_no_band_is_named_within_another(name):
+    places = where(problem_of_gap(name))
+    assert places
+    bands = [(place.axis, *place.range) for place in places if not isinstance(place.range, str)]
+    for index, (axis, low, high) in enumerate(bands):
+        for other, start, end in bands[:index]:
+            assert axis != other or max(low, start) >= min(high, end)
+
+
+def problem_of_gap(name):
+    work = work_on(hide(name, 1).campaign)
+    return Problem.build(work.rows, work.model)
