@@ -174,8 +174,10 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
                 ax.annotate(
                     percent(value / 100),
                     (place, value),
-                    (6, -3 if below else 3),
+                    # A gap that falls comes from the upper left and leaves to the lower right.
+                    (-6, -3) if below else (6, 3),
                     textcoords="offset points",
+                    ha="right" if below else "left",
                     va="top" if below else "bottom",
                     color=colour,
                 )
