@@ -151,8 +151,6 @@ class _Door:
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
         opened, sha256 = read_table(path) if rows is None else self._stretch(path, *rows)
-        if opened.note:
-            self.notes.append(f"{path.name}: {opened.note}")
         reader = RunReader(opened, channels, self.manifest.rig, self.motion, self.file, self.notes)
         signals, rate = reader.read()
         try:

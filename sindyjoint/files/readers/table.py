@@ -37,8 +37,6 @@ class Table:
         Further names, such as a data set's own name without its group.
     row : callable
         How a message names the sample of an index.
-    note : str
-        What the user should know of the file, a part of a sentence.
     """
 
     path: Path
@@ -46,7 +44,6 @@ class Table:
     load: Callable[[Sequence[int]], Sequence[NDArray]]
     aliases: Mapping[str, int] = field(default_factory=dict)
     row: Callable[[int], str] = _row
-    note: str = ""
 
     def columns(self, wanted: Sequence[str | int]) -> list[Array]:
         """Return the wanted columns as finite float64 arrays.

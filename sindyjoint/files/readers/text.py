@@ -41,25 +41,25 @@ def read_text(path: Path, data: bytes) -> Table:
     Raises
     ------
     InputError
-        For an empty file, binary rubbish, a header without data, or rows of different lengths.
+        For an empty file, binary rubbish, a header without data, rows of different lengths, or one that is cut off.
     """
     text = _decode(path, data)
     layout = _layout(path, text)
+    if not text.endswith("\n"):
+        _check_end(layout)
     return Table(
-        path,
-        layout.names,
-        lambda wanted: _parse(layout, wanted),
-        row=lambda i: f"line {layout.numbers[i]}",
-        note="" if text.endswith("\n") else _cut_off(layout),
+        path, layout.names, lambda wanted: _parse(layout, wanted), row=lambda i: f"line {layout.numbers[i]}"
     )
 
 
-def _cut_off(layout: Layout) -> str:
-    """Return a note where the last number of a file without a last line end is shorter than those above it."""
-    *above, last = (len(_fields(line, layout.delimiter)[-1]) for line in layout.lines[-COMPARED - 1 :])
-    if len(above) < COMPARED or last >= min(above):
-        return ""
-    return "the last line has no end and its last number is short: the file may be cut off"
+def _check_end(layout: Layout) -> None:
+    """Refuse a file without a last line end whose last number is shorter than all above: 6.2 may be of 6.2e-05."""
+    *above, last = (_fields(line, layout.delimiter)[-1] for line in layout.lines[-COMPARED - 1 :])
+    if len(above) == COMPARED and len(last) < min(map(len, above)):
+        raise InputError(
+            f"{layout.path}: ends within line {layout.numbers[-1]}: its last number, {last!r:.40}, is shorter than the "
+            f"{COMPARED} above it; copy the file again, or end that line if the file is whole"
+        )
 
 
 def layout_of(path: Path, data: bytes) -> Layout:
