@@ -160,7 +160,7 @@ def _diagnosed(
             Problem.build(straight.moment_rows(), straight.model),
             initial.moment**2,
             noise.moment**2,
-            processing_error(campaign, runs, first.model),
+            processing_error(first),
             initial.moment**2 - before.moment**2,
         ),
         where=where(moments, campaign.joint.motion) if verdict != "nothing_missing" else (),

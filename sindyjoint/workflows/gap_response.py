@@ -14,7 +14,7 @@ from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.rows import group_labels
-from sindyjoint.workflows.diagnosis_start import cut_up, one_after_another
+from sindyjoint.workflows.diagnosis_start import Work, cut_up, one_after_another
 from sindyjoint.workflows.simulated_run import simulated
 
 
@@ -50,11 +50,17 @@ def response_gap(
     return float(np.sqrt(gap / own)) if own > 0 else float("nan")
 
 
-def processing_error(campaign: Campaign, runs: Sequence[Run], model: JointModel, most: int = 4) -> float:
+def processing_error(work: Work, most: int = 4) -> float:
     """Return what the chain leaves of the model's own simulation: mean square over that of the moment.
 
-    The measured moment drives the model; its angle, with no noise of its own, goes through the same processing.
+    The measured moment drives the model; its angle, with no noise of its own, goes through the same processing. Rows of
+    runs that do not repeat know it already.
     """
+    runs, model = work.runs, work.model
+    known = [row.chain for row in work.rows if row.chain is not None]
+    if known:
+        own = np.concatenate([row.target for row in work.rows if row.chain is not None])
+        return float(np.mean(np.concatenate(known) ** 2) / np.mean(own**2))
     chosen = [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(most, len(runs))).astype(int))]
     made = []
     for run in chosen:

@@ -5,6 +5,7 @@ import pytest
 
 from sindyjoint.workflows.diagnose import diagnose
 from sindyjoint.workflows.diagnosis_chain import chain_errors
+from sindyjoint.workflows.gap_response import processing_error
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
 
@@ -19,6 +20,9 @@ def test_without_noise_the_chain_is_what_is_left(kind):
         model = target - row.chain - row.target
         assert np.allclose(model, 0.0)
         assert chain.shape == row.target.shape and 0 < np.std(chain) < 0.02 * np.std(target)
+    # The budget's share for processing is the mean square of that.
+    whole, left = (np.concatenate(parts) for parts in ([row.target for row in work.rows], again))
+    assert processing_error(work) == pytest.approx(np.mean(left**2) / np.mean(whole**2), rel=0.05)
 
 
 @pytest.mark.parametrize(
