@@ -124,7 +124,10 @@ class _Text(Blocks):
         first, last = start // STRIDE, -(-stop // STRIDE)
         data = self._bytes(places[first], places[last] if last < len(places) else self._size)
         lines = data.split(b"\n")[start - first * STRIDE : stop - first * STRIDE]
-        return list(read_text(self.path, self._head + b"\n".join(lines)).load(wanted))
+        # Only the file's own last line may lack its end.
+        cut = stop >= self.rows and self._bytes(self._size - 1, self._size) not in (b"\n", b"\r")
+        text = self._head + b"\n".join(lines) + (b"" if cut else b"\n")
+        return list(read_text(self.path, text).load(wanted))
 
     def _bytes(self, start: int, stop: int) -> bytes:
         with self.path.open("rb") as file:

@@ -253,3 +253,17 @@ def test_memory_does_not_grow_with_the_rows(tmp_path):
         assert terms == 4
     # Fifteen times the rows, 100 MB more of them; the two readings differ by the size of a stretch.
     assert peaks[1] - peaks[0] < 30_000
+
+
+def test_only_the_end_of_the_file_can_be_cut_off(tmp_path):
+    # Stretches end where their last number may be the shortest; the file itself ends within one.
+    write(tmp_path / "rows.csv", dict(zip(NAMES, motion(2_000), strict=True)))
+    text = (tmp_path / "rows.csv").read_text()
+    blocks = open_blocks(tmp_path / "rows.csv")
+    for stop in range(40, 2_001):
+        blocks.table(stop - 40, stop).columns(["moment"])
+    (tmp_path / "rows.csv").write_text(text.rstrip("\n")[:-14])
+    cut = open_blocks(tmp_path / "rows.csv")
+    cut.table(0, 1_990).columns(["moment"])
+    with pytest.raises(InputError, match="ends within line"):
+        cut.table(1_900, 2_000).columns(["moment"])
