@@ -23,7 +23,7 @@ CUT = 60.0
 
 def paper_way(campaign, n: int) -> np.ndarray:
     """Return the five coefficients by map and surface fit, averaged over frequencies."""
-    from sindyjoint.surface import fit_surface, force_state_map
+    from sindyjoint.states.surface import fit_surface, force_state_map
 
     values = []
     for frequency in sorted({run.frequency for run in campaign.runs}):

@@ -53,7 +53,7 @@ def rows(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def terms() -> Any:
     """Return the candidates as one program."""
-    from sindyjoint.discovery.formula import compile_terms, parse_formula
+    from sindyjoint.equation.formula import compile_terms, parse_formula
 
     return compile_terms([parse_formula(f"theta**{i}*omega**{j}") for i, j in POWERS])
 
@@ -150,7 +150,7 @@ def limits() -> dict[str, Any]:
 
 def disk(n: int, folder: str) -> dict[str, Any]:
     """Stream a table from disk into a factor, and, as the limit, its bytes into nothing."""
-    from sindyjoint.workflows.stream import RowTask, run_rows
+    from sindyjoint.discovery.tables import RowTask, run_rows
 
     path = Path(folder) / f"rows-{n}.npy"
     task = RowTask(path, (1, 2, 3), 0, n, None, terms())
@@ -174,8 +174,8 @@ def statistics(n: int, folder: str) -> dict[str, Any]:
     from sindyjoint.discovery.crossvalidation import cross_validate
     from sindyjoint.discovery.evidence import Evidence, RunEvidence
     from sindyjoint.discovery.factors import merge
+    from sindyjoint.discovery.tables import RowTask, run_rows
     from sindyjoint.discovery.uncertainty import bootstrap
-    from sindyjoint.workflows.stream import RowTask, run_rows
 
     path = Path(folder) / f"rows-{n}.npy"
     function = terms()

@@ -12,7 +12,7 @@ import sindyjoint
 from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.workflows.model_law import model_law
+from sindyjoint.response.model_law import model_law
 
 # Two joints are tested alone; what is found of them stands in the wing.
 laws = {

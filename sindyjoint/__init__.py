@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.library import TermLibrary
-    from sindyjoint.discovery.model import JointModel
+    from sindyjoint.equation.model import JointModel
     from sindyjoint.files import load_campaign
     from sindyjoint.record import Campaign, Joint, Run
     from sindyjoint.workflows.discover import discover
@@ -31,7 +31,7 @@ _HOMES = {
     "Campaign": "record",
     "Joint": "record",
     "Run": "record",
-    "JointModel": "discovery.model",
+    "JointModel": "equation.model",
     "JointRegressor": "discovery.estimator",
     "TermLibrary": "discovery.library",
     "discover": "workflows.discover",

@@ -75,9 +75,9 @@ def batch(
 
     check_output(out)
     with Progress(quiet, verbose) as progress:
+        from sindyjoint.batch.record import CampaignRecord
         from sindyjoint.reporting.batch import CampaignFiles, show_batch, write_batch
         from sindyjoint.workflows.batch import batch as run
-        from sindyjoint.workflows.batch_record import CampaignRecord
 
         def tell(record: CampaignRecord) -> None:
             if record.status == "broken" and not quiet:

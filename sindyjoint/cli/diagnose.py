@@ -15,7 +15,7 @@ from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.diagnosis import Diagnosis
+    from sindyjoint.diagnosis.result import Diagnosis
 
 
 def diagnose(
@@ -109,7 +109,7 @@ def _diagnosed(
     campaign: Path | None, model: Path | None, base: list[str] | None, **options: Any
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, or of a structure."""
-    from sindyjoint.workflows.model_file import read_model
+    from sindyjoint.equation.model_file import read_model
     from sindyjoint.workflows.verify import is_structure
 
     start = None if model is None else read_model(model)

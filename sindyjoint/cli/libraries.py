@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.catalogue import Catalogue, Parameter, Term
+    from sindyjoint.equation.catalogue import Catalogue, Parameter, Term
 
 app = typer.Typer(
     help="The catalogues of candidate terms.\n\nExample: sindyjoint libraries show extended",
@@ -37,7 +37,7 @@ def list_(as_json: AsJson = False) -> None:
 
     Example: sindyjoint libraries list
     """
-    from sindyjoint.discovery.catalogue import list_catalogues
+    from sindyjoint.equation.catalogue import list_catalogues
 
     summaries = list_catalogues()
     if as_json:
@@ -60,7 +60,7 @@ def show(
 
     Example: sindyjoint libraries show friction
     """
-    from sindyjoint.discovery.catalogue import load_catalogue
+    from sindyjoint.equation.catalogue import load_catalogue
 
     catalogue = load_catalogue(name)
     if as_json:
@@ -108,7 +108,7 @@ def copy(
 
     Example: sindyjoint libraries copy extended mine.toml
     """
-    from sindyjoint.discovery.catalogue_file import find_catalogue
+    from sindyjoint.equation.catalogue_file import find_catalogue
     from sindyjoint.errors import OutputError
     from sindyjoint.files.atomic import write_bytes
 
@@ -127,12 +127,12 @@ def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml fil
     Example: sindyjoint libraries check mine.toml
     """
     if _holds_effects(path):
-        from sindyjoint.discrepancy.effects import read_effects
+        from sindyjoint.diagnosis.effects.catalogue import read_effects
 
         effects = read_effects(path)
         typer.echo(f"{path}: in order, {len(effects)} effect(s): {', '.join(e.id for e in effects)}")
         return
-    from sindyjoint.discovery.catalogue import load_catalogue
+    from sindyjoint.equation.catalogue import load_catalogue
 
     catalogue = load_catalogue(path)
     count = len(catalogue)
@@ -155,7 +155,7 @@ def effects(as_json: AsJson = False) -> None:
 
     Example: sindyjoint libraries effects
     """
-    from sindyjoint.discrepancy.effects import load_effects
+    from sindyjoint.diagnosis.effects.catalogue import load_effects
 
     known = load_effects()
     if as_json:

@@ -39,7 +39,7 @@ def rig(
     if out is not None:
         check_output(out)
     with Progress(quiet, verbose) as progress:
-        from sindyjoint.workflows.rig_motion import rig_motion
+        from sindyjoint.workflows.rig import rig_motion
 
         result = rig_motion(rig, model, progress=progress.say)
         if out is not None:

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.evaluation import TermFunction
 from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
 
 Array = NDArray[np.float64]

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from sindyjoint.discovery.catalogue import Catalogue, Reference, as_catalogue, load_catalogue
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.methods import METHODS, column_path
-from sindyjoint.discovery.model import Fitted, JointModel, model_terms
 from sindyjoint.discovery.rows import RowLabels, gather, state_columns
 from sindyjoint.discovery.selection import (
     LEAST_SHARE,
@@ -26,7 +24,9 @@ from sindyjoint.discovery.selection import (
     choose_by_threshold,
     path_of,
 )
-from sindyjoint.discovery.terms import ResolvedTerm
+from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue, load_catalogue
+from sindyjoint.equation.model import Fitted, JointModel, model_terms
+from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Joint, Motion
 
@@ -171,11 +171,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             raise InputError(
                 f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected"
             )
-        weight = None if sample_weight is None else _check_sample_weight(sample_weight, X, dtype=np.float64)
-        if weight is not None and np.any(weight < 0):
-            raise InputError(
-                f"sample_weight holds {weight.min():g}; weights that are not negative are wanted"
-            )
+        weight = _row_weights(sample_weight, X.shape[0])
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
         reference = Reference.of(X[:, 0], X[:, 1], y)
         terms = self.candidates(reference, X.shape[1] == 3)
@@ -376,3 +372,24 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 rate=float(self.reference_.rate or 0.0),
             ),
         )
+
+
+def _row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float64] | None:
+    """Return the weights of rows as an array; a number weighs every row alike."""
+    if sample_weight is None:
+        return None
+    weight = check_array(
+        np.full(count, sample_weight) if isinstance(sample_weight, int | float) else sample_weight,
+        dtype=np.float64,
+        ensure_2d=False,
+        input_name="sample_weight",
+    )
+    if weight.shape != (count,):
+        raise InputError(
+            f"sample_weight has shape {weight.shape}; one weight for each row is expected, ({count},)"
+        )
+    if not np.any(weight):
+        raise InputError("sample_weight is zero for every row; at least one row must count")
+    if np.any(weight < 0):
+        raise InputError(f"sample_weight holds {weight.min():g}; weights that are not negative are expected")
+    return weight

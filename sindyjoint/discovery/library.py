@@ -15,7 +15,7 @@ from pysindy.feature_library.base import BaseFeatureLibrary, x_sequence_or_item
 from pysindy.utils import AxesArray, comprehend_axes
 from sklearn.utils.validation import check_is_fitted
 
-from sindyjoint.discovery.catalogue import Catalogue, Reference, as_catalogue, load_catalogue, term_columns
+from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue, load_catalogue, term_columns
 from sindyjoint.errors import InputError
 
 

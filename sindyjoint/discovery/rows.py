@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.discovery.terms import ResolvedTerm, term_columns
+from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
 
 Array = NDArray[np.float64]

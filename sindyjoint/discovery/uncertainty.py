@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.best_subset import replicate_subsets
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT
-from sindyjoint.words import spelled
+from sindyjoint.text import spelled
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sindyjoint.discovery.model import JointModel, ModelTerm
+from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law

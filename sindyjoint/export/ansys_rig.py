@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.export.text import ascii_line, comment, heading, number
 from sindyjoint.mechanics.beam import Beam

@@ -21,7 +21,7 @@ from sindyjoint.files.atomic import output_folder, write_bytes
 from sindyjoint.states.periodic import RATE_SHARE
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.model import JointModel, ModelTerm
+    from sindyjoint.equation.model import JointModel, ModelTerm
 
 Array = NDArray[np.float64]
 ALL_TERMS = "all terms"
@@ -117,7 +117,7 @@ class Cycles:
 
     def term(self, term: ModelTerm) -> Array:
         """Moment of one term over the cycles; zero for a term in the acceleration, which no cycle defines."""
-        from sindyjoint.discovery.formula import compile_terms, variable_symbols
+        from sindyjoint.equation.formula import compile_terms, variable_symbols
 
         if variable_symbols()[2] in term.expression.free_symbols:
             return np.zeros(self.angle.shape)

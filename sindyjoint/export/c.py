@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.export.base import Export, not_carried
 from sindyjoint.export.python import code_notes, exact_rows, inertia_unit
 from sindyjoint.export.text import ascii_line, comment, number, one_line, preamble

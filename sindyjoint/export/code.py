@@ -15,8 +15,8 @@ import sympy
 from sympy.printing.c import C99CodePrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from sindyjoint.discovery.formula import variable_symbols
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.formula import variable_symbols
+from sindyjoint.equation.model import JointModel
 from sindyjoint.export.parts import Parts, softening_limits, steepness
 from sindyjoint.export.text import number
 
@@ -73,7 +73,7 @@ def at_slip(expression: sympy.Expr) -> sympy.Expr:
 
     Examples
     --------
-    >>> from sindyjoint.discovery.formula import parse_formula
+    >>> from sindyjoint.equation.formula import parse_formula
     >>> at_slip(parse_formula("sign(omega*theta) + heaviside(omega)"))
     direction*sign(theta) + direction/2 + 1/2
     """

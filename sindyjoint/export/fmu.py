@@ -11,7 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import MissingExtraError
 from sindyjoint.export.base import Export, not_carried
 from sindyjoint.export.python import exact_rows, source

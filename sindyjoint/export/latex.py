@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 
-from sindyjoint.discovery.model import JointModel, ModelTerm, _latex_symbol
+from sindyjoint.equation.model import JointModel, ModelTerm, latex_symbol
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
 from sindyjoint.export.text import comment, one_line, preamble
 
@@ -60,7 +60,7 @@ def export(model: JointModel) -> Export:
 
 def equation(model: JointModel) -> str:
     """Return what ``model.latex()`` does, with symbols that are no plain names set as text."""
-    from sindyjoint.discovery.formula import formula_latex
+    from sindyjoint.equation.formula import formula_latex
 
     if all(_PLAIN.fullmatch(term.symbol) for term in model.terms):
         return model.latex()
@@ -93,7 +93,7 @@ def _row(term: ModelTerm) -> str:
 
 
 def _symbol(symbol: str) -> str:
-    return _latex_symbol(symbol) if _PLAIN.fullmatch(symbol) else rf"\text{{{escape(symbol)}}}"
+    return latex_symbol(symbol) if _PLAIN.fullmatch(symbol) else rf"\text{{{escape(symbol)}}}"
 
 
 def with_error(value: float, error: float) -> str:

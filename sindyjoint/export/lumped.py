@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.export.base import Cycles, Represented
 from sindyjoint.export.parts import RAMP, Curve, Parts, contribution, elastic_values, piecewise, rate_values
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     import sympy
 
-    from sindyjoint.discovery.model import JointModel, ModelTerm
+    from sindyjoint.equation.model import JointModel, ModelTerm
 
 Array = NDArray[np.float64]
 # Full friction is reached at this share of the tested rate where a target has no set-valued friction.
@@ -73,7 +73,7 @@ class Parts:
     @classmethod
     def of(cls, model: JointModel) -> Parts:
         """Sort the terms of a model."""
-        from sindyjoint.discovery.formula import variable_symbols
+        from sindyjoint.equation.formula import variable_symbols
 
         theta, omega, alpha = variable_symbols()
         groups: dict[str, list[ModelTerm]] = {name: [] for name in ("elastic", "rate", "coupled", "inertial")}
@@ -90,7 +90,7 @@ class Parts:
     @cached_property
     def viscous(self) -> tuple[ModelTerm, ...]:
         """Terms in proportion to the rate."""
-        from sindyjoint.discovery.formula import variable_symbols
+        from sindyjoint.equation.formula import variable_symbols
 
         return tuple(term for term in self.rate if term.expression == variable_symbols()[1])
 
@@ -99,7 +99,7 @@ class Parts:
         """Terms in proportion to the sign of the rate."""
         import sympy
 
-        from sindyjoint.discovery.formula import variable_symbols
+        from sindyjoint.equation.formula import variable_symbols
 
         return tuple(term for term in self.rate if term.expression == sympy.sign(variable_symbols()[1]))
 
@@ -121,7 +121,7 @@ class Parts:
     @property
     def is_linear_spring(self) -> bool:
         """Whether the elastic part is one stiffness."""
-        from sindyjoint.discovery.formula import variable_symbols
+        from sindyjoint.equation.formula import variable_symbols
 
         return all(term.expression == variable_symbols()[0] for term in self.elastic)
 
@@ -138,7 +138,7 @@ class Parts:
 
 def contribution(term: ModelTerm, angle: ArrayLike, rate: ArrayLike) -> Array:
     """Coefficient times formula at states, shape (n,); sign(0) is 0."""
-    from sindyjoint.discovery.formula import compile_terms
+    from sindyjoint.equation.formula import compile_terms
 
     theta, omega = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     column = compile_terms([term.expression])(theta.ravel(), omega.ravel(), np.nan)[:, 0]
@@ -216,7 +216,7 @@ def power_law(expression: sympy.Expr) -> tuple[float, float, str] | None:
 
     Examples
     --------
-    >>> from sindyjoint.discovery.formula import parse_formula
+    >>> from sindyjoint.equation.formula import parse_formula
     >>> power_law(parse_formula("theta**2*omega"))
     (2.0, 0.0, 'rate')
     >>> power_law(parse_formula("omega*abs(omega)"))
@@ -226,7 +226,7 @@ def power_law(expression: sympy.Expr) -> tuple[float, float, str] | None:
     """
     import sympy
 
-    from sindyjoint.discovery.formula import variable_symbols
+    from sindyjoint.equation.formula import variable_symbols
 
     theta, omega, _ = variable_symbols()
     powers = {"theta": 0.0, "size": 0.0, "rate": 0.0, "sign": 0.0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.export.base import Cycles, Export, Fidelity, Represented, fidelity_table, not_carried
 from sindyjoint.export.text import ascii_line, comment, number, one_line, preamble
 
@@ -50,7 +50,7 @@ def inertia_unit(model: JointModel) -> str:
 
 def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
     """Return the fidelity table of a target that computes the formulas themselves."""
-    from sindyjoint.discovery.model import INERTIA
+    from sindyjoint.equation.model import INERTIA
     from sindyjoint.export.parts import Parts
 
     cycles, inertial = Cycles.of(model), Parts.of(model).inertial

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table, not_carried
 from sindyjoint.export.parts import RAMP, Curve, Parts

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from sindyjoint.export.base import Fidelity
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.model import JointModel
+    from sindyjoint.equation.model import JointModel
 
 
 def one_line(text: str) -> str:
@@ -71,7 +71,7 @@ def heading(model: JointModel, target: str) -> list[str]:
 
 def equation(model: JointModel) -> str:
     """Return the equation in ASCII, with the catalogues' own syntax for formulas."""
-    from sindyjoint.discovery.formula import formula_text
+    from sindyjoint.equation.formula import formula_text
 
     motion = model.joint.motion
     parts = ["I*alpha" if motion == "rotation" else "m*a"] if model.joint.inertia is not None else []

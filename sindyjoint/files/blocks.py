@@ -5,8 +5,7 @@ Text, Parquet and NPY files are read here, further formats in :mod:`sindyjoint.f
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers.table import Table, foreign, missing_extra
+from sindyjoint.files.long_file import Blocks
+from sindyjoint.files.long_formats import KINDS as OTHERS
+from sindyjoint.files.readers.table import foreign, missing_extra
 
 Array = NDArray[np.float64]
 
@@ -24,42 +25,6 @@ CHUNK = 1 << 24
 STRIDE = 1 << 15
 # Rows of Parquet decoded at once.
 BATCH = 1 << 16
-
-
-class Blocks(ABC):
-    """A file of columns that can be read from any row on.
-
-    Attributes
-    ----------
-    path : Path
-    names : tuple of str
-    aliases : mapping of str to int
-    rows : int
-        Of text files, lines after the header: blank and comment lines count, and give no row when they are read.
-    """
-
-    path: Path
-    names: tuple[str, ...]
-    aliases: Mapping[str, int] = {}
-    rows: int
-
-    @abstractmethod
-    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
-        """Return the rows from ``start`` to before ``stop`` of some columns."""
-
-    def largest(self, column: str | int) -> float | None:
-        """Return the largest magnitude of a column, if the file states it."""
-        return None
-
-    def table(self, start: int, stop: int) -> Table:
-        """Return a stretch of rows as a table, with all its checks."""
-        return Table(
-            self.path,
-            self.names,
-            lambda wanted: self.read(start, stop, wanted),
-            self.aliases,
-            lambda index: f"row {start + index + 1}",
-        )
 
 
 def open_blocks(path: str | Path) -> Blocks | None:
@@ -72,8 +37,6 @@ def open_blocks(path: str | Path) -> Blocks | None:
     MissingExtraError
         When the library for this format is not installed.
     """
-    from sindyjoint.files.long_formats import KINDS as OTHERS
-
     file = Path(path)
     kind = (KINDS | OTHERS).get(file.suffix.lower())
     if kind is None:

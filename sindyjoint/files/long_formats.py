@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.long_file import Blocks
 from sindyjoint.files.readers.table import foreign, missing_extra, short_names
 
 FEATHER = b"ARROW1"

@@ -20,7 +20,7 @@ Column = str | int
 MANIFEST_NAME = "campaign.toml"
 
 
-class _Table(BaseModel):
+class StrictTable(BaseModel):
     """A TOML table that refuses unknown keys and names the nearest known one."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -39,7 +39,7 @@ class _Table(BaseModel):
         return given
 
 
-class Channel(_Table):
+class Channel(StrictTable):
     """One measured quantity: a column with its unit, or a declared constant.
 
     The value in the file is multiplied by ``gain`` (with a unit of its own) and then ``offset`` is added.
@@ -68,14 +68,14 @@ class Channel(_Table):
         return self
 
 
-class TimeChannel(_Table):
+class TimeChannel(StrictTable):
     """The column of time stamps."""
 
     column: Column
     unit: str = "s"
 
 
-class Channels(_Table):
+class Channels(StrictTable):
     """Which column holds which quantity."""
 
     time: TimeChannel | None = None
@@ -116,7 +116,7 @@ class Channels(_Table):
         return self.model_copy(update=changes)
 
 
-class RigTable(_Table):
+class RigTable(StrictTable):
     """Raw gauges and the constants of the paper's Eqs. 1–3, instead of moment and angle channels."""
 
     strain: list[Column] | None = Field(
@@ -146,7 +146,7 @@ class RigTable(_Table):
         return self
 
 
-class JointTable(_Table):
+class JointTable(StrictTable):
     """The joint under test."""
 
     name: str = "joint"
@@ -160,7 +160,7 @@ class JointTable(_Table):
     labels: dict[str, str | int | float | bool] = Field(default_factory=dict, description="Anything else.")
 
 
-class RunTable(_Table):
+class RunTable(StrictTable):
     """One run: its file and how the joint was excited."""
 
     file: str
@@ -171,7 +171,7 @@ class RunTable(_Table):
     channels: Channels | None = Field(default=None, description="What differs from [channels] in this run.")
 
 
-class Manifest(_Table):
+class Manifest(StrictTable):
     """A whole ``campaign.toml``."""
 
     simulated: bool = Field(default=False, description="Whether the runs come from a virtual test.")
@@ -232,10 +232,10 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"{file}: is not valid TOML: {' '.join(str(error).split())}") from error
     except ValidationError as error:
-        raise InputError(f"{file}: {_first_complaint(error)}") from error
+        raise InputError(f"{file}: {first_complaint(error)}") from error
 
 
-def _first_complaint(error: ValidationError) -> str:
+def first_complaint(error: ValidationError) -> str:
     """Turn pydantic's list into one sentence: the field, what was wanted, what was given."""
     # Of a key that may be a number or text, pydantic complains once per type: one per place will do.
     by_place: dict[tuple[int | str, ...], ErrorDetails] = {}

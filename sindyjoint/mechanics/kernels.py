@@ -18,7 +18,7 @@ from numba.extending import intrinsic as numba_intrinsic
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import CompiledLaw, ScalarLaw
+from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 
 # Its annotations describe the Python function, which takes a typing context first; callers do not give that.
 intrinsic: Any = numba_intrinsic

@@ -9,7 +9,7 @@ arguments and their rates come out.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -18,39 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 
 if TYPE_CHECKING:
     import sympy
 
 Array = NDArray[np.float64]
-#: ``f(theta, omega, direction, state, parameters, out)`` on scalars: writes the moment to ``out[0]`` and the rates
-#: of the internal states to ``out[1:]``. It must be compilable by numba.
-ScalarLaw = Callable[[float, float, float, Any, Any, Any], None]
-
-
-@dataclass(frozen=True)
-class CompiledLaw:
-    """A law as the integrators call it: a C function and the numbers it reads.
-
-    Parameters
-    ----------
-    function : object
-        The compiled ``numba`` function that others may compose; takes arrays.
-    callback : object
-        The C callback made of it. Held here so that its address stays valid.
-    parameters : ndarray, shape (n_parameters,)
-    n_states : int
-    """
-
-    function: Any
-    callback: Any
-    parameters: Array
-    n_states: int
-
-    @property
-    def address(self) -> int:
-        """Address of the C function."""
-        return self.callback.address
 
 
 @runtime_checkable

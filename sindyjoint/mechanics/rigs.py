@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
-from sindyjoint.files.manifest import _first_complaint, _Table
+from sindyjoint.files.manifest import StrictTable, first_complaint
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 RIG_FOLDER = Path(__file__).parent / "rig_files"
 
 
-class SectionTable(_Table):
+class SectionTable(StrictTable):
     """A rectangular section, bent over its height."""
 
     width: str
@@ -40,7 +40,7 @@ class SectionTable(_Table):
     density: str
 
 
-class PartTable(_Table):
+class PartTable(StrictTable):
     """One part of the chain: a beam, a joint or a mass, by the key that names it."""
 
     beam: str | None = None
@@ -76,14 +76,14 @@ class PartTable(_Table):
         return self
 
 
-class ColumnTable(_Table):
+class ColumnTable(StrictTable):
     """A column of a pulse file and its unit."""
 
     column: str | int
     unit: str
 
 
-class PulseTable(_Table):
+class PulseTable(StrictTable):
     """The force on the structure: a shape, or a file."""
 
     point: str = "tip"
@@ -105,7 +105,7 @@ class PulseTable(_Table):
         return self
 
 
-class OutputTable(_Table):
+class OutputTable(StrictTable):
     """What is simulated and returned."""
 
     points: list[str] = ["tip"]
@@ -115,7 +115,7 @@ class OutputTable(_Table):
     modes: int = Field(default=12, ge=1)
 
 
-class MeasuredTable(_Table):
+class MeasuredTable(StrictTable):
     """A measured response; its first sample is the instant at which the pulse begins."""
 
     file: str
@@ -124,13 +124,13 @@ class MeasuredTable(_Table):
     point: str = "tip"
 
 
-class BaseTable(_Table):
+class BaseTable(StrictTable):
     """The base: a rigid clamp unless a stiffness is given."""
 
     clamp_stiffness: str | None = None
 
 
-class RigFile(_Table):
+class RigFile(StrictTable):
     """All of ``rig.toml``."""
 
     name: str
@@ -262,7 +262,7 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:
-        raise InputError(f"{path}: {_first_complaint(error)}") from error
+        raise InputError(f"{path}: {first_complaint(error)}") from error
     try:
         return _rig(given, path, {**JOINTS, **(laws or {})})
     except SindyJointError as error:

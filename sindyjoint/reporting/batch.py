@@ -18,13 +18,12 @@ from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.style import figure_bytes, pretty_unit
 from sindyjoint.reporting.tables import csv_text, superscripted
-from sindyjoint.rounding import rounded
-from sindyjoint.words import spelled
+from sindyjoint.text import rounded, spelled
 from sindyjoint.workflows.batch import CAMPAIGNS
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.batch_record import CampaignRecord
-    from sindyjoint.workflows.batch_summary import Batch
+    from sindyjoint.batch.record import CampaignRecord
+    from sindyjoint.batch.summary import Batch
     from sindyjoint.workflows.discover import Discovery
 
 WIDTH = 100

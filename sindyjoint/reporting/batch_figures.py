@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sindyjoint.batch.summary import TEMPERATURE
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, prefixed, shortened
-from sindyjoint.words import spelled
-from sindyjoint.workflows.batch_summary import TEMPERATURE
+from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.discovery.population import Scatter, Trend
-    from sindyjoint.workflows.batch_summary import Batch
+    from sindyjoint.batch.population import Scatter, Trend
+    from sindyjoint.batch.summary import Batch
 
 # More names than these cannot be read below an axis.
 NAMED = 24

@@ -26,8 +26,7 @@ from sindyjoint.reporting.style import (
     shortened,
 )
 from sindyjoint.reporting.tables import interval_text, superscripted
-from sindyjoint.rounding import rounded
-from sindyjoint.words import spelled
+from sindyjoint.text import rounded, spelled
 from sindyjoint.workflows.verdict import PAPER_TERMS
 
 if TYPE_CHECKING:

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.reporting.packing import pack, unpack
-from sindyjoint.surface import ForceStateMap, force_state_map, map_of_states
+from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
 
 if TYPE_CHECKING:
+    from sindyjoint.bias.correction import Bias
     from sindyjoint.discovery.evidence import Evidence
     from sindyjoint.states import ForceStates
-    from sindyjoint.workflows.bias import Bias
     from sindyjoint.workflows.discover import Discovery
 
 Array = NDArray[np.float64]
@@ -338,7 +338,7 @@ def _unbiased(
     values: Array, errors: Array, ids: Sequence[str], bias: Bias, group: int
 ) -> tuple[Array, Array]:
     """Take the bias of a group out of its coefficients; their errors grow by what is not known of it."""
-    from sindyjoint.workflows.bias import DOUBT
+    from sindyjoint.bias.correction import DOUBT
 
     known = [i for i, name in enumerate(ids) if name in bias.ids]
     at = [bias.ids.index(ids[i]) for i in known]

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from sindyjoint.diagnosis.result import Diagnosis
     from sindyjoint.record import Campaign
+    from sindyjoint.response.verification import Verification
     from sindyjoint.states import ForceStates
     from sindyjoint.workflows.comparison import Comparison
-    from sindyjoint.workflows.diagnosis import Diagnosis
     from sindyjoint.workflows.discover import Discovery
     from sindyjoint.workflows.reproduce import Reproduction
-    from sindyjoint.workflows.verification import Verification
 
 # Steps of a path shown on either side of the chosen one.
 NEIGHBOURS = 3

@@ -18,13 +18,12 @@ from sindyjoint.reporting.style import (
     pretty_unit,
 )
 from sindyjoint.reporting.units import quantities
-from sindyjoint.rounding import percent
-from sindyjoint.words import spelled
+from sindyjoint.text import percent, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap, Step
+    from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 
 WIDTH = 100
 NARROW = 5  # inches, below which a legend has one column
@@ -92,7 +91,7 @@ def advice_words(advice: Advice, level: str) -> str:
 
 def level_unit(result: Diagnosis) -> str:
     """Return the unit of the level of an advised run: of the angle, or of a structure's displacement."""
-    from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
+    from sindyjoint.diagnosis.structure.result import StructureDiagnosis
 
     rotates = result.model.joint.motion == "rotation" and not isinstance(result, StructureDiagnosis)
     return "rad" if rotates else "m"

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
-from sindyjoint.discovery.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 
 if TYPE_CHECKING:
-    from sindyjoint.discrepancy.naming import FittedEffect
+    from sindyjoint.diagnosis.campaign.ranking import FittedEffect
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
 THIN_SPACE = '<mspace width="0.17em"/>'

@@ -12,7 +12,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.reporting.style import INK, MUTED, RULE
-from sindyjoint.words import spelled
+from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
     from jinja2 import Environment

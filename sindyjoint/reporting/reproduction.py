@@ -143,7 +143,7 @@ def reproduction_page(result: Reproduction, origin: Provenance, pictures: dict[s
     from sindyjoint.reporting.page import render
     from sindyjoint.reporting.reproduction_figures import TRUTHS, figures_of
     from sindyjoint.reporting.result_pages import inlined, milliseconds, response_payload
-    from sindyjoint.rounding import percent
+    from sindyjoint.text import percent
 
     figures = figures_of(result)
     furthest = max(float(joint.largest_error.max()) for joint in result.joints)

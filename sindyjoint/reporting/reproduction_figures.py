@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from sindyjoint.paper import PULSE
 from sindyjoint.reporting.style import DIVERGING, INK, PALETTE
 from sindyjoint.reporting.verification import amplitude, period
-from sindyjoint.surface import ForceStateMap
-from sindyjoint.workflows.verification import RunVerification
+from sindyjoint.response.verification import RunVerification
+from sindyjoint.states.surface import ForceStateMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

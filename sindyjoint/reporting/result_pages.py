@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.diagnosis import advice_words, level_unit, parameter_unit
 from sindyjoint.reporting.equation import effect_mathml, mathml
 from sindyjoint.reporting.figures import kinds_of
@@ -16,12 +16,11 @@ from sindyjoint.reporting.provenance import Provenance
 from sindyjoint.reporting.style import INK, PALETTE, prefixed
 from sindyjoint.reporting.tables import term_rows
 from sindyjoint.reporting.units import quantities
-from sindyjoint.rounding import percent
-from sindyjoint.words import spelled
+from sindyjoint.text import percent, spelled
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.diagnosis import Diagnosis, Gap
-    from sindyjoint.workflows.verification import RunVerification, Verification
+    from sindyjoint.diagnosis.result import Diagnosis, Gap
+    from sindyjoint.response.verification import RunVerification, Verification
 
 CHANNEL_UNITS = {"angle": "rad", "displacement": "m", "moment": "N*m", "force": "N"}
 # What a screen shows of one curve.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from sindyjoint.reporting.provenance import Provenance
-    from sindyjoint.workflows.rig_motion import RigMotion
+    from sindyjoint.workflows.rig import RigMotion
 
 Array = NDArray[np.float64]
 

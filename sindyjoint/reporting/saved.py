@@ -9,18 +9,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.batch.summary import Batch
+from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.diagnosis.structure.gap import RecordGap
+from sindyjoint.diagnosis.structure.result import StructureDiagnosis
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.packing import pack, unpack
 from sindyjoint.reporting.reproduction_figures import ReproductionFigures
 from sindyjoint.reporting.rig_motion import RigFigures
-from sindyjoint.workflows.batch_summary import Batch
+from sindyjoint.response.verification import Band, RunVerification, Verification
 from sindyjoint.workflows.comparison import Comparison
-from sindyjoint.workflows.diagnosis import Diagnosis
-from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
-from sindyjoint.workflows.structure_gap import RecordGap
-from sindyjoint.workflows.verification import Band, RunVerification, Verification
 
 T = TypeVar("T")
 

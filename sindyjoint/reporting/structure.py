@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
-from sindyjoint.rounding import percent
-from sindyjoint.words import spelled
-from sindyjoint.workflows.oscillation import hilbert_envelope, main_frequency
+from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
+from sindyjoint.text import percent, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
-    from sindyjoint.workflows.structure_gap import RecordGap
+    from sindyjoint.diagnosis.structure.gap import RecordGap
+    from sindyjoint.diagnosis.structure.result import StructureDiagnosis
 
 CYCLES_SHOWN = 6
 

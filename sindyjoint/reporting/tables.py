@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sindyjoint.discovery.formula import formula_pretty
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.formula import formula_pretty
+from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.rounding import rounded
+from sindyjoint.text import rounded
 
 if TYPE_CHECKING:
     from rich.table import Table

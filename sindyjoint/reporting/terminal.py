@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from sindyjoint.rounding import rounded
+from sindyjoint.text import rounded
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -19,13 +19,13 @@ from sindyjoint.reporting.style import (
     prefixed,
     shortened,
 )
-from sindyjoint.rounding import percent
-from sindyjoint.workflows.oscillation import hilbert_envelope
+from sindyjoint.response.oscillation import hilbert_envelope
+from sindyjoint.text import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.workflows.verification import RunVerification, Verification
+    from sindyjoint.response.verification import RunVerification, Verification
 
 WIDTH = 100
 CYCLES_SHOWN = 6

@@ -10,11 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.files.atomic import check_output, prepare_output, whole_folder
-from sindyjoint.files.manifest import MANIFEST_NAME
-from sindyjoint.parallel import Lost, executor
-from sindyjoint.workflows.batch_record import (
+from sindyjoint.batch.record import (
     FACTORS_FILE,
     RECORD_FILE,
     CampaignRecord,
@@ -23,7 +19,11 @@ from sindyjoint.workflows.batch_record import (
     hashes,
     kept_record,
 )
-from sindyjoint.workflows.batch_summary import Batch, summarised
+from sindyjoint.batch.summary import Batch, summarised
+from sindyjoint.errors import InputError, MissingInputError, SindyJointError
+from sindyjoint.files.atomic import check_output, prepare_output, whole_folder
+from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.parallel import Lost, executor
 from sindyjoint.workflows.discover import Discovery, discover
 
 CAMPAIGNS = "campaigns"
@@ -93,7 +93,7 @@ def batch(
     progress : callable, optional
         Called with one line as each campaign ends.
     on_record : callable, optional
-        Called with each :class:`~sindyjoint.workflows.batch_record.CampaignRecord` as it ends.
+        Called with each :class:`~sindyjoint.batch.record.CampaignRecord` as it ends.
     **options
         Of :func:`~sindyjoint.workflows.discover.discover`. The seed is each campaign's own.
 
@@ -206,8 +206,8 @@ def _ids(labels: Sequence[str]) -> list[str]:
 
 def _check_options(library: Any, options: Mapping[str, Any]) -> None:
     """Refuse here, once, what would make every campaign a broken one."""
-    from sindyjoint.discovery.catalogue import as_catalogue
     from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.equation.catalogue import as_catalogue
 
     catalogue = as_catalogue(library)
     own = {name: options[name] for name in options if name in JointRegressor().get_params()}

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.discovery.catalogue import as_catalogue
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.discovery.frequency import MARGIN
 from sindyjoint.discovery.methods import METHODS
-from sindyjoint.discovery.model import JointModel, model_terms
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
+from sindyjoint.equation.catalogue import as_catalogue
+from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
@@ -284,8 +284,8 @@ def _with_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice,
 
 def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> tuple[float, str]:
     """Return the error of a set of terms, and why there is none; each run under the fit to the other groups."""
-    from sindyjoint.workflows.model_law import model_law
-    from sindyjoint.workflows.response import simulate_run
+    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.run import simulate_run
 
     if len(evidence.groups) < 2:
         return float("nan"), "one group only: nothing can be left out"

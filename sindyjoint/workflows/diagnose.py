@@ -9,26 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.discovery.catalogue import Catalogue
-from sindyjoint.discovery.dimensions import unit_for
-from sindyjoint.discovery.model import JointModel
-from sindyjoint.discrepancy.budget import make_budget
-from sindyjoint.discrepancy.drift import ChannelDrift, find_drift, without_drift
-from sindyjoint.discrepancy.effects import Effect, load_effects
-from sindyjoint.discrepancy.gap import gap_runs
-from sindyjoint.discrepancy.naming import TEMPER, Problem
-from sindyjoint.discrepancy.places import where
-from sindyjoint.discrepancy.repair import refit, whole_model
-from sindyjoint.parallel import spread
-from sindyjoint.record import Campaign
-from sindyjoint.states import campaign_states
-from sindyjoint.workflows.advice import advise
-from sindyjoint.workflows.cautions import falling
-from sindyjoint.workflows.diagnosis import Diagnosis, Gap, Step
-from sindyjoint.workflows.diagnosis_gap import gap_of, noise_floor
-from sindyjoint.workflows.diagnosis_loop import add_effects
-from sindyjoint.workflows.diagnosis_runs import run_gaps
-from sindyjoint.workflows.diagnosis_start import (
+from sindyjoint.diagnosis.campaign.advice import advise
+from sindyjoint.diagnosis.campaign.budget import make_budget
+from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
+from sindyjoint.diagnosis.campaign.free_decay import polished
+from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
+from sindyjoint.diagnosis.campaign.localisation import where
+from sindyjoint.diagnosis.campaign.loop import add_effects
+from sindyjoint.diagnosis.campaign.pictures import run_gaps
+from sindyjoint.diagnosis.campaign.ranking import TEMPER, Problem
+from sindyjoint.diagnosis.campaign.repair import refit, whole_model
+from sindyjoint.diagnosis.campaign.response_gap import processing_error
+from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.start import (
     RATE_SHARE,
     Work,
     applicable,
@@ -38,11 +31,18 @@ from sindyjoint.workflows.diagnosis_start import (
     kept_out,
     one_after_another,
 )
-from sindyjoint.workflows.diagnosis_verdict import humble, judge, outside_share, unexplained_share
+from sindyjoint.diagnosis.campaign.verdict import humble, judge, outside_share, unexplained_share
+from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
+from sindyjoint.diagnosis.result import Diagnosis, Gap, Step
+from sindyjoint.equation.catalogue import Catalogue
+from sindyjoint.equation.dimensions import unit_for
+from sindyjoint.equation.model import JointModel
+from sindyjoint.parallel import spread
+from sindyjoint.record import Campaign
+from sindyjoint.soundness.identifiability import limits
+from sindyjoint.soundness.warnings import falling
+from sindyjoint.states import campaign_states
 from sindyjoint.workflows.discover import the_campaign
-from sindyjoint.workflows.free_decay import polished
-from sindyjoint.workflows.gap_response import processing_error
-from sindyjoint.workflows.limits import limits
 
 MAX_EFFECTS = 4
 
@@ -117,7 +117,7 @@ def _diagnosed(
 ) -> Diagnosis:
     hidden = None
     if campaign is None:
-        from sindyjoint.workflows.hidden import hidden_campaign
+        from sindyjoint.diagnosis.campaign.hidden import hidden_campaign
 
         say("simulating a virtual test with something hidden in it")
         campaign, hidden = hidden_campaign(random_state)

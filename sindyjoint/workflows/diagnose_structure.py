@@ -8,21 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.discovery.model import INERTIA, JointModel
-from sindyjoint.discovery.terms import Reference
-from sindyjoint.discrepancy.effects import Effect, load_effects
-from sindyjoint.discrepancy.joint_effects import JointLaws, joint_changes
-from sindyjoint.discrepancy.structure_effects import Change, Scales, load_structure_effects, structure_changes
-from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import hinges, with_laws
-from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
-from sindyjoint.parallel import spread
-from sindyjoint.workflows.diagnosis import Gap, Step
-from sindyjoint.workflows.model_law import model_law
-from sindyjoint.workflows.oscillation import main_frequency
-from sindyjoint.workflows.structure_advice import advise
-from sindyjoint.workflows.structure_diagnosis import (
+from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
+from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes
+from sindyjoint.diagnosis.effects.structure import Change, Scales, load_structure_effects, structure_changes
+from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.diagnosis.structure.advice import advise
+from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test, model_of_law
+from sindyjoint.diagnosis.structure.noise import record_noise
+from sindyjoint.diagnosis.structure.problem import Fit, PulseProblem, fit
+from sindyjoint.diagnosis.structure.result import (
     State,
     StructureDiagnosis,
     budget_of,
@@ -35,12 +29,17 @@ from sindyjoint.workflows.structure_diagnosis import (
     verdict_of,
     warnings_of,
 )
-from sindyjoint.workflows.structure_hidden import hidden_pulse_test, model_of_law
-from sindyjoint.workflows.structure_naming import FittedChange, StructureRanking, rank, rows_of, search
-from sindyjoint.workflows.structure_noise import record_noise
-from sindyjoint.workflows.structure_problem import Fit, PulseProblem, fit
-from sindyjoint.workflows.verify import MODEL_PLACE
-from sindyjoint.workflows.verify_rig import model_places
+from sindyjoint.diagnosis.structure.search import FittedChange, StructureRanking, rank, rows_of, search
+from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.terms import Reference
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics.pulse_test import hinges, with_laws
+from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.parallel import spread
+from sindyjoint.response.model_law import model_law
+from sindyjoint.response.oscillation import main_frequency
+from sindyjoint.response.verify_rig import MODEL_PLACE, model_places
 
 MAX_EFFECTS = 3
 # Nothing is claimed below this belief that something is missing.

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.catalogue import Catalogue, as_catalogue, load_catalogue
-from sindyjoint.discovery.model import INERTIA, Fitted, JointModel
-from sindyjoint.discovery.skew import Skew, estimate_skew, reference_of, shifted
+from sindyjoint.discovery.delay import Skew, estimate_skew, reference_of, shifted
+from sindyjoint.discovery.segments import LONGEST, Tally, fit_long, has_long_runs
+from sindyjoint.equation.catalogue import Catalogue, as_catalogue, load_catalogue
+from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.warnings import cautions
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.words import spelled
-from sindyjoint.workflows.cautions import cautions
-from sindyjoint.workflows.long_runs import LONGEST, Tally, fit_long, has_long_runs
+from sindyjoint.text import spelled
 from sindyjoint.workflows.verdict import PAPER_TERMS, Verdict, judge
 
 # The model that completes the states is itself found on incomplete ones: as often as its terms change, at most.
@@ -27,9 +27,9 @@ COMPLETIONS = 4
 BETTER = 0.998
 
 if TYPE_CHECKING:
+    from sindyjoint.bias.correction import Bias, Corrected
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.selection import Selection
-    from sindyjoint.workflows.bias import Bias, Corrected
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,9 +244,9 @@ def _completed(
     The model that completes the states was itself found on incomplete ones: the search starts from it and from the
     paper's terms alone, and the end that leaves less of the moment unexplained is taken.
     """
+    from sindyjoint.bias.completion import completed_states
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.workflows.completion import completed_states
-    from sindyjoint.workflows.model_law import model_law
+    from sindyjoint.response.model_law import model_law
 
     best = (regressor, model, states)
     starts = [model] if model.terms else []
@@ -278,7 +278,7 @@ def _completed(
 def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | None:
     """Return the paper's five terms, and inertia where it is one, fitted to a regressor's data; None if not offered."""
     from sindyjoint.discovery.evidence import fit_columns
-    from sindyjoint.discovery.model import model_terms
+    from sindyjoint.equation.model import model_terms
 
     ids = regressor.evidence_.ids
     wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
@@ -302,7 +302,7 @@ def _artefacts(
     states: Sequence[ForceStates],
 ) -> bool:
     """Return whether the found terms beyond the paper's are what the processing makes of the paper's law."""
-    from sindyjoint.workflows.bias import DOUBT, measure_bias
+    from sindyjoint.bias.correction import DOUBT, measure_bias
 
     paper = paper_model(regressor, model)
     if paper is None or not verdict.extra:
@@ -332,8 +332,8 @@ def _corrected(
     ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that
     stays in doubt as of any correction.
     """
+    from sindyjoint.bias.correction import corrected_model
     from sindyjoint.discovery.evidence import fit_columns
-    from sindyjoint.workflows.bias import corrected_model
 
     chosen = [term for term in regressor.terms_ if term.id in model]
     fitted = [term for term in chosen if term.id in regressor.evidence_.ids]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sindyjoint.bias.correction import DOUBT, Bias
 from sindyjoint.discovery.frequency import MARGIN, FrequencyTest, frequency_test, group_estimates
 from sindyjoint.states import ForceStates
 from sindyjoint.states.rows import group_labels
-from sindyjoint.workflows.bias import DOUBT, Bias
 from sindyjoint.workflows.discover import Discovery
 
 

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
+from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.oscillation import Oscillation
+from sindyjoint.response.verification import Verification
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states
-from sindyjoint.workflows.model_law import with_coefficients
-from sindyjoint.workflows.oscillation import Oscillation
+from sindyjoint.states.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states
 from sindyjoint.workflows.paper_tables import TableCheck, check_tables, table_findings
-from sindyjoint.workflows.verification import Verification
 from sindyjoint.workflows.verify import verify
 
 Array = NDArray[np.float64]

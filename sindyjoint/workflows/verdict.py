@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sindyjoint.discovery.evidence import fit_columns
-from sindyjoint.discovery.model import INERTIA, TOLERATED_MISFIT, JointModel
-from sindyjoint.words import spelled
-from sindyjoint.workflows.cautions import channel_words
+from sindyjoint.equation.model import INERTIA, TOLERATED_MISFIT, JointModel
+from sindyjoint.soundness.warnings import channel_words
+from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.record import Campaign
-from sindyjoint.workflows.model_file import read_model
-from sindyjoint.workflows.response import WINDOW
-from sindyjoint.workflows.verification import Verification
-from sindyjoint.workflows.verify_campaign import verify_campaign
-from sindyjoint.workflows.verify_rig import MODEL_PLACE, verify_rig
+from sindyjoint.response.run import WINDOW
+from sindyjoint.response.verification import Verification
+from sindyjoint.response.verify_campaign import verify_campaign
+from sindyjoint.response.verify_rig import MODEL_PLACE, verify_rig
 
 TOLERANCE = 0.05
 DRAWS = 20

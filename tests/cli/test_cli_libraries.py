@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from sindyjoint.cli import main
 from sindyjoint.cli.libraries import _print_pretty, app
-from sindyjoint.discovery.catalogue import library_folder, list_catalogues, load_catalogue
+from sindyjoint.equation.catalogue import library_folder, list_catalogues, load_catalogue
 from sindyjoint.errors import FormulaError, MissingInputError, OutputError, UnknownNameError
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from sindyjoint.cli import main
-from sindyjoint.discovery.catalogue import library_folder
+from sindyjoint.equation.catalogue import library_folder
 
 
 def run(*arguments):

@@ -13,7 +13,7 @@ from sindyjoint.mechanics.laws import INTER_PANEL, FunctionLaw, PaperLaw
 from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
 from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
 from sindyjoint.mechanics.structure import LumpedMass
-from tests.workflows.made_models import paper_model
+from tests.made_models import paper_model
 
 NAMES = ("beam_loss", "lumped_mass", "clamp_stiffness", "dahl", "jenkins", "pulse_scale", "nothing")
 OUTSIDE = ("ripple",)

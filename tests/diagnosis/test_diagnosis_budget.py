@@ -6,13 +6,13 @@ Campaigns are those of tests/diagnosis/hidden_effects.py: an effect carries 6 % 
 import numpy as np
 import pytest
 
-from sindyjoint.discrepancy.budget import explained_by_state, make_budget, shares
-from sindyjoint.discrepancy.naming import Problem
+from sindyjoint.diagnosis.campaign.budget import explained_by_state, make_budget, shares
+from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
+from sindyjoint.diagnosis.campaign.ranking import Problem
+from sindyjoint.diagnosis.campaign.start import RATE_SHARE, Work, cut_up, first_model
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.diagnosis_gap import gap_of, noise_floor
-from sindyjoint.workflows.diagnosis_start import RATE_SHARE, Work, cut_up, first_model
 from tests.diagnosis.hidden_effects import hide
 
 PARTS = ("state", "history", "run", "processing", "noise")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign.processing import chain_errors
+from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.diagnosis_chain import chain_errors
-from sindyjoint.workflows.gap_response import processing_error
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
 

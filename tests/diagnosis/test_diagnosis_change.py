@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.discrepancy.change import changes, segments, steady_before
-from sindyjoint.discrepancy.effects import load_effects, select_effects
-from sindyjoint.discrepancy.naming import FittedEffect
-from sindyjoint.discrepancy.repair import Instant, effect_law
+from sindyjoint.diagnosis.campaign.change import changes, segments, steady_before
+from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.repair import Instant, effect_law
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.record import Run
 from sindyjoint.states import force_states
 from sindyjoint.workflows.diagnose import diagnose

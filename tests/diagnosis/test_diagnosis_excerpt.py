@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.catalogue import load_catalogue
-from sindyjoint.discrepancy.effects import load_effects, select_effects
-from sindyjoint.discrepancy.excerpt import WARM_UP, excerpt
-from sindyjoint.discrepancy.gap import gap_runs
-from sindyjoint.discrepancy.naming import Problem, fit_effect
+from sindyjoint.diagnosis.campaign.excerpt import WARM_UP, excerpt
+from sindyjoint.diagnosis.campaign.ranking import Problem, fit_effect
+from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.start import first_model
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.states import campaign_states
-from sindyjoint.workflows.diagnosis_start import first_model
 
 RATE, DURATION = 400.0, 240.0
 YIELD, STIFFNESS = 2e-3, 300.0
@@ -72,9 +72,9 @@ def test_the_search_in_windows_finds_what_the_whole_run_holds(run, monkeypatch):
     model, rows = run
     effect = select_effects(load_effects(), ["jenkins_element"])[0]
     problem = Problem.build([rows], model)
-    monkeypatch.setattr("sindyjoint.discrepancy.naming.ROUGH_STEPS", 10**9)
+    monkeypatch.setattr("sindyjoint.diagnosis.campaign.ranking.ROUGH_STEPS", 10**9)
     whole = fit_effect(problem, effect)
-    monkeypatch.setattr("sindyjoint.discrepancy.naming.ROUGH_STEPS", 5_000)
+    monkeypatch.setattr("sindyjoint.diagnosis.campaign.ranking.ROUGH_STEPS", 5_000)
     assert problem.rough().target.size < 0.5 * problem.target.size
     found = fit_effect(problem, effect)
     assert found.parameters == pytest.approx(whole.parameters, rel=0.005)

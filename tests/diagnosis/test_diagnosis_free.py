@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sindyjoint.discovery.catalogue import load_catalogue
-from sindyjoint.discrepancy.swings import Swings, reversals
+from sindyjoint.diagnosis.campaign.half_cycles import Swings, reversals
+from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.workflows.diagnose import diagnose
 

@@ -10,9 +10,9 @@ from sindyjoint.cli import main
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.soundness.identifiability import limits
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.limits import limits
 from tests.diagnosis.hidden_effects import hide
 
 RATE = 500.0

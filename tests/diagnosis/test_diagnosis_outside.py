@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sindyjoint.discrepancy.effects import MeasuredMotion, load_effects, select_effects
-from sindyjoint.discrepancy.gap_run import GapRun
-from sindyjoint.discrepancy.naming import FittedEffect, Problem
-from sindyjoint.discrepancy.outside import outside_probability, prior
+from sindyjoint.diagnosis.campaign.outside import outside_probability, prior
+from sindyjoint.diagnosis.campaign.ranking import FittedEffect, Problem
+from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion, load_effects, select_effects
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 

@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from sindyjoint.discrepancy.effects import load_effects
-from sindyjoint.discrepancy.naming import Problem, fit_effect
+from sindyjoint.diagnosis.campaign.ranking import Problem, fit_effect
+from sindyjoint.diagnosis.effects.catalogue import load_effects
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
 

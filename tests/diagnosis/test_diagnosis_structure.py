@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from sindyjoint.cli import main
-from sindyjoint.discrepancy.effects import load_effects, select_effects
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
 from sindyjoint.mechanics.rigs import RIG_FOLDER, MeasuredResponse, load_rig
 from sindyjoint.workflows.diagnose_structure import diagnose_structure
 from tests.diagnosis.hidden_structures import hide
-from tests.workflows.made_models import paper_model
+from tests.made_models import paper_model
 
 # Fewer rivals in the joint: some of each kind where a second seed asks for the name, and least where none does.
 SOME = select_effects(

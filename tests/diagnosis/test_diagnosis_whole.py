@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.dimensions import same_dimension
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.dimensions import same_dimension
+from sindyjoint.equation.model import JointModel
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 

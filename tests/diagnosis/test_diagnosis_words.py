@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from sindyjoint.cli import main
-from sindyjoint.discrepancy.effects import load_effects
-from sindyjoint.discrepancy.naming import Problem
-from sindyjoint.discrepancy.places import where
+from sindyjoint.diagnosis.campaign.localisation import where
+from sindyjoint.diagnosis.campaign.ranking import Problem
+from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.rounding import percent
+from sindyjoint.text import percent
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on

@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 import sympy
 
-from sindyjoint.discovery.terms import Reference
-from sindyjoint.discrepancy.effects import load_effects, select_effects
-from sindyjoint.discrepancy.joint_effects import JointLaws, joint_changes, steady_level
-from sindyjoint.discrepancy.program_law import ProgramLaw
-from sindyjoint.discrepancy.structure_effects import (
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes, steady_level
+from sindyjoint.diagnosis.effects.law import ProgramLaw
+from sindyjoint.diagnosis.effects.structure import (
     Scales,
     Setup,
     load_structure_effects,
     structure_changes,
 )
+from sindyjoint.diagnosis.structure.gap import where
+from sindyjoint.diagnosis.structure.noise import record_noise
+from sindyjoint.diagnosis.structure.search import FittedChange, rank
+from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.pulse_test import presliding_law, with_laws
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.structure import LumpedMass
-from sindyjoint.workflows.structure_gap import where
-from sindyjoint.workflows.structure_naming import FittedChange, rank
-from sindyjoint.workflows.structure_noise import record_noise
-from tests.workflows.made_models import paper_model
+from tests.made_models import paper_model
 
 THETA, OMEGA, Z = sympy.symbols("theta omega z", real=True)
 ANGLE, RATE = 4e-4, 0.02

@@ -10,8 +10,8 @@ from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 
-from sindyjoint.discovery.catalogue import Reference, library_folder, load_catalogue, term_columns
 from sindyjoint.discovery.library import TermLibrary
+from sindyjoint.equation.catalogue import Reference, library_folder, load_catalogue, term_columns
 from sindyjoint.errors import InputError, UnknownNameError
 
 # Table 1 of the paper, averages: k1, k2, k3, c1, M_F.

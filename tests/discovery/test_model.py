@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.model import Fitted, JointModel
+from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError, UnknownNameError
 
 THIRD = 1 / 3

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.catalogue import load_catalogue
-from sindyjoint.discovery.skew import estimate_skew, reference_of, shifted
+from sindyjoint.discovery.delay import estimate_skew, reference_of, shifted
+from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states
 

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.catalogue import list_catalogues, load_catalogue
-from sindyjoint.discovery.model import Fitted, JointModel, model_terms
-from sindyjoint.discovery.terms import Reference
+from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
+from sindyjoint.equation.model import Fitted, JointModel, model_terms
+from sindyjoint.equation.terms import Reference
 from sindyjoint.record import Joint
 
 # Table 1 of the paper, inter-panel joint, and the range in which it was tested here.

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.export import TARGETS, export_model, read_model, write_export
 
 HOSTILE = (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.catalogue import list_catalogues, load_catalogue
+from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.export import TARGETS, export_model
 from sindyjoint.export.base import ALL_TERMS, Cycles, Represented, fidelity_table

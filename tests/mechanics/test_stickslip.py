@@ -6,7 +6,7 @@ import sympy
 from hybrid_reference import solve_stick_slip
 from scipy.integrate import solve_ivp
 
-from sindyjoint.discovery.formula import variable_symbols
+from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import harmonic, pulse, sampled
 from sindyjoint.mechanics.laws import (

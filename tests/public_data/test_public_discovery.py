@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import discover
-from sindyjoint.discovery.catalogue import load_catalogue
+from sindyjoint.equation.catalogue import load_catalogue
 
 pytestmark = pytest.mark.shared
 

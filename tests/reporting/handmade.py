@@ -4,11 +4,11 @@ from itertools import cycle
 
 import numpy as np
 
-from sindyjoint.discovery.model import Fitted, JointModel, ModelTerm
+from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.record import Joint
 from sindyjoint.reporting.data import GroupFit, Loop, PathStep, ReportData, model_sheets
 from sindyjoint.reporting.provenance import Provenance
-from sindyjoint.surface import force_state_map
+from sindyjoint.states.surface import force_state_map
 
 HOSTILE = "<script>document.title='taken'</script>\"'&amp; $x^2_$ {{ 7*7 }} [bold]关节 --><img src=x onerror=alert(1)>"
 

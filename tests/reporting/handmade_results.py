@@ -5,16 +5,16 @@ from dataclasses import fields
 import numpy as np
 from handmade import model
 
+from sindyjoint.diagnosis.campaign.budget import Budget
+from sindyjoint.diagnosis.campaign.localisation import Place
+from sindyjoint.diagnosis.campaign.pictures import RunGap
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
+from sindyjoint.diagnosis.structure.gap import RecordGap
+from sindyjoint.diagnosis.structure.result import StructureDiagnosis
 from sindyjoint.discovery.frequency import frequency_test
-from sindyjoint.discrepancy.budget import Budget
-from sindyjoint.discrepancy.places import Place
+from sindyjoint.response.oscillation import Oscillation
+from sindyjoint.response.verification import Band, RunVerification, Verification
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison
-from sindyjoint.workflows.diagnosis import Advice, Diagnosis, Gap, Step
-from sindyjoint.workflows.diagnosis_runs import RunGap
-from sindyjoint.workflows.oscillation import Oscillation
-from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
-from sindyjoint.workflows.structure_gap import RecordGap
-from sindyjoint.workflows.verification import Band, RunVerification, Verification
 
 
 def verification(name="bench joint", runs=("pulse at tip",), subject="a rig", failed=False):

@@ -11,7 +11,7 @@ from handmade_results import comparison, diagnosis, verification
 from test_reporting_page import read
 from test_reporting_results import written
 
-from sindyjoint.discovery.catalogue import list_catalogues, load_catalogue
+from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
 from sindyjoint.reporting.comparison import show_comparison
 from sindyjoint.reporting.diagnosis import show_diagnosis
 from sindyjoint.reporting.output import draw_all

@@ -13,7 +13,7 @@ import typer
 from typer.testing import CliRunner
 
 from sindyjoint.cli.plot import plot
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
 from sindyjoint.reporting import write_discovery
 from sindyjoint.reporting.data import gather

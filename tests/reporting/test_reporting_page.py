@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import pytest
 from handmade import HOSTILE, ORIGIN, TERMS, model, report_data
 
-from sindyjoint.discovery.catalogue import list_catalogues, load_catalogue
-from sindyjoint.discovery.model import ModelTerm
+from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
+from sindyjoint.equation.model import ModelTerm
 from sindyjoint.reporting.discovery_page import discovery_page
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.output import draw_all

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from sindyjoint.discovery.catalogue import load_catalogue
-from sindyjoint.discovery.model import Fitted, JointModel, ModelTerm
-from sindyjoint.discovery.skew import Skew
+from sindyjoint.discovery.delay import Skew
+from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.record import Joint
 from sindyjoint.reporting.terminal import pretty_unit, show_discovery
 from sindyjoint.workflows.verdict import Verdict

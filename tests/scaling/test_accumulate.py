@@ -5,10 +5,10 @@ import pytest
 import scipy.linalg
 
 from sindyjoint.discovery.accumulate import TILE, FactorSum, TermSum
-from sindyjoint.discovery.catalogue import Reference, load_catalogue
 from sindyjoint.discovery.factors import Factor, dependent_columns
-from sindyjoint.discovery.formula import compile_terms
-from sindyjoint.discovery.terms import term_columns
+from sindyjoint.equation.catalogue import Reference, load_catalogue
+from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.terms import term_columns
 from sindyjoint.errors import InputError
 
 

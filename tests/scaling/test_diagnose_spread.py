@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from sindyjoint.discrepancy.effects import load_effects
+from sindyjoint.diagnosis.campaign import advice
+from sindyjoint.diagnosis.campaign.designs import designs
+from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
-from sindyjoint.workflows import advice
-from sindyjoint.workflows.designs import designs
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sindyjoint.discovery.segments import Task, work
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
 from sindyjoint.files.campaign import load_stretch
@@ -13,7 +14,6 @@ from sindyjoint.parallel import executor
 from sindyjoint.states import force_states
 from sindyjoint.workflows import discover as workflow
 from sindyjoint.workflows.discover import discover
-from sindyjoint.workflows.long_runs import Task, work
 
 RATE, SAMPLES = 500.0, 40_000
 MANIFEST = """

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import JointRegressor
-from sindyjoint.discovery.catalogue import Reference
+from sindyjoint.discovery.tables import discover_rows
+from sindyjoint.equation.catalogue import Reference
 from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import open_blocks
 from sindyjoint.files.readers import read_table
-from sindyjoint.workflows.stream import discover_rows
 
 
 def motion(n, seed=0):
@@ -230,7 +230,7 @@ def test_what_cannot_be_is_refused(tmp_path):
 
 PEAK = """
 import sys
-from sindyjoint.workflows.stream import discover_rows
+from sindyjoint.discovery.tables import discover_rows
 columns = {"angle": 1, "rate": 2, "moment": 3}
 fit = discover_rows(sys.argv[1], "paper", columns=columns)
 # Not ru_maxrss: what the parent used counts there.

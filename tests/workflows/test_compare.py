@@ -10,14 +10,14 @@ import pytest
 import sympy
 from typer.testing import CliRunner
 
+from sindyjoint.bias.correction import measure_bias
 from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.discovery.methods import METHODS
-from sindyjoint.discovery.terms import ResolvedTerm
+from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.reporting.comparison import TextTable, comparison_tables, long_csv, write_comparison
-from sindyjoint.workflows.bias import measure_bias
 from sindyjoint.workflows.compare import _response_error, compare
 from sindyjoint.workflows.verdict import PAPER_TERMS
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_models import paper_model
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rigs import RIG_FOLDER, load_rig, shipped_rigs
 from sindyjoint.reporting.figures import draw, drawable
 from sindyjoint.reporting.rig_motion import figures_of, write_rig_motion
 from sindyjoint.reporting.saved import load_results, saved_text
-from sindyjoint.workflows.rig_motion import rig_motion
+from sindyjoint.workflows.rig import rig_motion
+from tests.made_models import paper_model
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
 from test_reporting_figures import laid_out  # noqa: E402

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_models import model_of, paper_model, term
 
 from sindyjoint.errors import InputError, MissingInputError, UnitError
 from sindyjoint.files import write_campaign
@@ -14,6 +13,7 @@ from sindyjoint.mechanics.pulse_test import presliding_law, virtual_pulse_test
 from sindyjoint.mechanics.rigs import RIG_FOLDER, load_rig
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.workflows.verify import verify
+from tests.made_models import model_of, paper_model, term
 
 KEYS = [
     "schema",

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sindyjoint import discover, load_campaign
-from sindyjoint.workflows.refine import refine
+from sindyjoint.response.refine import refine
 from sindyjoint.workflows.verify import verify
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -25,8 +25,8 @@ from sindyjoint.reporting.style import (
 from sindyjoint.reporting.units import quantities
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.diagnosis import Diagnosis
-    from sindyjoint.workflows.diagnosis_runs import RunGap
+    from sindyjoint.diagnosis.campaign.pictures import RunGap
+    from sindyjoint.diagnosis.result import Diagnosis
 
 Array = NDArray[np.float64]
 

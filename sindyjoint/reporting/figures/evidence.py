@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-from sindyjoint.discovery.model import JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.data import ReportData, gather
 from sindyjoint.reporting.equation import split_symbol
@@ -27,7 +27,7 @@ from sindyjoint.reporting.style import (
     pretty_unit,
 )
 from sindyjoint.reporting.units import quantities
-from sindyjoint.words import spelled
+from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.frequency import FrequencyTest

@@ -9,6 +9,9 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
+from sindyjoint.batch.summary import Batch
+from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.diagnosis.structure.result import StructureDiagnosis
 from sindyjoint.reporting import (
     batch_figures,
     comparison,
@@ -25,11 +28,8 @@ from sindyjoint.reporting.reproduction_figures import ReproductionFigures
 from sindyjoint.reporting.rig_motion import RigFigures
 from sindyjoint.reporting.style import plain, shortened
 from sindyjoint.reporting.units import in_words_of
-from sindyjoint.workflows.batch_summary import Batch
+from sindyjoint.response.verification import Verification
 from sindyjoint.workflows.comparison import Comparison
-from sindyjoint.workflows.diagnosis import Diagnosis
-from sindyjoint.workflows.structure_diagnosis import StructureDiagnosis
-from sindyjoint.workflows.verification import Verification
 
 MOST_PANELS = 6
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from sindyjoint.reporting.style import PALETTE, plain, shortened
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.diagnosis import Diagnosis
+    from sindyjoint.diagnosis.result import Diagnosis
 
 
 def where(result: Diagnosis, ax: Axes) -> Axes:

@@ -1,0 +1,1 @@
+"""Many joints: the record of each campaign, the summary of all, the population that they are drawn from."""

@@ -1,0 +1,132 @@
+"""What a batch keeps of one campaign: a small record beside its model, and a hash that tells whether it holds."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sindyjoint.equation.catalogue import Catalogue, as_catalogue
+from sindyjoint.errors import SindyJointError
+from sindyjoint.files.manifest import read_manifest
+
+SCHEMA = 1
+RECORD_FILE = "record.json"
+FACTORS_FILE = "factors.npz"
+
+
+@dataclass(frozen=True)
+class CampaignRecord:
+    """One campaign of a batch.
+
+    Parameters
+    ----------
+    id : str
+        Name of its folder of results.
+    manifest : str
+        Its ``campaign.toml``, from the folder that was searched.
+    status : {"found", "none", "broken"}
+        A model was found; none was; the campaign could not be read or used.
+    reason : str
+        How the terms were chosen, why none was, or what is wrong.
+    joint : dict
+        Name, motion, inertia, temperature (K), serial and labels as declared; empty for a broken campaign.
+    result : dict or None
+        What ``sindyjoint discover --json`` prints.
+    inputs : str
+        Hash of manifest, run files, options and version; empty where they cannot be read.
+    outputs : dict of str to str
+        SHA-256 of every other file in the folder.
+    """
+
+    id: str
+    manifest: str
+    status: str
+    reason: str
+    joint: dict[str, Any] = field(default_factory=dict)
+    result: dict[str, Any] | None = None
+    inputs: str = ""
+    outputs: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def terms(self) -> dict[str, dict[str, Any]]:
+        """Terms of the model by id."""
+        return {term["id"]: term for term in self.result["terms"]} if self.result else {}
+
+    def to_json(self) -> str:
+        """Return the record as the text of ``record.json``."""
+        data = {"schema": SCHEMA, **asdict(self)}
+        return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def fingerprint(manifest: Path, options: Mapping[str, Any], library: Any, version: str) -> str:
+    """Return a hash of everything that a campaign's result depends on.
+
+    Parameters
+    ----------
+    manifest : Path
+    options : mapping
+        Of :func:`~sindyjoint.workflows.discover.discover`; plain values.
+    library : str, Path, Catalogue, or sequence of these
+        Hashed by what it holds, not by its name.
+    version : str
+        Of this package.
+
+    Raises
+    ------
+    SindyJointError
+        When manifest or catalogue cannot be read.
+    """
+    path, content = read_manifest(manifest)
+    files = [(run.file, _sha256(path.parent / run.file)) for run in content.run]
+    known = {
+        "manifest": _sha256(path),
+        "files": files,
+        "options": {name: repr(value) for name, value in sorted(options.items())},
+        "library": _catalogue_text(as_catalogue(library)),
+        "version": version,
+    }
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
+
+
+def _catalogue_text(catalogue: Catalogue) -> list[str]:
+    return [repr((t.id, t.symbol, t.formula, t.unit, t.name, t.family, t.parameters)) for t in catalogue]
+
+
+def kept_record(folder: Path, inputs: str) -> CampaignRecord | None:
+    """Return the record of an earlier batch if it still holds: same inputs, and every file as it was written."""
+    try:
+        data = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+        if data.pop("schema") != SCHEMA:
+            return None
+        record = CampaignRecord(**data)
+        whole = all(_sha256(folder / name) == digest for name, digest in record.outputs.items())
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return None
+    # A broken campaign is not done: the disk may be back, the file repaired.
+    return record if whole and record.inputs == inputs and record.status != "broken" else None
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of every file in a folder, by its path within."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): _sha256(path) for path in files}
+
+
+def _sha256(path: Path) -> str:
+    """Return the hash of a file, read in pieces; "missing" where there is none."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return "missing"
+
+
+def broken(id: str, manifest: str, error: BaseException | str, inputs: str = "") -> CampaignRecord:
+    """Return the record of a campaign that cannot be used, the reason in one line."""
+    known = isinstance(error, SindyJointError | str)
+    text = str(error) if known else f"unexpected {type(error).__name__}: {error}"
+    return CampaignRecord(id, manifest, "broken", " ".join(text.split()), inputs=inputs)

@@ -1,0 +1,322 @@
+"""All campaigns of a batch held against each other: one common set of terms, the scatter, the outliers, the trends."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.batch.population import FEWEST_JOINTS, Population, population
+from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
+from sindyjoint.discovery.evidence import Evidence, fit_columns
+from sindyjoint.discovery.evidence_file import read_evidence
+from sindyjoint.errors import InputError
+from sindyjoint.text import spelled
+
+Array = NDArray[np.float64]
+TEMPERATURE, SERIAL = "temperature", "serial number"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Why a campaign stands out.
+
+    Parameters
+    ----------
+    id : str
+        Of the campaign.
+    kind : {"outlier", "terms", "none", "broken"}
+    text : str
+        One sentence.
+    """
+
+    id: str
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """The result of :func:`~sindyjoint.workflows.batch.batch`.
+
+    Parameters
+    ----------
+    records : tuple of CampaignRecord
+        In the order of their names.
+    kept : int
+        How many of them were done before and unchanged.
+    common : tuple of str
+        Terms that more than half of the models have: what coefficients are compared on.
+    units : dict of str to str
+        Of the common terms.
+    values, errors : dict of str to ndarray, shape (campaigns,)
+        Coefficients of the common terms, fitted with all of them and no other; NaN where that cannot be.
+    covariates : dict of str to ndarray, shape (campaigns,)
+        Temperature (K), serial number, and labels that are numbers, as far as they differ; NaN where not declared.
+    population : Population
+    differences : tuple of Difference
+    notes : tuple of str
+        What to know before believing it.
+    """
+
+    records: tuple[CampaignRecord, ...]
+    kept: int
+    common: tuple[str, ...]
+    units: dict[str, str]
+    values: dict[str, Array]
+    errors: dict[str, Array]
+    covariates: dict[str, Array]
+    population: Population
+    differences: tuple[Difference, ...]
+    notes: tuple[str, ...]
+
+    def count(self, status: str) -> int:
+        """Return how many campaigns have a status."""
+        return sum(record.status == status for record in self.records)
+
+    @property
+    def complete(self) -> bool:
+        """Whether a model was found in every campaign."""
+        return self.count("found") == len(self.records)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "schema": 1,
+            "campaigns": [
+                {
+                    "id": record.id,
+                    "manifest": record.manifest,
+                    "status": record.status,
+                    "reason": record.reason,
+                    "joint": record.joint,
+                    "terms": list(record.terms),
+                    "common_coefficients": {
+                        term: {"value": _number(self.values[term][i]), "standard_error": _number(self.errors[term][i])}
+                        for term in self.common
+                    },
+                }
+                for i, record in enumerate(self.records)
+            ],
+            "found": self.count("found"),
+            "none": self.count("none"),
+            "broken": self.count("broken"),
+            "common_terms": [{"id": term, "unit": self.units[term]} for term in self.common],
+            "scatter": [
+                {
+                    "term": s.coefficient,
+                    "mean": _number(s.mean),
+                    "mean_error": _number(s.mean_error),
+                    "spread": _number(s.spread),
+                    "about_trend_with": s.covariate,
+                    "outliers": [
+                        {"id": self.records[i].id, "score": _number(s.scores[i]), "p": _number(s.p_adjusted[i])}
+                        for i in s.outliers
+                    ],
+                }
+                for s in self.population.scatters
+            ],
+            "trends": [
+                {
+                    "term": t.coefficient,
+                    "covariate": t.covariate,
+                    "slope": _number(t.slope),
+                    "standard_error": _number(t.slope_error),
+                    "relative_change": _number(t.change),
+                    "p": _number(t.p_value),
+                    "p_adjusted": _number(t.p_adjusted),
+                    "significant": t.significant,
+                    "joints": t.joints,
+                }
+                for t in self.population.trends
+            ],
+            "differences": [{"id": d.id, "kind": d.kind, "text": d.text} for d in self.differences],
+            "notes": list(self.notes),
+        }  # fmt: skip
+
+
+def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0) -> Batch:
+    """Hold campaigns against each other.
+
+    Parameters
+    ----------
+    records : tuple of CampaignRecord
+    folder : Path
+        Where each has a folder of its own with its factors.
+    kept : int
+    """
+    found = [record for record in records if record.status == "found"]
+    motion = _majority([record.joint["motion"] for record in found])
+    compared = [record for record in found if record.joint["motion"] == motion]
+    common = _common(compared)
+    units = {id: term["unit"] for record in compared for id, term in record.terms.items() if id in common}
+    values = {term: np.full(len(records), np.nan) for term in common}
+    errors = {term: np.full(len(records), np.nan) for term in common}
+    included = {record.id for record in compared}
+    for i, record in enumerate(records):
+        if record.id in included:
+            for term, (value, error) in _coefficients(record, common, folder).items():
+                values[term][i], errors[term][i] = value, error
+    covariates = _covariates(records)
+    result = population(values, errors, covariates)
+    return Batch(
+        records=records,
+        kept=kept,
+        common=common,
+        units=units,
+        values=values,
+        errors=errors,
+        covariates=covariates,
+        population=result,
+        differences=tuple(_differences(records, common, values, units, result)),
+        notes=tuple(_notes(records, found, compared)),
+    )
+
+
+def _majority(items: Sequence[Any]) -> Any:
+    """Return the most frequent item, of equals the first."""
+    return max(dict.fromkeys(items), key=items.count, default=None)
+
+
+def _common(records: Sequence[CampaignRecord]) -> tuple[str, ...]:
+    """Return the terms of more than half of the models, in the order in which a model tells them."""
+    ids = list(dict.fromkeys(term for record in records for term in record.terms))
+    kept = [term for term in ids if 2 * sum(term in record.terms for record in records) > len(records)]
+    leader = _majority([tuple(record.terms) for record in records]) or ()
+    return tuple(sorted(kept, key=lambda term: leader.index(term) if term in leader else len(leader)))
+
+
+def _coefficients(
+    record: CampaignRecord, common: tuple[str, ...], folder: Path
+) -> dict[str, tuple[float, float]]:
+    """Return value and error of the common terms: the model's own where it has just these, else of a fit of them.
+
+    What was done to the model's own coefficients after its fit (the bias of the processing taken out, the error of that
+    added) is done to those of the other fit as well, for the terms that are in both.
+    """
+    own = record.terms
+    if set(own) == set(common):
+        return {term: (own[term]["coefficient"], own[term]["standard_error"]) for term in common}
+    try:
+        evidence = read_evidence(folder / record.id / FACTORS_FILE)
+    except InputError:
+        return {}
+    # A term that these runs cannot tell from others is no candidate here: the others then mean something else.
+    if not common or not set(common) <= set(evidence.ids):
+        return {}
+    here = _fitted(evidence, common)
+    fitted = _fitted(evidence, [term for term in own if term in evidence.ids])
+    for term in set(common) & set(fitted):
+        (value, error), (before, before_error) = here[term], fitted[term]
+        shift = own[term]["coefficient"] - before
+        grown = own[term]["standard_error"] / before_error if before_error > 0 else 1.0
+        here[term] = (value + shift, error * grown)
+    return here
+
+
+def _fitted(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return value and error of some terms, fitted with no others."""
+    fit = fit_columns(evidence, [evidence.ids.index(term) for term in terms])
+    pairs = zip(fit.coefficients.tolist(), fit.standard_errors.tolist(), strict=True)
+    return dict(zip(terms, pairs, strict=True))
+
+
+def _covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
+    """Return what the manifests declare as numbers, where at least three of them differ."""
+    columns = {
+        TEMPERATURE: [record.joint.get("temperature") for record in records],
+        SERIAL: _serial_numbers([record.joint.get("serial") for record in records]),
+    }
+    labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
+    for label in labels:
+        columns[label] = [_as_number(record.joint.get("labels", {}).get(label)) for record in records]
+    arrays = {
+        name: np.array([np.nan if value is None else value for value in column], dtype=float)
+        for name, column in columns.items()
+    }
+    return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
+
+
+def _serial_numbers(serials: Sequence[str | None]) -> list[float | None]:
+    """Return the running numbers of serials such as SN-0012; nothing where they do not share what stands before."""
+    parts = [re.fullmatch(r"(.*?)(\d+)", serial) if serial else None for serial in serials]
+    heads = {part[1] for part in parts if part}
+    if len(heads) != 1 or any(serial and not part for serial, part in zip(serials, parts, strict=True)):
+        return [None] * len(serials)
+    return [float(part[2]) if part else None for part in parts]
+
+
+def _as_number(text: str | None) -> float | None:
+    try:
+        value = float(text) if text is not None else None
+    except ValueError:
+        return None
+    return value if value is not None and np.isfinite(value) else None
+
+
+def _differences(
+    records: Sequence[CampaignRecord],
+    common: tuple[str, ...],
+    values: dict[str, Array],
+    units: dict[str, str],
+    result: Population,
+) -> list[Difference]:
+    """Say of each campaign that stands out why."""
+    found: list[Difference] = []
+    for i, record in enumerate(records):
+        if record.status == "broken":
+            found.append(Difference(record.id, "broken", record.reason))
+        elif record.status == "none":
+            found.append(Difference(record.id, "none", f"no model: {record.reason}"))
+        else:
+            own = set(record.terms)
+            missing, extra = [t for t in common if t not in own], [t for t in record.terms if t not in common]
+            if missing or extra:
+                parts = [f"without {_listed(missing)}"] if missing else []
+                parts += [f"with {_listed(extra)}"] if extra else []
+                found.append(Difference(record.id, "terms", f"terms {' and '.join(parts)}"))
+        for scatter in result.scatters:
+            if i in scatter.outliers:
+                term, score = scatter.coefficient, scatter.scores[i]
+                pretty = units[term].replace("*", "·")
+                about = f", the trend with {scatter.covariate} taken out" if scatter.covariate else ""
+                text = (
+                    f"{term.replace('_', ' ')} of {values[term][i]:.4g} {pretty} is {abs(score):.1f} standard "
+                    f"deviations {'above' if score > 0 else 'below'} the other joints{about}"
+                )
+                found.append(Difference(record.id, "outlier", text))
+    return found
+
+
+def _notes(
+    records: Sequence[CampaignRecord], found: Sequence[CampaignRecord], compared: Sequence[CampaignRecord]
+) -> list[str]:
+    notes = []
+    if any("simulated" in warning for r in found for warning in (r.result or {}).get("warnings", [])[:1]):
+        notes.append("some of the campaigns are simulated (virtual tests), not measured")
+    if len(compared) < len(found):
+        notes.append(
+            f"{len(found) - len(compared)} joint(s) of the other kind of motion are listed, not compared: their "
+            "coefficients have other units"
+        )
+    if len(compared) < FEWEST_JOINTS:
+        notes.append(
+            f"{len(compared)} joint(s) with a model: outliers are looked for among {FEWEST_JOINTS} or more"
+        )
+    names = [record.joint["name"] for record in found]
+    if len(names) > 1 and len(set(names)) == 1 and all(record.joint["serial"] is None for record in found):
+        notes.append(f"all joints are called {names[0]!r} and none has a serial: give each [joint] its own")
+    return notes
+
+
+def _listed(terms: Sequence[str]) -> str:
+    return ", ".join(spelled(term) for term in terms)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,117 @@
+"""Force states completed by the harmonics that sank into the noise, from a simulation of the model.
+
+When a joint begins to stick its acceleration jumps. The angle's harmonics then fall so slowly that those about and
+below the noise still matter to the acceleration, and with a heavy joint to the moment: I·θ̈ of a noisy, truncated
+series rings, and terms that are not there seem to be needed. The model's own motion under the measured drive has these
+harmonics. Strong ones stay as measured; what is not known to a tenth is the model's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.bias.periodic import PeriodicTwin
+from sindyjoint.bias.replicates import make_twins
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.record import Run
+from sindyjoint.states import ForceStates, Harmonics
+from sindyjoint.states.harmonics import HarmonicBasis
+
+Array = NDArray[np.float64]
+
+# Share of the moment's RMS that the inertia's moment of these harmonics must have before they are exchanged.
+MATTERS = 0.01
+# Standard errors from which a harmonic is the measured one.
+STRONG = 10.0
+
+
+def completed_states(
+    law: Law, runs: Sequence[Run], states: Sequence[ForceStates]
+) -> tuple[ForceStates, ...] | None:
+    """Return states whose weak and missing harmonics are the law's; None where they matter little to the moment.
+
+    Parameters
+    ----------
+    law : Law
+    runs : sequence of Run
+    states : sequence of ForceStates
+        Of the same runs, as measured. Only periodic runs whose drive is known change.
+
+    Raises
+    ------
+    SimulationError
+        If the law has no finite moment along a measured motion.
+    """
+    whole = sum(float(np.sum(s.moment[s.moving] ** 2)) for s in states)
+    inertial = sum(float(np.sum((law.inertia * s.acceleration[s.moving]) ** 2)) for s in states)
+    if inertial < (2 * MATTERS) ** 2 * whole:
+        # Weak harmonics are no more than half of the acceleration: there is no need to simulate anything.
+        return None
+    twins = make_twins(law, runs, states)
+    changed, exchanged = [], 0.0
+    for state, twin in zip(states, twins, strict=True):
+        moving = state.moving
+        better = state
+        if isinstance(twin, PeriodicTwin) and twin.driven == "moment" and len(state.series) == 1:
+            better = _completed(state, twin)
+            exchanged += float(
+                np.sum((law.inertia * (better.acceleration - state.acceleration)[moving]) ** 2)
+            )
+        changed.append(better)
+    return None if exchanged < MATTERS**2 * whole else tuple(changed)
+
+
+def _completed(state: ForceStates, twin: PeriodicTwin) -> ForceStates:
+    """Return a run's states of its strong harmonics and the twin's others."""
+    frequency = twin.angular / (2 * np.pi)
+    time = state.time - state.time[0]
+    kept = state.series[0]
+    basis = HarmonicBasis.build(time, frequency, kept.orders)
+    _, a, b = basis.fit(state.angle)
+    strong = np.hypot(a, b) > STRONG * kept.standard_error
+    strong[0] = True
+    measured = Harmonics(kept.orders[strong], kept.standard_error[strong])
+    n = twin.moment.size
+    others = [
+        np.interp(frequency * time * n, np.arange(n), column, period=n)
+        for column in twin.beyond((measured,)).T
+    ]
+
+    def motion(angle: Array, rows: slice) -> list[Array]:
+        part = basis.rows(rows)
+        mean, a, b = part.fit(angle[rows])
+        part, a, b = part.take(strong), a[strong], b[strong]
+        own = (part.series(mean, a, b), part.derivative(a, b), part.second_derivative(a, b))
+        return [signal + other[rows] for signal, other in zip(own, others, strict=True)]
+
+    angle, rate, acceleration = motion(state.angle, slice(None))
+    replicate = state.replicate
+    if replicate is not None:
+        edges = np.flatnonzero(np.diff(state.block, prepend=-1, append=-1))
+        parts = [motion(replicate[0], slice(*ends)) for ends in zip(edges[:-1], edges[1:], strict=True)]
+        first, second, third = (np.concatenate(column) for column in zip(*parts, strict=True))
+        replicate = (first, second, third)
+    noise = replace(
+        state.noise,
+        rate=_noise(measured, twin.angular, 1),
+        acceleration=_noise(measured, twin.angular, 2),
+    )
+    return replace(
+        state,
+        angle=angle,
+        rate=rate,
+        acceleration=acceleration,
+        replicate=replicate,
+        noise=noise,
+        series=(measured,),
+        completed=True,
+    )
+
+
+def _noise(kept: Harmonics, angular: float, order: int) -> float:
+    """Return the standard error of a derivative of the series, RMS over the cycle."""
+    return float(np.sqrt(np.sum(((angular * kept.orders) ** order * kept.standard_error) ** 2)))

@@ -1,0 +1,171 @@
+"""Runs that a laboratory could still make, as force states with its noise.
+
+Angles of several waveforms are prescribed. Where the campaign was driven by a moment, sinusoidal moments are among the
+runs: the joint is then taken to move as it did at the nearest level, at another scale and frequency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.diagnosis.campaign.simulated_run import prescribed
+from sindyjoint.states import ForceStates
+from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.periodic import RATE_SHARE, reversal_guard
+from sindyjoint.states.record import NoiseFloor
+
+Array = NDArray[np.float64]
+
+#: Waveforms of an angle, by the amplitudes of sin(n·2πft) relative to the first; all are scaled to their peak.
+WAVEFORMS: dict[str, dict[int, float]] = {
+    "sinusoidal angle": {1: 1.0},
+    "two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": {1: 1.0, 3: 0.8},
+    "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": {1: 1.0, 5: 0.5},
+    "triangular angle, five odd harmonics": {n: (-1.0) ** (n // 2) / n**2 for n in (1, 3, 5, 7, 9)},
+}
+#: What is asked for of a joint that a moment drives.
+BY_MOMENT = "sinusoidal moment that moves the joint so far"
+HARMONICS = 15  # of a motion under a moment
+BELOW = 0.7  # of the lowest level tested: the least that is asked for by a moment
+FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
+LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
+LEAST_PERIODS = 4
+SAMPLES_PER_PERIOD = 40  # of the highest harmonic
+
+
+@dataclass(frozen=True)
+class Design:
+    """A run to be made.
+
+    Parameters
+    ----------
+    frequency : float
+        Hz.
+    level : float
+        Peak angle, rad.
+    waveform : str
+        A key of :data:`WAVEFORMS`, or :data:`BY_MOMENT`.
+    series : tuple of (int, float, float), optional
+        Order, cosine and sine of each harmonic of the angle; default: those of the waveform.
+    """
+
+    frequency: float
+    level: float
+    waveform: str
+    series: tuple[tuple[int, float, float], ...] = ()
+
+    @property
+    def harmonics(self) -> tuple[tuple[int, float, float], ...]:
+        """Order, cosine and sine of each harmonic of the angle, at any scale."""
+        return self.series or tuple((n, 0.0, a) for n, a in WAVEFORMS[self.waveform].items())
+
+    @property
+    def highest(self) -> float:
+        """Frequency of the highest harmonic, Hz."""
+        return self.frequency * max(order for order, *_ in self.harmonics)
+
+    def motion(self, time: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return angle, rate and acceleration at some instants (s)."""
+        phase = 2 * np.pi * np.arange(2000) / 2000
+        shape = sum(c * np.cos(n * phase) + s * np.sin(n * phase) for n, c, s in self.harmonics)
+        scale = self.level / np.max(np.abs(shape))
+        t = np.asarray(time, dtype=np.float64)
+        angle, rate, acceleration = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+        for order, cosine, sine in self.harmonics:
+            w = 2 * np.pi * self.frequency * order
+            in_phase, ahead = np.sin(w * t), np.cos(w * t)
+            angle += scale * (sine * in_phase + cosine * ahead)
+            rate += scale * w * (sine * ahead - cosine * in_phase)
+            acceleration -= scale * w**2 * (sine * in_phase + cosine * ahead)
+        return angle, rate, acceleration
+
+
+def designs(states: Sequence[ForceStates]) -> tuple[Design, ...]:
+    """Return the runs to choose from: from a tenth to four times the tested frequencies, up to the largest angle."""
+    tested = [s.frequency for s in states if s.frequency]
+    if not tested:
+        return ()
+    middle = float(np.exp(np.mean(np.log(tested))))
+    largest = max(_swing(s) for s in states)
+    plan = [
+        (float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(FREQUENCIES, LEVELS)
+    ]
+    driven = [s for s in states if s.frequency and not prescribed(s)]
+    # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
+    least = min((BELOW * _swing(s) for s in driven), default=np.inf)
+    if 2 * len(driven) < len(tested):
+        least = np.inf
+    moments = [
+        Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))))
+        for f, x in plan
+        if x >= least
+    ]
+    return (*moments, *(Design(f, x, waveform) for waveform, (f, x) in product(WAVEFORMS, plan)))
+
+
+def _series(states: ForceStates) -> tuple[tuple[int, float, float], ...]:
+    """Return the harmonics of a measured angle."""
+    assert states.frequency is not None
+    orders = np.arange(1, min(HARMONICS, max(1, round(states.bandwidth / states.frequency))) + 1)
+    phase = 2 * np.pi * states.frequency * np.outer(states.time, orders)
+    basis = np.hstack([np.ones((states.time.size, 1)), np.cos(phase), np.sin(phase)])
+    found = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
+    return tuple((int(n), float(c), float(s)) for n, c, s in zip(orders, *np.split(found, 2), strict=True))
+
+
+def expected_states(
+    design: Design, states: Sequence[ForceStates], rate_share: float = RATE_SHARE
+) -> ForceStates:
+    """Return the force states that a run would have, its moment left at zero.
+
+    It is as long as the longest of the campaign, or four periods, and as noisy as the one of the nearest level.
+    """
+    like = min(states, key=lambda s: abs(np.log(_swing(s) / design.level)))
+    highest = design.highest
+    sample_rate = max(like.sample_rate, SAMPLES_PER_PERIOD * highest)
+    length = max(max(s.n_samples / s.sample_rate for s in states), LEAST_PERIODS / design.frequency)
+    periods = int(length * design.frequency + 1e-9)
+    time = np.arange(round(periods / design.frequency * sample_rate)) / sample_rate
+    # Reversals between samples, as anywhere in a record.
+    angle, rate, acceleration = design.motion(time + 0.37 / sample_rate)
+    # The standard error of a harmonic times its order's derivative, as in the periodic states.
+    orders = 2 * np.pi * design.frequency * np.array([order for order, *_ in design.harmonics])
+    error = np.sqrt(2 / time.size) * like.noise.angle
+    noise = NoiseFloor(
+        like.noise.moment,
+        like.noise.angle,
+        float(error * np.sqrt(np.sum(orders**2))),
+        float(error * np.sqrt(np.sum(orders**4))),
+    )
+    guard = reversal_guard(sample_rate, design.frequency, highest)
+    moving = moving_mask(rate, rate_limit(rate, noise.rate, rate_share), guard)
+    return replace(
+        like,
+        run=f"advised {design.frequency:g} Hz {design.level:g} {design.waveform}",
+        frequency=design.frequency,
+        level=None,
+        sample_rate=sample_rate,
+        time=time,
+        angle=angle,
+        rate=rate,
+        acceleration=acceleration,
+        moment=np.zeros(time.size),
+        moving=moving,
+        block=np.zeros(time.size, dtype=np.intp),
+        replicate=None,
+        noise=noise,
+        method="periodic",
+        bandwidth=highest,
+        dropped=0.0,
+        guard=guard,
+        series=(),
+    )
+
+
+def _swing(states: ForceStates) -> float:
+    return float(np.ptp(states.angle)) / 2

@@ -1,0 +1,114 @@
+"""How likely it is that what was found stands in for something that no catalogue holds.
+
+An effect of the catalogue that is really there leaves noise. One that only resembles what is there leaves a rest, and
+the rest has a form: a stiffness and damping that differ between frequencies or between runs, or a surface over the
+state. Each form is a rival without a name, as likely as its gain allows, less what its many numbers cost (Schwarz
+1978). Several effects of which none explains the gap alone are a series expansion sooner than so many faults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.campaign.ranking import FOUND_ERROR, TEMPER, FittedEffect, Problem, stack
+from sindyjoint.diagnosis.campaign.run_rows import GapRun
+
+Array = NDArray[np.float64]
+
+# Logarithm of the odds, before any look at the fit, that so many effects stand in for something else.
+PRIOR = {0: -4.5, 1: -4.5, 2: -2.0, 3: -0.5}
+PRIOR_MORE = 1.0
+# A moment that no law of the joint's own frequencies makes differs between frequencies in these ways.
+OF_FREQUENCY = ("inertia_error", "frequency_dependent_stiffness", "maxwell_branch", "fractional_damping")
+CELLS, FINE = 6, 24
+# What was explained blurs the rest in this proportion.
+BLUR = 0.03
+# A rest without a form of its own is evidence beyond this share of what was explained, for sharp corners leave some,
+# and beyond so many times the noise, which near corners is only roughly known.
+SHAPELESS = 0.02
+NOISE_KNOWN = 1.5
+
+
+def outside_probability(first: Problem, last: Problem, found: Sequence[FittedEffect]) -> float:
+    """Return the probability that something outside the catalogue is there.
+
+    Parameters
+    ----------
+    first, last : Problem
+        Before the first effect, and with all of them. Rows must be mean periods, whose noise is known.
+    found : sequence of FittedEffect
+
+    Notes
+    -----
+    As with the ranking of effects, gains are tempered, and columns along an estimated motion err: a rest in
+    proportion to what was explained is no evidence.
+    """
+    explained = max(first.chi_square - last.chi_square, 0.0)
+    blur = TEMPER + BLUR**2 * explained
+    formed = max(gain - cost for gain, cost in unnamed_gains(last)) - FOUND_ERROR**2 * explained
+    shapeless = last.chi_square - NOISE_KNOWN * last.degrees - SHAPELESS * explained
+    nats = 0.5 * max(formed, shapeless, 0.0) / blur
+    return float(1 / (1 + np.exp(-np.clip(nats + prior(found), -50.0, 50.0))))
+
+
+def prior(found: Sequence[FittedEffect]) -> float:
+    """Return the logarithm of the odds that effects stand in for something else, their number alone considered.
+
+    Errors of the channels come with any joint and count for nothing. Two effects that both only make the stiffness
+    depend on frequency are one dependence that neither of them is.
+    """
+    own = [f for f in found if f.effect.family != "measurement"]
+    odds = PRIOR.get(len(own), PRIOR_MORE)
+    if sum(f.effect.id in OF_FREQUENCY for f in own) > 1:
+        odds = max(odds, PRIOR_MORE)
+    return odds
+
+
+def unnamed_gains(problem: Problem) -> list[tuple[float, float]]:
+    """Return by how much χ² falls with forms that have no name, and twice what their numbers cost in nats."""
+    runs = problem.runs
+    return [_gain(problem, stack(runs, columns)) for columns in (
+        lambda run: _apart(run, [r.motion.frequency == run.motion.frequency for r in runs], runs),
+        lambda run: _apart(run, [r is run for r in runs], runs, offset=True),
+        lambda run: surface(run, problem.reference.angle or 1.0, problem.reference.rate or 1.0),
+    )]  # fmt: skip
+
+
+def _apart(run: GapRun, same: Sequence[bool], runs: Sequence[GapRun], offset: bool = False) -> Array:
+    """Return θ, θ̇ (and 1) of a run in columns of the first of those runs that are the same as it."""
+    own = np.column_stack([run.angle, run.rate, *([np.ones(run.target.size)] if offset else [])])
+    columns = np.zeros((run.target.size, own.shape[1] * len(runs)))
+    place = own.shape[1] * list(same).index(True)
+    columns[:, place : place + own.shape[1]] = own
+    return columns
+
+
+def surface(run: GapRun, angle: float, rate: float) -> Array:
+    """Return piecewise linear functions over (θ, θ̇): coarse cells of both, fine steps of each by side of slip."""
+    x, v = run.angle / angle, run.rate / rate
+    cells = _hats(x, CELLS)[:, :, None] * _hats(v, CELLS)[:, None, :]
+    forward, fine = (v > 0).astype(float)[:, None], _hats(x, FINE)
+    return np.hstack([cells.reshape(x.size, -1), fine * forward, fine * (1 - forward), _hats(v, FINE)])
+
+
+def _hats(x: Array, count: int) -> Array:
+    """Return hat functions with ``count`` knots on [−1, 1], shape (n, count)."""
+    position = np.clip((x + 1) / 2, 0, 1) * (count - 1)
+    hats: Array = np.maximum(0.0, 1 - np.abs(position[:, None] - np.arange(count)[None, :]))
+    return hats
+
+
+def _gain(problem: Problem, columns: Array) -> tuple[float, float]:
+    size = np.linalg.norm(columns, axis=0)
+    rest = problem.beside(columns[:, size > 0])
+    left = np.linalg.norm(rest, axis=0)
+    rest = rest[:, left > 1e-6 * size[size > 0]]
+    if not rest.shape[1]:
+        return 0.0, 0.0
+    basis, singular, _ = np.linalg.svd(rest / np.linalg.norm(rest, axis=0), full_matrices=False)
+    basis = basis[:, singular > 1e-6 * singular[0]]
+    explained = basis.T @ problem.residual
+    return float(explained @ explained), basis.shape[1] * float(np.log(problem.target.size))

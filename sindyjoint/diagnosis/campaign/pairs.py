@@ -1,0 +1,89 @@
+"""Two effects that only show together: each alone wins little, as Coulomb friction and quadratic damping in a decay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.campaign.ranking import FittedEffect, Problem, stack
+
+Array = NDArray[np.float64]
+
+# A pair is put before the best single effect and its best companion only where it clearly beats them.
+CLEARLY = 1.2
+# In free motion, where the errors of the model set the noise: only where less than this share of the rest is left.
+LEFT_OVER = 0.67
+
+
+def hidden_pair(
+    problem: Problem, fitted: Sequence[FittedEffect], columns: Sequence[Array] | None = None
+) -> tuple[FittedEffect, FittedEffect] | None:
+    """Return the two effects that together win clearly more than the best one and any companion, or None.
+
+    Inner parameters stay as each effect alone has them. The first of the two is the one that wins more alone.
+
+    Parameters
+    ----------
+    problem : Problem
+    fitted : sequence of FittedEffect
+        Candidates, each fitted alone.
+    columns : sequence of ndarray, optional
+        Whitened columns of each, where they are not those of the moment.
+    """
+    if columns is None:
+        fitted = [f for f in fitted if f.effect.enters == "moment"]
+        columns = [effect_rows(problem, f) for f in fitted]
+    usable = list(fitted)
+    if len(usable) < 3:
+        return None
+    columns = [problem.beside(c) for c in columns]
+    best = max(range(len(usable)), key=lambda i: usable[i].gain)
+    gains = {
+        pair: _gain([columns[i] for i in pair], problem.residual, [usable[i] for i in pair])
+        for pair in combinations(range(len(usable)), 2)
+    }
+    greedy = max(
+        [usable[best].gain, *(gain for pair, gain in gains.items() if best in pair)],
+    )
+    pair, gain = max(gains.items(), key=lambda item: item[1])
+    if best in pair or not _clearly(problem, gain, greedy):
+        return None
+    first, second = sorted((usable[i] for i in pair), key=lambda f: -f.gain)
+    return first, second
+
+
+def _clearly(problem: Problem, gain: float, greedy: float) -> bool:
+    if not any(run.swings for run in problem.runs):
+        return gain > CLEARLY * greedy
+    return problem.chi_square - gain < LEFT_OVER * (problem.chi_square - greedy)
+
+
+def effect_rows(problem: Problem, fitted: FittedEffect) -> Array:
+    """Return an effect's whitened columns over all runs."""
+    return stack(problem.runs, lambda run: fitted.variant.along(run.motion, fitted.values))
+
+
+def _gain(columns: Sequence[Array], residual: Array, fitted: Sequence[FittedEffect]) -> float:
+    """Return by how much χ² falls with the columns of several effects together; 0 where a sign is impossible."""
+    joined = np.hstack(columns)
+    norm = np.linalg.norm(joined, axis=0)
+    if not np.all(np.isfinite(norm)) or np.any(norm == 0):
+        return 0.0
+    joined = joined / norm
+    products = joined.T @ joined
+    if np.linalg.eigvalsh(products)[0] < 1e-6:
+        return 0.0
+    moments = joined.T @ residual
+    coefficients = np.linalg.solve(products, moments)
+    positive = [column.positive for f in fitted for column in f.variant.columns]
+    if any(must and value <= 0 for must, value in zip(positive, coefficients, strict=True)):
+        return 0.0
+    # Two of one family that work against each other are one shape of it, and not two effects.
+    if len({f.effect.family for f in fitted}) < len(fitted) == coefficients.size and np.ptp(
+        np.sign(coefficients)
+    ):
+        return 0.0
+    return float(moments @ coefficients)

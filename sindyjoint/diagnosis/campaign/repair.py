@@ -1,0 +1,380 @@
+"""A model with effects added: its fit, its gap on runs it never saw, and the law that simulates it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.campaign.ranking import FittedEffect, Problem, stack
+from sindyjoint.diagnosis.campaign.rows import base_columns
+from sindyjoint.diagnosis.campaign.run_rows import GapRun, row_groups
+from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.equation.dimensions import unit_for
+from sindyjoint.equation.formula import variable_symbols
+from sindyjoint.equation.model import JointModel, ModelTerm
+
+if TYPE_CHECKING:
+    from sindyjoint.mechanics.laws import Law
+
+Array = NDArray[np.float64]
+
+# A term is needless when, beside the effects, it neither stands out of its error nor carries a share of the moment.
+NEEDLESS_RATIO = 3.0
+NEEDLESS_SHARE = 0.002
+CLOCK = "clock"  # the state that tells a law the time
+
+
+@dataclass(frozen=True)
+class Instant:
+    """When a law is asked: ``time`` s into a run that ``began`` s after the first; whether time ``runs`` on."""
+
+    time: float = 0.0
+    began: float = 0.0
+    runs: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A model, the effects added to it, and all coefficients estimated together.
+
+    Parameters
+    ----------
+    model : JointModel
+        Its terms with their new coefficients; needless ones are gone.
+    effects : tuple of FittedEffect
+    dropped : tuple of str
+        Ids of terms that became needless.
+    covariance : ndarray, optional
+        Of the coefficients of terms and effects, in that order.
+    """
+
+    model: JointModel
+    effects: tuple[FittedEffect, ...]
+    dropped: tuple[str, ...] = ()
+    covariance: Array | None = None
+
+
+def refit(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Repaired:
+    """Estimate terms and effects together; drop terms that the effects made needless, the least first."""
+    dropped: list[str] = []
+    while True:
+        columns, target, coefficients, covariance = _solve(runs, model, effects)
+        size = model.coefficients.size
+        ratio = np.abs(coefficients[:size]) / np.sqrt(np.diag(covariance)[:size])
+        share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
+        weak = [i for i in range(size) if ratio[i] < NEEDLESS_RATIO and share[i] < 10 * NEEDLESS_SHARE]
+        if not effects or not weak or size <= 1:
+            break
+        least = min(weak, key=lambda i: ratio[i])
+        dropped.append(model.terms[least].id)
+        model = _without(model, least)
+    model = _with(model, coefficients[:size], covariance[:size, :size])
+    later, k = [], size
+    for each in effects:
+        width = len(each.variant.columns)
+        later.append(replace(each, coefficients=coefficients[k : k + width]))
+        k += width
+    return Repaired(model, tuple(later), tuple(dropped), covariance)
+
+
+def _solve(
+    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]
+) -> tuple[Array, Array, Array, Array]:
+    columns = stack(runs, lambda run: all_columns(run, model, effects))
+    target = np.concatenate([run.white(run.target) for run in runs])
+    coefficients, covariance = least_squares(columns, target)
+    return columns, target, coefficients, covariance
+
+
+def least_squares(columns: Array, target: Array) -> tuple[Array, Array]:
+    """Return coefficients of whitened rows and their covariance, widened by what is left beyond noise."""
+    norm = np.linalg.norm(columns, axis=0)
+    norm[norm == 0] = 1.0
+    left, singular, right = np.linalg.svd(columns / norm, full_matrices=False)
+    inverse = np.where(singular > 1e-9 * singular[0], 1 / np.maximum(singular, 1e-300), 0.0)
+    coefficients = (right.T * inverse) @ (left.T @ target)
+    rest = target - (columns / norm) @ coefficients
+    scale = max(1.0, float(rest @ rest) / max(target.size - norm.size, 1))
+    covariance = (right.T * inverse**2) @ right * scale
+    return coefficients / norm, covariance / np.outer(norm, norm)
+
+
+def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the columns of the model's terms and of the effects at the kept samples."""
+    return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
+
+
+def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
+    columns = np.vstack([base_columns(model, run) for run in runs])
+    return np.sqrt(np.mean(columns**2, axis=0))
+
+
+def _without(model: JointModel, index: int) -> JointModel:
+    terms = tuple(t for i, t in enumerate(model.terms) if i != index)
+    keep = [i for i in range(len(model.terms)) if i != index]
+    covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()
+    return replace(model, terms=terms, covariance=covariance)
+
+
+def _with(model: JointModel, coefficients: Array, covariance: Array) -> JointModel:
+    terms = []
+    for index, term in enumerate(model.terms):
+        value, error = float(coefficients[index]), float(np.sqrt(covariance[index, index]))
+        interval = (value - 1.96 * error, value + 1.96 * error)
+        terms.append(replace(term, coefficient=value, standard_error=error, interval95=interval))
+    return replace(
+        model, terms=tuple(terms), covariance=tuple(tuple(float(v) for v in row) for row in covariance)
+    )
+
+
+def held_out_gap(
+    runs: Sequence[GapRun],
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    noise: dict[str, float],
+    again: Callable[[Problem, FittedEffect], FittedEffect] | None = None,
+) -> tuple[float, float]:
+    """Return the moment gap on runs that were left out: relative RMS, and RMS in units of the rows' noise.
+
+    Each group of runs is left out in turn; coefficients (and, with ``again``, inner parameters) come from the others.
+    The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
+    So is what the processing leaves of the model's own simulation.
+    """
+    labels, white_labels = row_groups(runs), row_groups(runs, white=True)
+    plain = np.vstack([all_columns(run, model, effects) for run in runs])
+    white = whitened(runs, plain)
+    target = np.concatenate([run.target for run in runs])
+    whole = whitened(runs, target)
+    left, weighted = np.empty(target.size), np.empty(whole.size)
+    for group in dict.fromkeys(labels.tolist()):
+        out, white_out = labels == group, white_labels == group
+        used, rows, others = plain, white, ~white_out
+        train = [run for run in runs if run.group != group]
+        if again is not None and train and len(train) < len(runs) and any(e.values.size for e in effects):
+            later = refitted([run.rough() for run in train], model, effects, again)
+            used = np.vstack([all_columns(run, model, later) for run in runs])
+            rows = whitened(runs, used)
+        coefficients, _ = least_squares(rows[others], whole[others])
+        left[out] = target[out] - used[out] @ coefficients
+        weighted[white_out] = whole[white_out] - rows[white_out] @ coefficients
+    return _relative(runs, left, target, noise), float(np.sqrt(np.mean(weighted**2)))
+
+
+def kept_gap(
+    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], noise: dict[str, float]
+) -> tuple[float, float]:
+    """Return the same gaps on runs that no coefficient of model and effects was fitted to."""
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    target = np.concatenate([run.target for run in runs])
+    left = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
+    return _relative(runs, left, target, noise), float(np.sqrt(np.mean(whitened(runs, left) ** 2)))
+
+
+def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> list[float]:
+    """Return what model and effects leave of each run beyond its noise, RMS in N·m; zero where it repeats.
+
+    Where the model is wrong by more than the noise, weights that know of the noise alone would trust it too much.
+    """
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    left = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
+    return [
+        0.0 if run.folded or run.swings else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
+        for run, r in zip(runs, left, strict=True)
+    ]
+
+
+def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
+    """Return stacked rows of all runs in units of noise."""
+    ends = np.cumsum([run.target.size for run in runs])[:-1]
+    return np.concatenate([run.white(part) for run, part in zip(runs, np.split(rows, ends), strict=True)])
+
+
+def _relative(runs: Sequence[GapRun], left: Array, target: Array, noise: dict[str, float]) -> float:
+    """Return the relative RMS of what is left, within the band in which accelerations are known."""
+    ends = np.cumsum([run.target.size for run in runs])[:-1]
+    square = []
+    for run, part in zip(runs, np.split(left, ends), strict=True):
+        part = part if run.chain is None else part + run.chain
+        within = part if run.band is None else run.band.within(part)
+        square.append(within**2 + (noise[run.name] ** 2 if run.folded else 0.0))
+    return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(target**2)))
+
+
+def refitted(
+    train: Sequence[GapRun],
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    again: Callable[[Problem, FittedEffect], FittedEffect],
+) -> tuple[FittedEffect, ...]:
+    """Return effects with their inner parameters fitted to other runs, by ``again``."""
+    used = tuple(effects)
+    for index, each in enumerate(used):
+        others = used[:index] + used[index + 1 :]
+        used = (*used[:index], again(Problem.build(train, model, others), each), *used[index + 1 :])
+    return used
+
+
+def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:
+    """Return the moment that effects add as a law of :mod:`sindyjoint.mechanics`, or None where none adds one.
+
+    Effects of channels and of the inertia are no part of the law; a state that has a limit stops there. Time that
+    runs is a state with the rate one.
+    """
+    from sympy import Abs, Float, Heaviside, Symbol
+
+    from sindyjoint.mechanics.laws import FormulaLaw
+
+    _, omega, _ = variable_symbols()
+    instant, clock = instant or Instant(), Symbol(CLOCK, real=True)
+    expression: Any = Float(0)
+    rates: dict[str, Any] = {}
+    values: dict[str, float] = {}
+    for index, each in enumerate(effects):
+        if each.effect.enters != "moment" or each.effect.id == "inertia_error":
+            continue
+        names: dict[Any, Any] = {}
+        numbers = dict(zip(each.variant.names, map(float, each.values), strict=True))
+        states = {s.name: Symbol(f"state{index}_{s.name}", real=True) for s in each.variant.states}
+        for symbol in _symbols(each):
+            if symbol.name in numbers:
+                values[f"p{index}_{symbol.name}"] = numbers[symbol.name]
+                names[symbol] = Symbol(f"p{index}_{symbol.name}", positive=True)
+            elif symbol.name in states:
+                names[symbol] = states[symbol.name]
+            elif symbol.name == "frequency":
+                names[symbol] = Float(frequency)
+            elif symbol.name in ("time", "elapsed"):
+                # The instant is a parameter: another segment of a run needs no compilation of its own.
+                at = f"at_{symbol.name}"
+                values[at] = instant.time + (instant.began if symbol.name == "elapsed" else 0.0)
+                names[symbol] = Symbol(at, real=True)
+                if instant.runs:
+                    names[symbol] += clock
+                    rates[CLOCK] = Float(1)
+        for place, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
+            values[f"c{index}_{place}"] = float(value)
+            expression += Symbol(f"c{index}_{place}", real=True) * column.expression.xreplace(names)
+        for state in each.variant.states:
+            rate = state.rate.xreplace(names)
+            if state.limit is not None:
+                z = states[state.name]
+                full = Heaviside(Abs(z) - state.limit.xreplace(names), 1) * Heaviside(z * omega, 0)
+                rate = rate * (1 - full)
+            rates[states[state.name].name] = rate
+    if expression == 0:
+        return None
+    return FormulaLaw(expression, values, rates)
+
+
+def _symbols(fitted: FittedEffect) -> set[Any]:
+    expressions = [c.expression for c in fitted.variant.columns]
+    for state in fitted.variant.states:
+        expressions += [state.rate] + ([] if state.limit is None else [state.limit])
+    return {symbol for e in expressions for symbol in e.free_symbols}
+
+
+def is_term(effect: Effect, variant: Variant) -> bool:
+    """Return whether a variant of an effect is a term of angle and rate alone, as a model's own terms are."""
+    if effect.enters != "moment" or variant.states:
+        return False
+    known = {*variant.names, *(symbol.name for symbol in variable_symbols()[:2])}
+    return all(
+        symbol.name in known for column in variant.columns for symbol in column.expression.free_symbols
+    )
+
+
+def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
+    """Return the model with those effects among its terms that are functions of angle and rate alone.
+
+    An effect that the model has a term of is added to that term. Other effects (with a memory, of a channel, of a run)
+    are no terms of a joint model.
+    """
+    model, effects = repaired.model, repaired.effects
+    terms, places = list(model.terms), list(range(len(model.terms)))
+    shares = unique_shares(runs, model, effects)
+    errors = np.zeros(shares.size) if repaired.covariance is None else np.sqrt(np.diag(repaired.covariance))
+    terms = [replace(t, unique_share=float(s)) for t, s in zip(terms, shares, strict=False)]
+    at = len(terms)
+    for each in effects:
+        inner = tuple(zip(each.variant.names, map(float, each.values), strict=True))
+        for k, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
+            place, at = at, at + 1
+            if not is_term(each.effect, each.variant):
+                continue
+            name = each.effect.id if k == 0 else f"{each.effect.id}_{k + 1}"
+            size, error = float(value), float(errors[place])
+            motion = model.joint.motion
+            unit = column.unit if motion == "rotation" else unit_for(column.unit, motion)
+            same = next((i for i, t in enumerate(terms) if t.id == name), None)
+            if same is not None:
+                terms[same] = replace(terms[same], coefficient=terms[same].coefficient + size)
+                continue
+            places.append(place)
+            terms.append(
+                ModelTerm(
+                    name,
+                    column.symbol,
+                    each.effect.name,
+                    each.effect.family,
+                    column.formula,
+                    inner,
+                    unit,
+                    size,
+                    error,
+                    (size - 1.96 * error, size + 1.96 * error),
+                    float(shares[place]),
+                )  # fmt: skip
+            )
+    covariance = model.covariance
+    if repaired.covariance is not None:
+        chosen = repaired.covariance[np.ix_(places, places)]
+        covariance = tuple(tuple(float(v) for v in row) for row in chosen)
+    return replace(model, terms=tuple(terms), covariance=covariance)
+
+
+def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the moment that no other column can take over, of each, relative to the RMS moment."""
+    columns = np.vstack([all_columns(run, model, effects) for run in runs])
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    products = (columns / size).T @ (columns / size) / len(columns)
+    own = np.sqrt(1 / np.maximum(np.diag(np.linalg.pinv(products)), 1.0))
+    return np.abs(coefficients) * size * own / model.fitted.moment_rms
+
+
+def corrections(effects: Sequence[FittedEffect]) -> tuple[float, float, float]:
+    """Return time shift of the moment (s), zero of the angle (rad) and error of the inertia that effects hold."""
+    shift = sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "time shift")
+    zero = sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "angle zero")
+    inertia = sum(float(e.coefficients[0]) for e in effects if e.effect.id == "inertia_error")
+    return shift, zero, inertia
+
+
+def angle_drift(effects: Sequence[FittedEffect]) -> float:
+    """Return the rate at which effects let the zero of the angle move, rad/s."""
+    return sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "angle drift")
+
+
+def law_of(
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    base: Callable[[JointModel], Law],
+    frequency: float,
+    instant: Instant | None = None,
+) -> Law:
+    """Return the law of a model with effects, for runs of one frequency at one instant.
+
+    ``base`` turns a model into a law (``workflows.model_law``).
+    """
+    from sindyjoint.mechanics.laws import SumLaw
+
+    inertia = corrections(effects)[2]
+    if inertia and model.joint.inertia is not None:
+        model = replace(model, joint=replace(model.joint, inertia=max(model.joint.inertia + inertia, 0.0)))
+    added = effect_law(effects, frequency, instant)
+    law = base(model)
+    return law if added is None else SumLaw(law, added)

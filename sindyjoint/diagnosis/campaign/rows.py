@@ -1,0 +1,281 @@
+"""The gap between a model and a measurement, row by row, in units of its own noise.
+
+A periodic run is folded onto one mean period. What the fold cannot repeat is noise of the moment; noise of the angle
+enters through the series of harmonics, each of which is uncertain by its own standard error. Both are known, so the
+rows of a run have a known covariance, Σ = σ²I + B S Bᵀ with B the moment that an error of each harmonic makes, and
+multiplying by the inverse of its Cholesky factor gives rows of independent unit noise: sums of squares are then
+likelihoods (linearised errors in variables; Fuller, Measurement Error Models, 1987, section 1.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_SWINGS, Swings, reversals
+from sindyjoint.diagnosis.campaign.run_rows import Band, GapRun
+from sindyjoint.diagnosis.campaign.whitening import folded_whitener, kernel_noise_factor, slopes
+from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
+from sindyjoint.equation.model import JointModel
+from sindyjoint.states import ForceStates
+from sindyjoint.states.broadband import smoothing_kernels
+from sindyjoint.states.mask import rate_limit
+
+Array = NDArray[np.float64]
+
+PHASES = 240
+FEWEST_PHASES = 12
+# Rows of a run that does not repeat: this many per period of its bandwidth, and of all runs together at most so many.
+ROWS_PER_PERIOD = 5
+MOST_ROWS = 16_000
+STRETCH = 150
+# Internal states follow a motion that is interpolated within this share of its RMS.
+FOLLOWED_ERROR = 1e-4
+MOST_BETWEEN = 8
+# The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
+SUBSTEPS = 3
+# The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
+CHAIN_ERROR = 5e-4
+LEAST_NOISE = 1e-6
+
+
+def gap_runs(
+    states: Sequence[ForceStates],
+    model: JointModel,
+    groups: Sequence[str],
+    phases: int = PHASES,
+    errors: Sequence[float] | None = None,
+    free: bool = False,
+) -> tuple[GapRun, ...]:
+    """Return the rows of every run.
+
+    Parameters
+    ----------
+    states : sequence of ForceStates
+    model : JointModel
+        Its slopes carry errors of the angle into the moment.
+    groups : sequence of str
+        What is held out together, one label per run.
+    phases : int
+        Samples of the mean period.
+    errors : sequence of float, optional
+        Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
+    free : bool
+        Whether the runs are free motion: rows are then made of swings, where there are enough of them.
+    """
+    scale, samples = model.fitted.moment_rms, sum(s.n_samples for s in states)
+    return tuple(
+        _folded(s, model, g, phases, scale)
+        if s.method == "periodic"
+        else _strided(
+            s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), MOST_ROWS * s.n_samples // samples, free
+        )
+        for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
+    )
+
+
+def _folded(states: ForceStates, model: JointModel, group: str, phases: int, scale: float) -> GapRun:
+    """Fold a periodic run onto one mean period and whiten it."""
+    assert states.frequency is not None
+    phases = min(phases, int(states.sample_rate / states.frequency))
+    position = (states.time - states.time[0]) * states.frequency % 1.0
+    # Samples that fall alike in every period are to lie in the middle of a bin, not on the border of two.
+    bins = np.floor(position * phases + 0.5).astype(int) % phases
+    count = np.bincount(bins, minlength=phases)
+    filled = np.maximum(count, 1)
+
+    def mean(signal: Array) -> Array:
+        return np.bincount(bins, signal, phases) / filled
+
+    angle, rate, acceleration, moment = map(
+        mean, (states.angle, states.rate, states.acceleration, states.moment)
+    )
+    empty = np.flatnonzero(count == 0)
+    if empty.size:
+        full = np.flatnonzero(count)
+        angle, rate, acceleration, moment = (
+            np.interp(np.arange(phases), full, s[full], period=phases)
+            for s in (angle, rate, acceleration, moment)
+        )
+    keep = _always(np.bincount(bins, states.moving, phases) / filled, count > 0)
+    # What repeats is as it is in the middle of its stretch, at every phase.
+    time = np.full(phases, np.mean(states.time))
+    step = 1 / (states.frequency * phases)
+    motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
+    inertia = model.joint.inertia
+    sigma = np.sqrt(states.noise.moment**2 / filled[keep] + (CHAIN_ERROR * scale) ** 2)
+    factor = folded_whitener(states, model, motion, sigma, np.arange(phases)[keep] / phases)
+    target = moment[keep] - (inertia or 0.0) * acceleration[keep]
+    return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
+
+
+def _always(share: Array, seen: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the phases in which the joint moves in every period, or those nearest to that where there are too few."""
+    keep = np.flatnonzero((share == 1) & seen)
+    if keep.size >= FEWEST_PHASES:
+        return keep
+    return np.sort(np.argsort(-np.where(seen, share, -1.0), kind="stable")[:FEWEST_PHASES])
+
+
+def _strided(
+    states: ForceStates, model: JointModel, group: str, error: float, most: int, free: bool = False
+) -> GapRun:
+    """Take evenly spaced moving samples of a run that does not repeat, and whiten them.
+
+    The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
+    """
+    every = _stride(states)
+    if free and (swinging := _swinging(states, model, group, every)) is not None:
+        return swinging
+    rows = _stretches(np.flatnonzero(states.moving[::every]), most)
+    moments, motion = _strided_motion(states, model, rows)
+    record = np.where(states.moving[::every], moments, np.nan)
+    sigma = np.full(rows.size, float(np.hypot(states.noise.moment, error)))
+    factor, variance = kernel_noise_factor(states, model, motion, rows * every, sigma)
+    noise = float(np.mean(variance)) - error**2
+    kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
+    band = Band(kernel, rows) if model.inertia else None
+    return GapRun(
+        states.run,
+        group,
+        states.level,
+        motion,
+        moments[rows],
+        factor,
+        sigma,
+        False,
+        noise,
+        band,
+        record=record,
+    )
+
+
+def _stride(states: ForceStates) -> int:
+    return max(1, int(states.sample_rate / (ROWS_PER_PERIOD * states.bandwidth)))
+
+
+def _strided_motion(
+    states: ForceStates, model: JointModel, rows: NDArray[np.intp]
+) -> tuple[Array, MeasuredMotion]:
+    """Return the moments at every strided sample of a run, and its motion with some of them as rows."""
+    every = _stride(states)
+    step = every / states.sample_rate
+    angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
+    moments = states.moment[::every] - (model.joint.inertia or 0.0) * acceleration
+    coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
+    between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
+    if between > 1:
+        jerk = np.gradient(acceleration, step)
+        angle, rate, acceleration = (
+            hermite(values, slope, step, between)
+            for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
+        )
+    keep = rows * between
+    return moments, _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
+
+
+def along_twin(run: GapRun, states: ForceStates, twin: ForceStates, model: JointModel) -> GapRun:
+    """Return the rows of a run that does not repeat, made of the states of its twin; weights are the run's own."""
+    every = _stride(states)
+    rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
+        int
+    )
+    moments, motion = _strided_motion(twin, model, rows)
+    return replace(run, motion=motion, target=moments[rows])
+
+
+def _swinging(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:
+    """Return a free run as swings up to its last reversal; None where there are too few, or no inertia is known."""
+    if not model.inertia > 0:
+        return None
+    limit = rate_limit(states.rate, states.noise.rate, 0.0)
+    ends = reversals(states.rate[::every], limit)
+    if ends.size <= FEWEST_SWINGS:
+        return None
+    size = int(ends[-1])
+    angle, rate, acceleration, moment = (
+        s[::every][:size] for s in (states.angle, states.rate, states.acceleration, states.moment)
+    )
+    step = every / states.sample_rate
+    low = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
+    # Rounding is noise, too.
+    noise = (
+        max(states.noise.angle * float(np.linalg.norm(low)), LEAST_NOISE * float(np.abs(angle).max())),
+        max(states.noise.rate, LEAST_NOISE * float(np.abs(rate).max())),
+    )
+    swings = Swings.build(rate, step, slopes(model, angle, rate), model.inertia, limit, noise)
+    if swings is None:
+        return None
+    rows = np.arange(size)
+    motion = _motion(states, model, angle, rate, acceleration, step, rows, False)
+    target = moment - (model.joint.inertia or 0.0) * acceleration
+    sigma = np.full(size, model.inertia * states.noise.acceleration)
+    kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
+    return GapRun(
+        states.run, group, states.level, motion, target, np.empty((0, 0)), sigma, False, 0.0,
+        Band(kernel, rows), swings,
+    )  # fmt: skip
+
+
+def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return at most about ``most`` rows, as whole stretches spread evenly: neighbours carry correlated noise."""
+    count = rows.size // STRETCH
+    keep = max(1, most // STRETCH)
+    if rows.size <= most or count <= keep:
+        return rows
+    chosen = np.unique(np.linspace(0, count - 1, keep).astype(int))
+    return np.concatenate([rows[i * STRETCH : (i + 1) * STRETCH] for i in chosen])
+
+
+def hermite(values: Array, slope: Array, step: float, between: int) -> Array:
+    """Return a signal at ``between`` instants per sample, by cubic Hermite interpolation of values and slopes."""
+    left, right = values[:-1, None], values[1:, None]
+    rise, fall = step * slope[:-1, None], step * slope[1:, None]
+    u = np.arange(between)[None, :] / between
+    inner = (
+        (1 + 2 * u) * (1 - u) ** 2 * left
+        + u * (1 - u) ** 2 * rise
+        + u**2 * (3 - 2 * u) * right
+        - u**2 * (1 - u) * fall
+    )
+    return np.append(inner.ravel(), values[-1])
+
+
+def _motion(
+    states: ForceStates,
+    model: JointModel,
+    angle: Array,
+    rate: Array,
+    acceleration: Array,
+    step: float,
+    keep: NDArray[np.intp],
+    repeats: bool,
+    time: Array | None = None,
+    substeps: int = 1,
+) -> MeasuredMotion:
+    stiffness, damping = slopes(model, angle, rate)
+    return MeasuredMotion(
+        angle=angle,
+        rate=rate,
+        acceleration=acceleration,
+        step=step,
+        time=states.time[0] + step * np.arange(angle.size) if time is None else time,
+        frequency=states.frequency or 0.0,
+        moment_rate=stiffness * rate + damping * acceleration,
+        moment_slope=stiffness,
+        keep=keep,
+        repeats=repeats,
+        began=states.began,
+        substeps=substeps,
+    )
+
+
+def base_columns(model: JointModel, run: GapRun) -> Array:
+    """Return the columns of the model's own terms at the kept samples, shape (m, p)."""
+    from sindyjoint.equation.formula import compile_terms
+
+    function = compile_terms([term.expression for term in model.terms])
+    return function(run.angle, run.rate, run.acceleration)

@@ -1,0 +1,151 @@
+"""One run as rows of independent unit noise, and what several runs are together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.campaign.half_cycles import Swings
+from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
+from sindyjoint.equation.terms import Reference
+
+Array = NDArray[np.float64]
+
+# A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
+STRETCHES = 20
+FOLDS = 5
+GOLDEN = 0.6180339887
+
+
+@dataclass(frozen=True, eq=False)
+class GapRun:
+    """One run as rows of independent unit noise.
+
+    Parameters
+    ----------
+    name : str
+    group : str
+        What is held out together with it.
+    level : str or None
+    motion : MeasuredMotion
+    target : ndarray, shape (m,)
+        Transfer moment at the kept samples (moment at the sensor where the inertia is identified), N·m.
+    factor : ndarray, shape (m, m) or (bands + 1, m)
+        Where folded the inverse of the Cholesky factor of the rows' covariance; else that factor, banded, lower.
+    sigma : ndarray, shape (m,)
+        Standard error of each row's moment by the moment's own noise, N·m.
+    folded : bool
+        Whether the rows are a mean period, whose noise repetition has measured.
+    variance : float
+        Mean variance of the rows by noise, (N·m)²; what a model leaves beyond it is the model's own error.
+    band : Band, optional
+        Where an acceleration enters: the band within which it is known.
+    swings : Swings, optional
+        Of a free run: rows are then what a moment changes of its motion, two for each swing.
+    record : ndarray, optional
+        For pictures: the target of a run that does not repeat at every sample, NaN where the joint sticks.
+    chain : ndarray, shape (m,), optional
+        What the processing leaves of the model's own simulation, N·m: taken off the target.
+    """
+
+    name: str
+    group: str
+    level: str | None
+    motion: MeasuredMotion
+    target: Array
+    factor: Array
+    sigma: Array
+    folded: bool
+    variance: float = 0.0
+    band: Band | None = None
+    swings: Swings | None = None
+    record: Array | None = None
+    chain: Array | None = None
+
+    def whole(self) -> GapRun:
+        """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
+        if self.record is None:
+            return self
+        between = max(1, (self.motion.angle.size - 1) // max(1, self.record.size - 1))
+        rows = np.flatnonzero(np.isfinite(self.record))
+        return replace(self, motion=replace(self.motion, keep=rows * between), target=self.record[rows])
+
+    def white(self, rows: Array) -> Array:
+        """Return rows of columns, (m,) or (m, k), in units of independent noise; as many, but in free motion."""
+        if self.swings is not None:
+            return self.swings.white(rows)
+        if self.folded:
+            return self.factor @ rows
+        from scipy.linalg.lapack import dtbtrs
+
+        solution, _ = dtbtrs(self.factor, rows, uplo="L")
+        return solution.reshape(rows.shape)
+
+    @property
+    def white_size(self) -> int:
+        """Number of rows of independent noise."""
+        return self.target.size if self.swings is None else self.swings.size
+
+    def row_groups(self, alone: bool, size: int) -> NDArray[np.object_]:
+        """Return what is held out together, per row: the run's group, or stretches of it where the run is alone."""
+        if not alone:
+            return np.full(size, self.group, dtype=object)
+        stretch = np.arange(size) * STRETCHES // size
+        return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
+
+    def rough(self) -> GapRun:
+        """Return the run for searching inner parameters: internal states are integrated in longer steps."""
+        return replace(self, motion=self.motion.rough())
+
+    @property
+    def angle(self) -> Array:
+        """Angle at the kept samples, rad."""
+        return self.motion.angle[self.motion.keep]
+
+    @property
+    def rate(self) -> Array:
+        """Rate at the kept samples, rad/s."""
+        return self.motion.rate[self.motion.keep]
+
+    @property
+    def acceleration(self) -> Array:
+        """Acceleration at the kept samples, rad/s²."""
+        return self.motion.acceleration[self.motion.keep]
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """A low-pass over the even grid from which rows were taken."""
+
+    kernel: Array
+    places: NDArray[np.intp]
+
+    def within(self, left: Array) -> Array:
+        """Return what is left at the rows within the band, shape (m,); gaps between rows are bridged."""
+        from scipy.signal import fftconvolve
+
+        grid = np.interp(np.arange(self.places[0], self.places[-1] + 1), self.places, left)
+        half = self.kernel.size // 2
+        smooth = fftconvolve(np.pad(grid, half, mode="edge"), self.kernel, mode="valid")
+        return smooth[self.places - self.places[0]]
+
+
+def row_groups(runs: Sequence[GapRun], white: bool = False) -> NDArray[np.object_]:
+    """Return what is held out together, for the stacked rows of all runs: of moments, or of independent noise."""
+    sizes = [run.white_size if white else run.target.size for run in runs]
+    alone = len({run.group for run in runs}) == 1
+    if alone and len(runs) > 1:
+        return np.concatenate(
+            [np.full(size, run.name, dtype=object) for run, size in zip(runs, sizes, strict=True)]
+        )
+    return np.concatenate([run.row_groups(alone, size) for run, size in zip(runs, sizes, strict=True)])
+
+
+def reference_scales(runs: Sequence[GapRun]) -> Reference:
+    """Return the largest angle and rate over the kept samples of all runs."""
+    return Reference(
+        float(max(np.abs(r.angle).max() for r in runs)), float(max(np.abs(r.rate).max() for r in runs)), None
+    )

@@ -1,0 +1,169 @@
+"""What a diagnosis starts from: the campaign as rows, the model fitted to it, the effects that it can show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.diagnosis.campaign.change import MEMBER, changes, segments
+from sindyjoint.diagnosis.campaign.processing import chain_errors, without_chain
+from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.repair import model_errors, refit
+from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.equation.catalogue import as_catalogue
+from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.errors import UnknownNameError
+from sindyjoint.record import Campaign, Run
+from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.states.rows import group_labels
+
+# Stribeck friction lives at low rates: diagnosis keeps all that the noise of the rate allows.
+RATE_SHARE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
+
+    campaign: Campaign
+    runs: tuple[Run, ...]
+    states: tuple[ForceStates, ...]
+    groups: tuple[str, ...]
+    model: JointModel
+    rows: tuple[GapRun, ...]
+
+    @classmethod
+    def build(
+        cls,
+        campaign: Campaign,
+        runs: Sequence[Run],
+        states: Sequence[ForceStates],
+        groups: Sequence[str],
+        model: JointModel,
+        effects: Sequence[FittedEffect] = (),
+    ) -> Work:
+        """Return the work with the rows that its states, and the model with its effects, make."""
+        free = is_free(campaign)
+        rows = gap_runs(states, model, groups, free=free)
+        left = chain_errors(runs, states, rows, model, effects)
+        errors = model_errors(without_chain(rows, left), model, effects)
+        if any(errors):
+            rows = gap_runs(states, model, groups, errors=errors, free=free)
+        rows = without_chain(rows, left)
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
+
+    def moment_rows(self) -> tuple[GapRun, ...]:
+        """Return rows that are moments of the joint, in free motion too."""
+        return gap_runs(self.states, self.model, self.groups) if is_free(self.campaign) else self.rows
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Noise of a single sample of the transfer moment, per run, N·m."""
+        return {s.run: sample_noise(s, self.model.inertia) for s in self.states}
+
+
+def is_free(campaign: Campaign) -> bool:
+    """Return whether no run has a measured moment."""
+    return all(np.ptp(run.moment) == 0 for run in campaign.identification_runs)
+
+
+def sample_noise(states: ForceStates, inertia: float) -> float:
+    """Return the noise of a single sample of the transfer moment, N·m."""
+    return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))
+
+
+def kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
+    """Return the campaign with some runs marked as kept for validation; UnknownNameError names one it lacks."""
+    known = [run.name for run in campaign.runs]
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(f"hold_out names run {name!r}; the campaign has {', '.join(known)}")
+    if not names:
+        return campaign
+    return campaign.with_runs(
+        tuple(replace(r, use="validate") if r.name in names else r for r in campaign.runs)
+    )
+
+
+def applicable(
+    campaign: Campaign, effects: Sequence[Effect], states: Sequence[ForceStates]
+) -> tuple[Effect, ...]:
+    """Return the effects that the campaign can show.
+
+    In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a skew of the
+    channels has no meaning. Where every run is one mean period, nothing is seen of what changes within a run.
+    """
+    timed = any(s.method != "periodic" or MEMBER in s.run for s in states)
+    kept = []
+    for effect in effects:
+        variants = tuple(v for v in effect.variants if timed or not v.uses & {"time", "elapsed"})
+        if variants:
+            kept.append(replace(effect, variants=variants))
+    if not is_free(campaign):
+        return tuple(kept)
+    return tuple(e for e in kept if e.id != "inertia_error" and e.enters != "time shift")
+
+
+def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tuple[ForceStates, ...]:
+    """Return the states with the start of their run, as if the runs had followed one another without a break."""
+    ends = np.cumsum([run.duration for run in campaign.runs])
+    starts = {run.name: float(end - run.duration) for run, end in zip(campaign.runs, ends, strict=True)}
+    return tuple(replace(s, began=starts[s.run]) for s in states)
+
+
+def cut_up(
+    runs: Sequence[Run], states: Sequence[ForceStates], rate_share: float | None = None
+) -> tuple[tuple[Run, ...], tuple[ForceStates, ...], tuple[str, ...]]:
+    """Return runs, states and group labels of the segments of runs that change in time; whole runs otherwise."""
+    labels = group_labels(states)
+    if not changes(runs, states):
+        return tuple(runs), tuple(states), tuple(labels)
+    parts = [segments(run, s, rate_share) for run, s in zip(runs, states, strict=True)]
+    return (
+        tuple(each.run for part in parts for each in part),
+        tuple(each.states for part in parts for each in part),
+        tuple(label for label, part in zip(labels, parts, strict=True) for _ in part),
+    )
+
+
+def first_model(
+    campaign: Campaign, states: Sequence[ForceStates], model: JointModel | None, base: Any
+) -> JointModel:
+    """Return the model to start from, fitted to the campaign."""
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    inertia = campaign.joint.inertia
+    rows = regression_rows(states, inertia)
+    if model is None:
+        catalogue = as_catalogue(base)
+        fitted = (
+            JointRegressor(catalogue, threshold=0.0, motion=campaign.joint.motion)
+            .fit(**rows.fit_arguments())
+            .model_
+        )
+    else:
+        fitted = model
+    count = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
+    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
+    data = Fitted(
+        moment_rms=float(np.sqrt(np.mean(rows.y**2))),
+        residual_rms=fitted.fitted.residual_rms,
+        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
+        moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
+        samples=int(count.sum()),
+        runs=len(states),
+        angle=float(np.abs(rows.X[:, 0]).max()),
+        rate=float(np.abs(rows.X[:, 1]).max()),
+        frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
+        simulated=campaign.simulated,
+    )
+    fitted = replace(fitted, joint=campaign.joint, fitted=data)
+    # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
+    for _ in range(2):
+        fitted = refit(gap_runs(states, fitted, group_labels(states)), fitted, ()).model
+    return fitted

@@ -1,0 +1,364 @@
+"""The catalogue of effects that a joint model may be missing, read from TOML, evaluated along a measured motion."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError
+
+from sindyjoint.equation import dimensions
+from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
+from sindyjoint.equation.formula import compile_terms, formula_pretty, parameter_symbol, parse_formula
+from sindyjoint.equation.terms import Parameter, Reference
+from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
+
+if TYPE_CHECKING:
+    import sympy
+
+Array = NDArray[np.float64]
+Enters = Literal["moment", "time shift", "angle zero", "angle drift"]
+
+#: Signals that a column may use beside θ, θ̇ and θ̈, with their units.
+SIGNALS = {"frequency": "1/s", "time": "s", "elapsed": "s", "moment_rate": "N*m/s", "moment_slope": "N*m/rad"}
+ARGUMENTS = ("theta", "omega", "alpha", *SIGNALS)
+
+
+class _ParameterEntry(StrictEntry):
+    name: Identifier
+    unit: Line
+    lower: Annotated[float, Field(gt=0)]
+    upper: Annotated[float, Field(gt=0)]
+    relative_to: Literal["angle", "rate"] | None = None
+
+
+class _StateEntry(StrictEntry):
+    name: Identifier
+    unit: Line
+    rate: Line
+    limit: Line | None = None
+
+
+class _ColumnEntry(StrictEntry):
+    symbol: Line
+    formula: Line
+    unit: Line
+    positive: bool = False
+
+
+class _VariantEntry(StrictEntry):
+    columns: Annotated[list[_ColumnEntry], Field(min_length=1)]
+    parameters: list[_ParameterEntry] = []
+    states: list[_StateEntry] = []
+
+
+class _EffectEntry(StrictEntry):
+    id: Identifier
+    name: Line
+    family: Line
+    meaning: Line
+    source: str = ""
+    confused_with: list[Identifier] = []
+    enters: Enters = "moment"
+    variant: Annotated[list[_VariantEntry], Field(min_length=1)]
+
+
+class _EffectFile(StrictEntry):
+    name: Line
+    description: Line
+    effect: list[_EffectEntry] = []
+
+
+@dataclass(frozen=True)
+class Column:
+    """A moment that an effect adds, times a coefficient."""
+
+    symbol: str
+    formula: str
+    unit: str
+    positive: bool
+    expression: sympy.Expr = field(repr=False)
+
+
+@dataclass(frozen=True)
+class State:
+    """An internal state: its rate, and the value that it cannot pass."""
+
+    name: str
+    unit: str
+    rate: sympy.Expr = field(repr=False)
+    limit: sympy.Expr | None = field(repr=False, default=None)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way in which an effect may act."""
+
+    columns: tuple[Column, ...]
+    parameters: tuple[Parameter, ...]
+    states: tuple[State, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the inner parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def uses(self) -> set[str]:
+        """Names of all that its columns are made of."""
+        return {symbol.name for column in self.columns for symbol in column.expression.free_symbols}
+
+    @property
+    def degrees(self) -> int:
+        """Numbers that a fit of the variant chooses."""
+        return len(self.columns) + len(self.parameters)
+
+    def units(self, motion: str) -> dict[str, str]:
+        """Return the units of coefficients and inner parameters by name, for ``"rotation"`` or ``"translation"``."""
+        own = {c.symbol: c.unit for c in self.columns} | {p.name: p.unit for p in self.parameters}
+        if motion == "rotation":
+            return own
+        return {name: dimensions.unit_for(unit, motion) for name, unit in own.items()}
+
+    def bounds(self, reference: Reference) -> Array:
+        """Return lower and upper bounds of the inner parameters in SI units, shape (n_parameters, 2)."""
+        scales = [
+            1.0 if p.relative_to is None else getattr(reference, p.relative_to) for p in self.parameters
+        ]
+        ends = [(p.lower * s, p.upper * s) for p, s in zip(self.parameters, scales, strict=True)]  # type: ignore[operator]
+        return np.array(ends, dtype=np.float64).reshape(-1, 2)
+
+    @cached_property
+    def _function(self) -> Any:
+        arguments = (*ARGUMENTS, *(s.name for s in self.states), *self.names)
+        return compile_terms([column.expression for column in self.columns], arguments)
+
+    @cached_property
+    def _state_program(self) -> Any:
+        from sindyjoint.diagnosis.effects.internal_states import program
+
+        arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
+        return program(compile_terms([state.rate for state in self.states], arguments))
+
+    def states_along(self, motion: MeasuredMotion, values: Array) -> Array:
+        """Return the internal states at the kept samples of a motion, shape (n_states, m)."""
+        from sindyjoint.diagnosis.effects.internal_states import integrate_states
+
+        substitution = {parameter_symbol(n): float(v) for n, v in zip(self.names, values, strict=True)}
+        limits = [np.inf if s.limit is None else float(s.limit.subs(substitution)) for s in self.states]
+        integrate: Any = integrate_states
+        every = motion.follow
+        rate = motion.rate[::every]
+        if motion.repeats:
+            # What repeats comes back: the rest of a mean over samples would carry a slider away, pass by pass.
+            rate = rate - rate.mean()
+        states = integrate(
+            motion.angle[::every],
+            rate,
+            motion.step * every,
+            np.asarray(values, dtype=np.float64),
+            np.array(limits),
+            *self._state_program,
+            # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
+            np.array([motion.angle[0] if np.isfinite(limit) else 0.0 for limit in limits]),
+            PASSES if motion.repeats else 1,
+            motion.substeps,
+        )
+        if every == 1:
+            return states[:, motion.keep]
+        places = np.arange(0, motion.angle.size, every)
+        return np.array([np.interp(motion.keep, places, z) for z in states])
+
+    def along(self, motion: MeasuredMotion, values: Array) -> Array:
+        """Return the columns at the kept samples of a motion, shape (m, n_columns)."""
+        keep = motion.keep
+        states = self.states_along(motion, values) if self.states else ()
+        signals = [getattr(motion, name)[keep] for name in ("angle", "rate", "acceleration")]
+        time = motion.time[keep]
+        others = [
+            motion.frequency, time, motion.began + time, motion.moment_rate[keep], motion.moment_slope[keep]
+        ]  # fmt: skip
+        return self._function(*signals, *others, *states, *map(float, values))
+
+
+# A motion that repeats is run through at most this often until its states repeat.
+PASSES = 20
+# While inner parameters are searched, states follow a motion within this share of its RMS.
+ROUGH_ERROR = 1e-2
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that a joint model may be missing."""
+
+    id: str
+    name: str
+    family: str
+    meaning: str
+    source: str
+    confused_with: tuple[str, ...]
+    enters: Enters
+    variants: tuple[Variant, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """A run's motion as effects see it.
+
+    Parameters
+    ----------
+    angle, rate, acceleration : ndarray, shape (n,)
+        The whole motion: one period where ``repeats``, the record otherwise.
+    step : float
+        s between samples.
+    time : ndarray, shape (n,)
+        Since the start of the run, s; the mean over its periods where ``repeats``.
+    frequency : float
+        Hz; zero where the run has none.
+    moment_rate, moment_slope : ndarray, shape (n,)
+        dM/dt and ∂M/∂θ of the model along the motion.
+    keep : ndarray of int, shape (m,)
+        Samples in which the joint moves.
+    repeats : bool
+    began : float
+        Start of the run since that of the campaign's first one, s.
+    substeps : int
+        Parts into which a step is cut where internal states are integrated.
+    follow : int
+        Internal states are integrated over every so-manieth sample and interpolated between.
+    """
+
+    angle: Array
+    rate: Array
+    acceleration: Array
+    step: float
+    time: Array
+    frequency: float
+    moment_rate: Array
+    moment_slope: Array
+    keep: NDArray[np.intp]
+    repeats: bool
+    began: float = 0.0
+    substeps: int = 1
+    follow: int = 1
+
+    def rough(self) -> MeasuredMotion:
+        """Return the motion for searching: internal states are integrated in longer steps."""
+        if self.substeps > 1:
+            return replace(self, substeps=1)
+        return replace(self, follow=max(1, int(1 / self.steps_to_follow(ROUGH_ERROR))))
+
+    def steps_to_follow(self, error: float) -> float:
+        """Return into how many parts a step is to be cut so that linear interpolation of the angle errs by so little.
+
+        ``error`` is relative to the RMS of the angle; the answer is below one where steps may be longer.
+        """
+        bend = float(np.sqrt(np.mean(self.acceleration**2)))
+        return self.step * float(np.sqrt(bend / (8 * error * max(float(np.std(self.angle)), 1e-300))))
+
+
+def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
+    """Return the shipped effects and those of further files, each id once; a file's own replaces a shipped one.
+
+    Raises
+    ------
+    MissingInputError, InputError, FormulaError, UnitError, UnknownNameError
+        The message names file, effect and field.
+    """
+    effects: dict[str, Effect] = {}
+    for path in [*sorted((library_folder() / "effects").glob("*.toml")), *map(Path, paths)]:
+        effects.update({effect.id: effect for effect in read_effects(path)})
+    return tuple(effects.values())
+
+
+def read_effects(path: Path) -> tuple[Effect, ...]:
+    """Return the effects of one file."""
+    if not path.is_file():
+        raise MissingInputError(f"{str(path)!r} does not exist; a .toml file of effects is wanted")
+    try:
+        entry = _EffectFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name}: not a TOML file: {error}") from None
+    except ValidationError as error:
+        raise InputError(f"{path.name}: {fault_line(error)}") from None
+    return tuple(_effect(path, each) for each in entry.effect)
+
+
+def fault_line(error: ValidationError) -> str:
+    """Return the first fault of a file in one line that names the place."""
+    fault = sorted(error.errors(), key=lambda each: each["type"] != "extra_forbidden")[0]
+    place = ".".join(str(step + 1) if isinstance(step, int) else str(step) for step in fault["loc"])
+    if fault["type"] == "extra_forbidden":
+        return f"{place}: this key is unknown; the head of the shipped effect files lists the keys"
+    if fault["type"] == "missing":
+        return f"{place}: is missing"
+    return f"{place} = {str(fault['input'])[:60]!r}: {fault['msg']}"
+
+
+def select_effects(effects: Sequence[Effect], ids: Sequence[str]) -> tuple[Effect, ...]:
+    """Return the effects of some ids; UnknownNameError names one that is not there."""
+    known = {effect.id: effect for effect in effects}
+    for wanted in ids:
+        if wanted not in known:
+            raise UnknownNameError(f"no effect {wanted!r}; known are {', '.join(sorted(known))}")
+    return tuple(known[wanted] for wanted in ids)
+
+
+def _effect(path: Path, entry: Any) -> Effect:
+    try:
+        variants = tuple(_variant(each) for each in entry.variant)
+    except (FormulaError, UnitError, InputError) as error:
+        raise type(error)(f"{path.name}: effect {entry.id!r}: {error}") from None
+    return Effect(
+        entry.id,
+        entry.name,
+        entry.family,
+        entry.meaning,
+        entry.source,
+        tuple(entry.confused_with),
+        entry.enters,
+        variants,
+    )
+
+
+def _variant(entry: Any) -> Variant:
+    names = [parameter.name for parameter in entry.parameters]
+    states = [state.name for state in entry.states]
+    units = {p.name: p.unit for p in (*entry.parameters, *entry.states)}
+    columns = []
+    for column in entry.columns:
+        expression = parse_formula(column.formula, names, [*states, *SIGNALS])
+        wanted = dimensions.coefficient_unit(expression, {**units, **SIGNALS}, "rotation")
+        if not dimensions.same_dimension(column.unit, wanted):
+            raise UnitError(f"unit {column.unit!r} times {column.formula} is not N*m; {wanted} is wanted")
+        columns.append(Column(column.symbol, column.formula, column.unit, column.positive, expression))
+    parameters = []
+    for p in entry.parameters:
+        if not p.lower < p.upper:
+            raise InputError(f"parameter {p.name!r}: lower {p.lower:g} is not below upper {p.upper:g}")
+        middle = float(np.sqrt(p.lower * p.upper))
+        parameters.append(Parameter(p.name, p.unit, middle, p.relative_to, p.lower, p.upper))
+    return Variant(
+        tuple(columns),
+        tuple(parameters),
+        tuple(
+            State(
+                s.name,
+                s.unit,
+                parse_formula(s.rate, names, states),
+                None if s.limit is None else parse_formula(s.limit, names),
+            )
+            for s in entry.states
+        ),
+    )
+
+
+def pretty(column: Column, motion: str = "rotation") -> str:
+    """Return a column's formula as a line to read."""
+    return formula_pretty(column.expression, motion)

@@ -1,0 +1,291 @@
+"""The effects of the catalogue as changes of the law of a joint that is simulated in a structure.
+
+An effect adds a moment; one that under steady slip gives a moment which no longer depends on the rate (a slider, a
+bristle, play) can also stand in the place of the Coulomb friction, which then gives way before it slips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.effects.law import ProgramLaw
+from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.terms import Reference
+
+Array = NDArray[np.float64]
+
+FRICTION = "coulomb_friction"
+# Points of a search over the inner parameters, by their number.
+GRID = {0: (), 1: (5,), 2: (3, 2), 3: (3, 1, 2)}
+# Steady slip is looked at over this many times the largest angle, at this many times the largest rate.
+FAR, FAST = 50.0, 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Addition:
+    """A variant of an effect as part of a law: its symbols carry the key, so that several can stand side by side.
+
+    Parameters
+    ----------
+    key : str
+    variant : Variant
+    replaces : bool
+        Whether it stands in the place of the Coulomb friction.
+    """
+
+    key: str
+    variant: Variant
+    replaces: bool
+
+    def name(self, inner: str) -> str:
+        """Return the name of a parameter or state in the law."""
+        return f"{self.key}_{inner}"
+
+
+class JointLaws:
+    """The laws of a model with additions, each built once and given other numbers afterwards.
+
+    Parameters
+    ----------
+    model : JointModel
+    softening_limit : (float, float)
+        rad.
+    """
+
+    def __init__(self, model: JointModel, softening_limit: tuple[float, float]):
+        self.terms = tuple(term for term in model.terms if term.id != INERTIA)
+        self.limit = softening_limit
+        self.additions: dict[str, Addition] = {}
+        self._built: dict[tuple[str, ...], ProgramLaw] = {}
+
+    def numbers(self) -> dict[str, float]:
+        """Return the model's own coefficients by the names they have in the law."""
+        return {place_of(term.id): term.coefficient for term in self.terms}
+
+    def law(self, setup: Setup) -> ProgramLaw:
+        """Return the law of a setup's joint."""
+        if setup.added not in self._built:
+            self._built[setup.added] = self._build(setup.added, setup.numbers)
+        return self._built[setup.added].with_parameters(setup.numbers)
+
+    def _build(self, keys: tuple[str, ...], numbers: dict[str, float]) -> ProgramLaw:
+        from sympy import Float, Symbol
+
+        added = [self.additions[key] for key in keys]
+        replacing = [each for each in added if each.replaces]
+        expression: Any = Float(0)
+        for term in self.terms:
+            column = term.expression
+            if term.id == FRICTION and replacing:
+                # Two sliders in series make no sense: each takes an equal part of the friction.
+                column = sum(
+                    each.variant.columns[0].expression.xreplace(_renamed(each))
+                    / Symbol(each.name("level"), positive=True)
+                    for each in replacing
+                ) / len(replacing)
+            expression += Symbol(place_of(term.id), real=True) * column
+        rates: dict[str, Any] = {}
+        for each in added:
+            names = _renamed(each)
+            if not each.replaces:
+                for place, column in enumerate(each.variant.columns):
+                    coefficient = Symbol(each.name(f"c{place}"), real=True)
+                    expression += coefficient * column.expression.xreplace(names)
+            rates |= {each.name(s.name): _rate(s, names) for s in each.variant.states}
+        return ProgramLaw(expression, dict(numbers), rates, self.limit)
+
+
+def place_of(term: str) -> str:
+    """Return the name of a model's coefficient in the law."""
+    return f"model_{term}"
+
+
+def _renamed(addition: Addition) -> dict[Any, Any]:
+    """Return the symbols of a variant's inner parameters and states with the names they have in the law."""
+    from sympy import Symbol
+
+    variant = addition.variant
+    own = {*variant.names, *(s.name for s in variant.states)}
+    expressions = [c.expression for c in variant.columns]
+    for state in variant.states:
+        expressions += [state.rate] + ([] if state.limit is None else [state.limit])
+    return {
+        s: Symbol(addition.name(s.name), real=True, positive=s.is_positive)
+        for e in expressions
+        for s in e.free_symbols
+        if s.name in own
+    }
+
+
+def _rate(state: Any, names: dict[Any, Any]) -> Any:
+    """Return the rate of a state; one that has a limit stops there."""
+    from sympy import Abs, Heaviside
+
+    from sindyjoint.equation.formula import variable_symbols
+
+    rate = state.rate.xreplace(names)
+    if state.limit is None:
+        return rate
+    z = next((new for old, new in names.items() if old.name == state.name), None)
+    if z is None:
+        return rate
+    _, omega, _ = variable_symbols()
+    full = Heaviside(Abs(z) - state.limit.xreplace(names), 1) * Heaviside(z * omega, 0)
+    return rate * (1 - full)
+
+
+def joint_changes(
+    laws: JointLaws, effects: Sequence[Effect], reference: Reference, moment: float
+) -> tuple[Change, ...]:
+    """Return the ways in which a joint's law may differ from the model's.
+
+    Parameters
+    ----------
+    laws : JointLaws
+        Learns of the additions.
+    effects : sequence of Effect
+        Those that need more than angle, rate and states are passed over: the structure has no other channel.
+    reference : Reference
+        Largest angle and rate of the joint.
+    moment : float
+        Largest moment, N·m.
+    """
+    own = {term.id for term in laws.terms}
+    changes = [_released(term, reference, moment) for term in laws.terms]
+    for effect in effects:
+        if effect.enters != "moment" or effect.id in own:
+            continue
+        for index, variant in enumerate(effect.variants):
+            if not _knows_only_the_state(variant):
+                continue
+            stands_in = FRICTION in own and _is_friction(variant, reference)
+            for replaces in (True, False) if stands_in else (False,):
+                key = f"{effect.id}_{index}{'r' if replaces else 'a'}"
+                addition = Addition(key, variant, replaces)
+                laws.additions[key] = addition
+                change = _added(effect, addition, reference, moment)
+                # Beside a friction that is there already, a second one is the less likely way, and costs more.
+                changes.append(replace(change, spare=stands_in and not replaces))
+    return tuple(changes)
+
+
+def _knows_only_the_state(variant: Variant) -> bool:
+    known = {"theta", "omega", *variant.names, *(s.name for s in variant.states)}
+    return all(s.name in known for c in variant.columns for s in c.expression.free_symbols)
+
+
+def _released(term: Any, reference: Reference, moment: float) -> Change:
+    """Return the error of a model's coefficient beyond what its covariance allows."""
+    name = place_of(term.id)
+    column = _at_reference(term.expression, {}, reference)
+    scale = min(moment / column, 3 * abs(term.coefficient)) if column > 0 else abs(term.coefficient)
+    scale = scale or abs(term.coefficient) or 1.0
+    lowest = -term.coefficient / scale if term.id == FRICTION and term.coefficient >= 0 else -1.0
+
+    def apply(setup: Setup, x: Array) -> Setup:
+        value = setup.numbers[name] + scale * float(x[0])
+        if term.id == FRICTION and term.coefficient >= 0:
+            value = max(value, 0.0)
+        return replace(setup, numbers={**setup.numbers, name: value})
+
+    start = np.zeros(1)
+    return Change(
+        term.id, term.family, "released", apply, start, np.array([max(lowest, -1.0)]), np.ones(1), start[None], (0,),
+        lambda x: {f"delta_{term.symbol}": scale * float(x[0])}, inside=True,
+        units={f"delta_{term.symbol}": term.unit},
+    )  # fmt: skip
+
+
+def _added(effect: Effect, addition: Addition, reference: Reference, moment: float) -> Change:
+    variant = addition.variant
+    bounds = np.log(variant.bounds(reference)).reshape(-1, 2)
+    middle = np.exp(bounds.mean(axis=1))
+    count = 0 if addition.replaces else len(variant.columns)
+    inner = dict(zip(variant.names, middle, strict=True))
+    scales = [
+        moment / max(_at_reference(c.expression, inner, reference, variant), 1e-300)
+        for c in variant.columns[:count]
+    ]
+
+    def numbers(x: Array) -> dict[str, float]:
+        values = np.exp(x[count:])
+        named = {addition.name(n): float(v) for n, v in zip(variant.names, values, strict=True)}
+        named |= {addition.name(f"c{i}"): scales[i] * float(x[i]) for i in range(count)}
+        if addition.replaces:
+            named[addition.name("level")] = steady_level(variant, values, reference, FAST)
+        return named
+
+    def apply(setup: Setup, x: Array) -> Setup:
+        keys = setup.added if addition.key in setup.added else (*setup.added, addition.key)
+        return replace(setup, added=keys, numbers={**setup.numbers, **numbers(x)})
+
+    def report(x: Array) -> dict[str, float]:
+        named = {c.symbol: scales[i] * float(x[i]) for i, c in enumerate(variant.columns[:count])}
+        return named | {n: float(v) for n, v in zip(variant.names, np.exp(x[count:]), strict=True)}
+
+    shape = GRID.get(len(bounds), (2,) * len(bounds))
+    axes = [a + (b - a) * (np.arange(n) + 0.5) / n for (a, b), n in zip(bounds, shape, strict=True)]
+    mesh = (
+        np.array(np.meshgrid(*axes, indexing="ij")).reshape(len(bounds), -1).T if shape else np.zeros((1, 0))
+    )
+    positive = [c.positive for c in variant.columns[:count]]
+    return Change(
+        effect.id, effect.family, addition.key, apply,
+        np.concatenate([np.zeros(count), bounds.mean(axis=1)]),
+        np.concatenate([np.where(positive, 0.0, -1.5), bounds[:, 0]]) if count else bounds[:, 0],
+        np.concatenate([np.full(count, 1.5), bounds[:, 1]]),
+        np.column_stack([np.zeros((len(mesh), count)), mesh]), tuple(range(count)), report,
+        inside=True, memory=bool(variant.states), units=variant.units("rotation"),
+    )  # fmt: skip
+
+
+def _at_reference(
+    expression: Any, inner: dict[str, float], reference: Reference, variant: Variant | None = None
+) -> float:
+    """Return the size of a column at the largest angle and rate, states as large as the angle."""
+    angle, rate = reference.angle or 1.0, reference.rate or 1.0
+    states = () if variant is None else tuple(s.name for s in variant.states)
+    law = ProgramLaw(expression, inner, {name: expression for name in states})
+    grid = np.array([0.25, 0.5, 0.75, 1.0])
+    z = np.tile(grid * angle, (len(states), 1))
+    return float(np.abs(law.moment(grid * angle, grid * rate, np.ones(4), z)).max())
+
+
+def steady_level(variant: Variant, values: Array, reference: Reference, fast: float) -> float:
+    """Return what the first column of a variant comes to under steady slip; NaN where it comes to nothing steady.
+
+    The state settles where its rate first vanishes, or at its limit.
+    """
+    if len(variant.states) != 1 or len(variant.columns) != 1:
+        return float("nan")
+    state = variant.states[0]
+    inner = dict(zip(variant.names, map(float, values), strict=True))
+    column = ProgramLaw(variant.columns[0].expression, inner, {state.name: state.rate})
+    rate = fast * (reference.rate or 1.0)
+    if state.limit is None:
+        z = np.geomspace(1e-4, FAR, 400) * (reference.angle or 1.0)
+        slopes = column.state_rate(np.zeros(400), np.full(400, rate), np.ones(400), z[None])[0]
+        falls = np.flatnonzero(slopes <= 0)
+        if not falls.size or falls[0] == 0:
+            return float("nan")
+        i = int(falls[0])
+        settled = z[i - 1] + (z[i] - z[i - 1]) * slopes[i - 1] / (slopes[i - 1] - slopes[i])
+    else:
+        limit = ProgramLaw(state.limit, inner)
+        settled = float(limit.moment(0.0, 0.0, 1.0)[0])
+    return float(column.moment(0.0, rate, 1.0, np.array([[settled]]))[0])
+
+
+def _is_friction(variant: Variant, reference: Reference) -> bool:
+    """Return whether under steady slip the moment no longer depends on the rate."""
+    bounds = variant.bounds(reference)
+    values = np.sqrt(bounds.prod(axis=1))
+    once, twice = (steady_level(variant, values, reference, f) for f in (FAST, 2 * FAST))
+    return bool(np.isfinite(once) and once > 0 and abs(twice / once - 1) < 1e-3)

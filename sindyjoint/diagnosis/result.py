@@ -1,0 +1,198 @@
+"""The records of a diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from sindyjoint.diagnosis.campaign.budget import Budget
+from sindyjoint.diagnosis.campaign.localisation import Place
+from sindyjoint.diagnosis.campaign.pictures import RunGap
+from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.repair import is_term
+from sindyjoint.equation.model import JointModel
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Relative RMS between model and measurement.
+
+    Parameters
+    ----------
+    moment : float
+        Of the transfer moment at measured states, moving samples, on runs left out of the fit.
+    response : float
+        Of the response simulated from the measured drive: the angle, or the moment where the motion is the drive. NaN
+        where the simulation failed.
+    weighted : float
+        Of the transfer moment, in units of its noise: what fits are judged by.
+    """
+
+    moment: float
+    response: float
+    weighted: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect found, and what it changed.
+
+    Parameters
+    ----------
+    effect, family : str
+    members : tuple of str
+        Ids that the data cannot tell from it, itself included.
+    probability : float
+    rivals : tuple of (str, float)
+        Other effects with their probabilities, the likeliest first.
+    parameters : dict of str to float
+        Coefficients and inner parameters, SI.
+    terms_dropped : tuple of str
+    gap_before, gap_after : Gap
+    units : dict of str to str
+        Of the parameters.
+    """
+
+    effect: str
+    family: str
+    members: tuple[str, ...]
+    probability: float
+    rivals: tuple[tuple[str, float], ...]
+    parameters: dict[str, float]
+    terms_dropped: tuple[str, ...]
+    gap_before: Gap
+    gap_after: Gap
+    units: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A run that would tell effects apart.
+
+    Parameters
+    ----------
+    separates : tuple of str
+    frequency : float
+        Hz; zero where no run would help, and ``waveform`` says what to do instead.
+    level : float
+        Peak angle, rad.
+    waveform : str
+        Of the prescribed angle, f being the frequency.
+    expected_confidence : float
+        Probability that the true one of them should then have; of the second run for the same effects, after both.
+    """
+
+    separates: tuple[str, ...]
+    frequency: float
+    level: float
+    waveform: str
+    expected_confidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The result of :func:`~sindyjoint.workflows.diagnose.diagnose`.
+
+    Parameters
+    ----------
+    verdict : {"named", "ambiguous", "unknown", "nothing_missing"}
+    reason : str
+        One sentence.
+    initial, final, noise_floor : Gap
+    budget : Budget
+        Of the initial gap.
+    where : tuple of Place
+    steps : tuple of Step
+    advice : tuple of Advice
+    warnings : tuple of str
+    model : JointModel
+        With its terms estimated beside the effects.
+    effects : tuple of FittedEffect
+    whole : JointModel, optional
+        The model with those effects among its terms that are functions of angle and rate alone.
+    hidden : str or None
+        What a virtual test had hidden.
+    before, after : tuple of RunGap
+        Runs beside the model as it was, and as it is with the effects; fitted to all runs that were not kept out.
+    """
+
+    verdict: str
+    reason: str
+    initial: Gap
+    final: Gap
+    noise_floor: Gap
+    budget: Budget
+    where: tuple[Place, ...]
+    steps: tuple[Step, ...]
+    advice: tuple[Advice, ...]
+    warnings: tuple[str, ...]
+    model: JointModel
+    effects: tuple[FittedEffect, ...] = field(default=(), repr=False)
+    whole: JointModel | None = None
+    hidden: str | None = None
+    before: tuple[RunGap, ...] = field(default=(), repr=False)
+    after: tuple[RunGap, ...] = field(default=(), repr=False)
+
+    @property
+    def moments(self) -> tuple[FittedEffect, ...]:
+        """The effects that add a moment and are no term of :attr:`whole`: with a memory, or of a run."""
+        return tuple(
+            e for e in self.effects if e.effect.enters == "moment" and not is_term(e.effect, e.variant)
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "schema": 1,
+            "verdict": self.verdict,
+            "gap": {
+                "initial": _gap(self.initial),
+                "final": _gap(self.final),
+                "noise_floor": _gap(self.noise_floor),
+            },
+            "budget": {
+                name: getattr(self.budget, name)
+                for name in ("state", "history", "run", "processing", "noise")
+            },
+            "where": [
+                {
+                    "axis": p.axis,
+                    "range": p.range if isinstance(p.range, str) else list(p.range),
+                    "share": p.share,
+                    "words": p.words,
+                }
+                for p in self.where
+            ],
+            "steps": [
+                {
+                    "effect": s.effect,
+                    "class": list(s.members),
+                    "family": s.family,
+                    "probability": s.probability,
+                    "rivals": [{"effect": name, "probability": p} for name, p in s.rivals],
+                    "parameters": s.parameters,
+                    "units": s.units,
+                    "terms_dropped": list(s.terms_dropped),
+                    "gap_before": _gap(s.gap_before),
+                    "gap_after": _gap(s.gap_after),
+                }
+                for s in self.steps
+            ],
+            "advice": [
+                {
+                    "separates": list(a.separates),
+                    "run": {"frequency": a.frequency, "level": a.level, "waveform": a.waveform},
+                    "expected_confidence": a.expected_confidence,
+                }
+                for a in self.advice
+            ],
+            "warnings": list(self.warnings),
+        }
+
+
+def _gap(gap: Gap) -> dict[str, float | None]:
+    """Return a gap as JSON data; a figure that could not be had is null."""
+    return {
+        name: value if value == value else None
+        for name, value in (("moment", gap.moment), ("response", gap.response))
+    }

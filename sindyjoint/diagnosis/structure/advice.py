@@ -1,0 +1,95 @@
+"""Which pulse would tell two effects of a structure apart: the rivals are simulated under pulses not given yet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.result import Advice
+from sindyjoint.diagnosis.structure.problem import PulseProblem
+from sindyjoint.diagnosis.structure.search import SIMULATION_ERROR, TEMPER, FittedChange
+from sindyjoint.mechanics.rigs import MeasuredResponse
+
+Array = NDArray[np.float64]
+
+# Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
+FORCES = (1.0, 0.3, 3.0)
+# A pulse that would leave the rivals nearly as likely as before is no advice.
+LEAST_CONFIDENCE = 0.6
+
+
+def advise(
+    problem: PulseProblem, classes: Sequence[Sequence[FittedChange]], period: float
+) -> tuple[Advice, ...]:
+    """Return, for each class, the pulse and the output point that separate its two likeliest members best.
+
+    Parameters
+    ----------
+    problem : PulseProblem
+        With everything that was named.
+    classes : sequence of sequence of FittedChange
+        The members of each named effect, itself first.
+    period : float
+        Of the main oscillation, s.
+
+    Returns
+    -------
+    tuple of Advice
+        The level is the peak displacement at the point, m.
+    """
+    advice = []
+    for members in classes:
+        if len(members) < 2:
+            continue
+        found = _best_pulse(problem, members[0], members[1])
+        if found is not None and found[2] >= LEAST_CONFIDENCE:
+            force, point, confidence, level = found
+            same = (
+                "second record of the same pulse"
+                if force == 1
+                else f"pulse {force:g} times as strong, measured"
+            )
+            words = f"{same} at {point!r}"
+            names = (members[0].change.effect, members[1].change.effect)
+            advice.append(Advice(names, float(f"{1 / period:.3g}"), float(f"{level:.3g}"), words, confidence))
+    return tuple(advice)
+
+
+def _best_pulse(
+    problem: PulseProblem, mine: FittedChange, rival: FittedChange
+) -> tuple[float, str, float, float] | None:
+    """Return force, point, expected confidence and peak displacement of the pulse that separates two rivals best."""
+    base = replace(problem, found=tuple(c for c in problem.found if c is not mine.change), _kept={})
+    if mine.x.size != base.base_size + mine.change.size:
+        return None
+    points = [name for name, row in problem.rig.structure().points.items() if row.any() and name != "tip"]
+    points = list(dict.fromkeys([*(r.point for r in problem.records), *points]))
+    rate, duration = problem.records[0].sample_rate, problem.duration
+    answer = None
+    for force in FORCES:
+        rig = replace(problem.rig, excitation=problem.rig.excitation.scaled(force))
+        blank = tuple(MeasuredResponse(p, np.zeros(round(duration * rate)), rate) for p in points)
+        noise = (problem.noise[0],) * len(points)
+        new = replace(base, rig=rig, records=blank, noise=noise, step_error=(), _kept={})
+        truth = new.simulate(new.setup(mine.x, mine.change), duration)
+        if truth is None:
+            continue
+        measured = tuple(replace(b, displacement=signal) for b, signal in zip(blank, truth, strict=True))
+        new = replace(new, records=measured)
+        left = new.residuals(rival.x, duration, rival.change)
+        if left is None:
+            continue
+        columns = new.derivatives(rival.x, left, duration, range(base.base_size, rival.x.size), rival.change)
+        # The same blur as in naming; the effect is as large a share of the gap as before.
+        blur = TEMPER + SIMULATION_ERROR**2 * mine.gain * force**2
+        for i, point in enumerate(points):
+            rows = slice(i * truth[i].size, (i + 1) * truth[i].size)
+            basis, _ = np.linalg.qr(columns[rows])
+            rest = left[rows] - basis @ (basis.T @ left[rows])
+            confidence = float(1 / (1 + np.exp(-min(0.5 * float(rest @ rest) / blur, 50.0))))
+            if answer is None or confidence > answer[2] + 1e-3:
+                answer = force, point, confidence, float(np.abs(truth[i]).max())
+    return answer

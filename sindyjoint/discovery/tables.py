@@ -1,0 +1,290 @@
+"""Tables of force states larger than memory: one pass over the rows, a stretch at a time, on several processes.
+
+What comes back is what :class:`~sindyjoint.JointRegressor` makes of the same rows in memory. Where a library's inner
+parameters are shares of the largest angle or rate, and these are not given, they are shares of the largest that a look
+at a part of the rows finds (of Parquet files, of the largest that the file says it holds). Only where the pass then
+meets values that are larger by more than :data:`LARGER`, a second one follows under those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.accumulate import TermSum
+from sindyjoint.discovery.evidence import Evidence, RunEvidence
+from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.equation.catalogue import Reference
+from sindyjoint.equation.evaluation import TermFunction
+from sindyjoint.errors import InputError
+from sindyjoint.files.blocks import Blocks, open_blocks
+from sindyjoint.parallel import executor, ordered_map
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.equation.terms import ResolvedTerm
+
+Array = NDArray[np.float64]
+
+# Rows read at once: a few megabytes.
+READ = 1 << 17
+# As rows in memory are cut: a single table into so many stretches to hold out, each into so many blocks.
+HELD_OUT, STRETCHES = 4, 16
+COLUMNS = {"angle": "angle", "rate": "rate", "moment": "moment"}
+# Pieces of each file that a look at the scales takes, READ rows together.
+PIECES = 16
+# By this share values may pass the scale that inner parameters, round shares such as a tenth, are shares of: the maxima
+# of random motion, a stretch at a time, differ by less.
+LARGER = 0.2
+
+
+@dataclass(frozen=True)
+class RowTask:
+    """A stretch of rows of one file.
+
+    Parameters
+    ----------
+    path : Path
+    columns : tuple of str or int
+        Angle, rate, moment, and the acceleration where it is there.
+    start, stop : int
+    inertia : float or None
+        kg·m²: its moment is taken from the measured one.
+    function : TermFunction or None
+        Of the terms; None: only the extremes are wanted.
+    size : int
+        Rows read at once.
+    """
+
+    path: Path
+    columns: tuple[str | int, ...]
+    start: int
+    stop: int
+    inertia: float | None
+    function: TermFunction | None
+    size: int = READ
+
+
+@dataclass(frozen=True, eq=False)
+class RowSum:
+    """What a stretch of rows leaves.
+
+    Parameters
+    ----------
+    factor : Factor or None
+    largest : tuple of float
+        Largest angle, rate and moment.
+    """
+
+    factor: Factor | None
+    largest: tuple[float, float, float]
+
+
+def discover_rows(
+    files: str | Path | Sequence[str | Path],
+    library: Any = "extended",
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    groups: Sequence[str] | None = None,
+    inertia: float | None = None,
+    reference: Reference | None = None,
+    size: int = READ,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> JointRegressor:
+    """Find the terms of a joint from files of moving force states that need not fit into memory.
+
+    Parameters
+    ----------
+    files : path or sequence of paths
+        CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY, in SI units. Each file is a run; a single one is cut into
+        four stretches.
+    library : str, Path, Catalogue, or sequence of these
+    columns : mapping, optional
+        Which column is ``angle``, ``rate``, ``moment`` and, if there, ``acceleration``: names, or numbers from 1.
+        Default: by these names, without the acceleration.
+    groups : sequence of str, optional
+        Of each file: what is held out together. Default: each file by itself.
+    inertia : float, optional
+        kg·m². With it and an acceleration, I·θ̈ is taken from the moment; with an acceleration and without it, the
+        inertia is identified as a term; without an acceleration the moment is the transfer moment.
+    reference : Reference, optional
+        Largest angle and rate, if known; spares a look at the rows where the library refers to them, and perhaps a
+        second pass.
+    size : int
+        Rows read at once; memory is some hundred bytes for each.
+    jobs, workers, cluster
+        See :func:`~sindyjoint.parallel.executor`.
+    progress : callable, optional
+    **options
+        Parameters of :class:`~sindyjoint.JointRegressor`.
+
+    Returns
+    -------
+    JointRegressor
+        Fitted.
+
+    Raises
+    ------
+    InputError
+        For files that cannot be read in stretches, columns that are missing, or values that are not finite.
+    """
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.equation.catalogue import as_catalogue
+    from sindyjoint.equation.formula import compile_terms
+
+    say = progress or (lambda stage: None)
+    wanted = dict(COLUMNS if columns is None else columns)
+    paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
+    names = tuple(wanted[key] for key in ("angle", "rate", "moment"))
+    names += (wanted["acceleration"],) if "acceleration" in wanted else ()
+    if inertia is not None and "acceleration" not in wanted:
+        raise InputError(
+            "inertia was given and columns name no acceleration; give both, or the transfer moment"
+        )
+    regressor = JointRegressor(as_catalogue(library), **options)
+    regressor.check_parameters()
+    runs = _stretches(paths, groups)
+    tasks = [
+        RowTask(path, names, start, stop, inertia, None, size)
+        for _, _, path, edges in runs
+        for start, stop in zip(edges[:-1], edges[1:], strict=True)
+    ]
+    with executor(jobs, workers, cluster) as here:
+        looked = reference
+        if looked is None and relative(as_catalogue(library)):
+            say("a look at angle and rate")
+            looked = _stated(paths, names, inertia) or _largest(
+                ordered_map(here, run_rows, _pieces(paths, tasks[0]))
+            )
+
+        def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[RowSum]]:
+            terms = regressor.candidates(scale, len(names) == 4 and inertia is None)
+            function = compile_terms([term.expression for term in terms])
+            return terms, ordered_map(here, run_rows, [replace(task, function=function) for task in tasks])
+
+        say("accumulating factors")
+        terms, done = one_pass(looked or Reference(1.0, 1.0, 1.0))
+        largest = reference or _largest(done)
+        if looked is not None and exceeded(looked, largest, as_catalogue(library)):
+            say("larger values than the look found: accumulating factors under these")
+            terms, done = one_pass(largest)
+    factors = iter(part.factor for part in done if part.factor is not None)
+    evidence = []
+    for name, group, _, edges in runs:
+        blocks = tuple(next(factors) for _ in edges[1:])
+        evidence.append(RunEvidence(name, group, merge(blocks), blocks))
+    say("selecting terms")
+    return regressor.fit_evidence(terms, Evidence(tuple(t.id for t in terms), tuple(evidence)), largest)
+
+
+def relative(catalogue: Any) -> set[str]:
+    """Return the scales of the data that inner parameters of a catalogue are shares of."""
+    named = {parameter.relative_to for term in catalogue for parameter in term.parameters}
+    return {scale for scale in named if scale is not None}
+
+
+def exceeded(scale: Reference, largest: Reference, catalogue: Any) -> bool:
+    """Return whether values pass the scale of inner parameters by more than they may."""
+    return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))
+
+
+def _stated(paths: Sequence[Path], names: Sequence[str | int], inertia: float | None) -> Reference | None:
+    """Return the largest angle, rate and moment that the files themselves state; None where one does not."""
+    if inertia is not None:  # what they state of the moment is not what is fitted
+        return None
+    stated = [[_opened(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
+    columns = [[value for value in column if value is not None] for column in zip(*stated, strict=True)]
+    if any(len(column) < len(paths) for column in columns):
+        return None
+    return Reference(*(max(column) for column in columns))
+
+
+def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
+    """Return pieces spread evenly over each file; of a small one, all of it."""
+    tasks = []
+    for path in paths:
+        rows = _opened(str(path), _changed(path)).rows
+        piece = -(-min(rows, READ) // PIECES)
+        starts = np.linspace(0, rows - piece, PIECES).astype(int).tolist()
+        tasks += [replace(like, path=path, start=start, stop=start + piece) for start in starts]
+    return tasks
+
+
+def run_rows(task: RowTask) -> RowSum:
+    """Work through a stretch of rows."""
+    source = _opened(str(task.path), task.path.stat().st_mtime_ns)
+    total = None if task.function is None else TermSum(task.function)
+    largest = np.zeros(3)
+    for start in range(task.start, task.stop, task.size):
+        table = source.table(start, min(start + task.size, task.stop))
+        angle, rate, moment, *more = table.columns(task.columns)
+        if not moment.size:
+            continue
+        if more and task.inertia is not None:
+            moment = moment - task.inertia * more[0]
+        largest = np.maximum(largest, [np.max(np.abs(x)) for x in (angle, rate, moment)])
+        if total is not None:
+            states = (angle, rate, *more) if task.inertia is None else (angle, rate)
+            total.add(states, moment)
+    top = (float(largest[0]), float(largest[1]), float(largest[2]))
+    return RowSum(None if total is None else total.factor(), top)
+
+
+def _largest(parts: Sequence[RowSum]) -> Reference:
+    return Reference(*(max(part.largest[i] for part in parts) for i in range(3)))
+
+
+def _stretches(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple[str, str, Path, list[int]]]:
+    """Return name, group, file and edges of the blocks of every run."""
+    if groups is not None and len(groups) != len(paths):
+        raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); one each is wanted")
+    found = []
+    for number, path in enumerate(paths):
+        rows = _opened(str(path), _changed(path)).rows
+        if rows < HELD_OUT * STRETCHES * 2:
+            raise InputError(f"{path}: {rows} rows; at least {HELD_OUT * STRETCHES * 2} are wanted")
+        if len(paths) == 1:
+            ends = _edges(0, rows, HELD_OUT)
+            pairs = zip(ends[:-1], ends[1:], strict=True)
+            found += [(str(i), str(i), path, _edges(a, b, STRETCHES)) for i, (a, b) in enumerate(pairs)]
+        else:
+            name = path.stem if sum(other.stem == path.stem for other in paths) == 1 else str(path)
+            found.append((name, groups[number] if groups else name, path, _edges(0, rows, STRETCHES)))
+    return found
+
+
+def _edges(start: int, stop: int, parts: int) -> list[int]:
+    """Cut rows so that row i is in part i·parts // n."""
+    n = stop - start
+    return [start + -(-part * n // parts) for part in range(parts + 1)]
+
+
+def _changed(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}); a file of force states is wanted"
+        ) from error
+
+
+@lru_cache(maxsize=4)
+def _opened(path: str, changed: int) -> Blocks:
+    """Return an open file; the places of lines in a text are then looked for once per process."""
+    blocks = open_blocks(path)
+    if blocks is None:
+        raise InputError(
+            f"{path}: cannot be read in stretches; CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY is wanted for "
+            "a table of force states"
+        )
+    return blocks

@@ -1,0 +1,1 @@
+"""What a term and a joint model are: formulas, catalogues, units, rendering; no data and no fit."""

@@ -1,0 +1,303 @@
+"""Catalogues of candidate terms: what a joint's law may be made of.
+
+A catalogue is a TOML file that people read, copy and edit; here it becomes frozen, checked objects. A term's
+inner parameters may be tied to the data ("a tenth of the largest rate"); :meth:`Catalogue.resolve` puts the
+numbers in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sindyjoint.equation import dimensions, formula
+from sindyjoint.equation.catalogue_file import (
+    LocatedEntry,
+    ParameterEntry,
+    TermEntry,
+    check_symbols,
+    find_catalogue,
+    gather_catalogue,
+    library_folder,
+    shipped_names,
+)
+from sindyjoint.equation.terms import Parameter, Reference, ResolvedTerm, Term, term_columns
+from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError
+
+if TYPE_CHECKING:
+    import sympy
+
+    from sindyjoint.record import Motion
+
+__all__ = [
+    "Catalogue",
+    "CatalogueSummary",
+    "Parameter",
+    "Reference",
+    "ResolvedTerm",
+    "Term",
+    "as_catalogue",
+    "library_folder",
+    "list_catalogues",
+    "load_catalogue",
+    "term_columns",
+]
+
+
+@dataclass(frozen=True, repr=False)
+class Catalogue:
+    """A named set of candidate terms.
+
+    Parameters
+    ----------
+    name, description : str
+    terms : tuple of Term
+        Ids and symbols are unique.
+
+    Examples
+    --------
+    >>> load_catalogue("paper").ids
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
+    """
+
+    name: str
+    description: str
+    terms: tuple[Term, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "terms", tuple(self.terms))
+        twice = sorted({term_id for term_id in self.ids if self.ids.count(term_id) > 1})
+        if twice:
+            raise InputError(
+                f"library {self.name!r}: the id(s) {', '.join(twice)} are used twice; ids are unique"
+            )
+        check_symbols(f"library {self.name!r}", [(term.id, term.symbol) for term in self.terms])
+
+    def __repr__(self) -> str:
+        return f"Catalogue({self.name!r}, {len(self.terms)} terms)"
+
+    def __len__(self) -> int:
+        return len(self.terms)
+
+    def __iter__(self) -> Iterator[Term]:
+        return iter(self.terms)
+
+    def __contains__(self, term_id: object) -> bool:
+        return term_id in self._by_id
+
+    def __getitem__(self, term_id: str) -> Term:
+        try:
+            return self._by_id[term_id]
+        except KeyError:
+            close = get_close_matches(str(term_id), self.ids, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"it has {', '.join(self.ids)}"
+            raise UnknownNameError(f"library {self.name!r} has no term {term_id!r}; {hint}") from None
+
+    @cached_property
+    def _by_id(self) -> dict[str, Term]:
+        return {term.id: term for term in self.terms}
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the terms, in order."""
+        return tuple(term.id for term in self.terms)
+
+    def select(self, ids: Sequence[str]) -> Catalogue:
+        """Return the catalogue of these terms, in this order; UnknownNameError names one it lacks."""
+        return Catalogue(self.name, self.description, tuple(self[term_id] for term_id in ids))
+
+    def without(self, ids: Sequence[str]) -> Catalogue:
+        """Return the catalogue less these terms; UnknownNameError names one it lacks."""
+        leaving = {self[term_id].id for term_id in ids}
+        return Catalogue(self.name, self.description, tuple(term for term in self if term.id not in leaving))
+
+    def union(self, *others: Catalogue) -> Catalogue:
+        """Return one catalogue of all terms, each once, in order of first appearance.
+
+        Raises
+        ------
+        InputError
+            If two different terms share an id or a symbol.
+        """
+        terms: dict[str, Term] = {}
+        for catalogue in (self, *others):
+            for term in catalogue:
+                if terms.setdefault(term.id, term) != term:
+                    raise InputError(
+                        f"term {term.id!r} of library {catalogue.name!r} differs from the one already there; "
+                        "rename one"
+                    )
+        names = dict.fromkeys(catalogue.name for catalogue in (self, *others))
+        return Catalogue(
+            " + ".join(names), self.description if len(names) == 1 else "combined", tuple(terms.values())
+        )
+
+    def resolve(self, reference: Reference | None = None) -> tuple[ResolvedTerm, ...]:
+        """Put numbers in the place of every inner parameter.
+
+        Raises
+        ------
+        InputError
+            If a parameter is relative to a scale that the reference does not give.
+        """
+        return tuple(term.resolve(reference) for term in self.terms)
+
+
+@dataclass(frozen=True)
+class CatalogueSummary:
+    """One line of ``sindyjoint libraries list``."""
+
+    name: str
+    description: str
+    terms: int
+    path: Path
+
+
+def list_catalogues() -> tuple[CatalogueSummary, ...]:
+    """Return what ships with the package, in alphabetical order."""
+    gathered = [(name, gather_catalogue(library_folder() / f"{name}.toml")) for name in shipped_names()]
+    return tuple(
+        CatalogueSummary(name, each.description, len(each.terms), each.path) for name, each in gathered
+    )
+
+
+def load_catalogue(name_or_path: str | Path) -> Catalogue:
+    """Load a catalogue by the name of a shipped one or by the path of a TOML file.
+
+    Raises
+    ------
+    UnknownNameError, MissingInputError
+        If there is no such library or file.
+    InputError, FormulaError, UnitError
+        For a fault in the file; the message names file, term and field.
+    """
+    path = find_catalogue(name_or_path)
+    if path.parent == library_folder():
+        return _shipped(path)
+    return _load(path)
+
+
+def as_catalogue(library: str | Path | Catalogue | Sequence[str | Path | Catalogue]) -> Catalogue:
+    """Return one catalogue from a name, a path, a catalogue, or several of these."""
+    if isinstance(library, Catalogue):
+        return library
+    if isinstance(library, (str, Path)):
+        return load_catalogue(library)
+    parts = [as_catalogue(part) for part in library]
+    if not parts:
+        raise InputError("an empty list of libraries given; at least one name, path or Catalogue is wanted")
+    return parts[0].union(*parts[1:]) if len(parts) > 1 else parts[0]
+
+
+@cache
+def _shipped(path: Path) -> Catalogue:
+    catalogue = _load(path)
+    known = {
+        located.entry.id
+        for name in shipped_names()
+        for located in gather_catalogue(path.parent / f"{name}.toml").terms
+    }
+    for term in catalogue:
+        unknown = [other for other in term.confused_with if other not in known]
+        if unknown:
+            raise InputError(
+                f"{path.name}: term {term.id!r}: confused_with names {', '.join(unknown)}, unknown here"
+            )
+    return catalogue
+
+
+def _load(path: Path) -> Catalogue:
+    gathered = gather_catalogue(path)
+    return Catalogue(gathered.name, gathered.description, tuple(_term(located) for located in gathered.terms))
+
+
+def _term(located: LocatedEntry) -> Term:
+    """Build a term from its entry: parse the formula, check units, bring them into rotational form."""
+    entry = located.entry
+    where = f"{located.path.name}: term {entry.id!r}"
+    try:
+        names = [parameter.name for parameter in entry.parameters]
+        if len(set(names)) < len(names):
+            raise InputError(f"a parameter name is used twice among {', '.join(names)}")
+        expression = formula.parse_formula(entry.formula, names)
+        _check_use(expression, names)
+        motion = _checked_motion(entry, expression)
+        parameters = tuple(_parameter(parameter, motion) for parameter in entry.parameters)
+    except (FormulaError, UnitError, InputError) as error:
+        raise type(error)(f"{where}: {error}") from None
+    return Term(
+        id=entry.id,
+        symbol=entry.symbol,
+        formula=entry.formula,
+        unit=_rotational(entry.unit, motion),
+        name=entry.name,
+        meaning=entry.meaning,
+        family=entry.family,
+        source=entry.source,
+        confused_with=tuple(entry.confused_with),
+        parameters=parameters,
+        expression=expression,
+    )
+
+
+def _check_use(expression: sympy.Expr, names: list[str]) -> None:
+    used = {str(symbol) for symbol in expression.free_symbols}
+    unused = [name for name in names if name not in used]
+    if unused:
+        raise InputError(f"parameter {unused[0]!r} does not occur in the formula; use it or take it out")
+    if expression.is_zero:
+        raise FormulaError("the formula is zero whatever the motion; a term must depend on something or be 1")
+
+
+def _checked_motion(entry: TermEntry, expression: sympy.Expr) -> Motion:
+    """Return the motion whose units the entry is written in, having checked that they fit the formula."""
+    units = {parameter.name: parameter.unit for parameter in entry.parameters}
+    for unit in (entry.unit, *units.values()):
+        if not dimensions.is_coherent(unit):
+            raise UnitError(
+                f"unit {unit!r} is not made of m, kg, s, rad, N alone; catalogues are in SI: "
+                "scale the value instead"
+            )
+    faults: dict[Motion, str] = {}
+    motions: tuple[Motion, Motion] = ("rotation", "translation")
+    for motion in motions:
+        try:
+            wanted = dimensions.coefficient_unit(expression, units, motion)
+        except UnitError as error:
+            faults[motion] = str(error)
+            continue
+        if dimensions.same_dimension(entry.unit, wanted):
+            return motion
+        moment = dimensions.MOMENT_UNITS[motion]
+        faults[motion] = f"unit {entry.unit!r} times {entry.formula} is not {moment}; {wanted} is wanted"
+    # Report against the kind of motion that the author had in mind, as far as the letters tell.
+    texts = " ".join((entry.unit, *units.values()))
+    raise UnitError(faults["rotation" if "rad" in texts or "N*m" in texts else "translation"])
+
+
+def _parameter(entry: ParameterEntry, motion: Motion) -> Parameter:
+    if entry.relative_to is not None:
+        scales = dimensions.VARIABLE_UNITS[motion]
+        wanted = {
+            "angle": scales["theta"],
+            "rate": scales["omega"],
+            "moment": dimensions.MOMENT_UNITS[motion],
+        }
+        if not dimensions.same_dimension(entry.unit, wanted[entry.relative_to]):
+            raise UnitError(
+                f"parameter {entry.name!r} is relative to the {entry.relative_to} and has the unit "
+                f"{entry.unit!r}; {wanted[entry.relative_to]} is wanted"
+            )
+    return Parameter(
+        entry.name, _rotational(entry.unit, motion), entry.value, entry.relative_to, entry.lower, entry.upper
+    )
+
+
+def _rotational(unit: str, motion: Motion) -> str:
+    if motion == "translation":
+        return dimensions.unit_for(unit, "rotation")
+    return dimensions.unit_text(dimensions.parse_unit(unit))

@@ -1,0 +1,289 @@
+"""Reading catalogue files: TOML to validated entries, includes followed, every fault in one line.
+
+No formula is looked at here and sympy is not needed; :mod:`sindyjoint.equation.catalogue` builds terms from
+the entries.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
+
+Line = Annotated[str, Field(min_length=1, pattern=r"^[^\n\r]+$")]
+Identifier = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+class StrictEntry(BaseModel):
+    """An entry of a TOML file: unknown keys, wrong types and infinities are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class ParameterEntry(StrictEntry):
+    """An inner parameter: a positive number, or a multiple of the data's largest angle, rate or moment."""
+
+    name: Line
+    unit: Line
+    value: float
+    relative_to: Literal["angle", "rate", "moment"] | None = None
+    lower: float | None = None
+    upper: float | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ParameterEntry:
+        low = self.value if self.lower is None else self.lower
+        high = self.value if self.upper is None else self.upper
+        if not 0 < low <= self.value <= high:
+            raise ValueError(
+                f"0 < lower <= value <= upper is wanted; given are {low:g}, {self.value:g}, {high:g}"
+            )
+        return self
+
+
+class TermEntry(StrictEntry):
+    """A candidate term as the file gives it."""
+
+    id: Identifier
+    symbol: Line
+    formula: Line
+    unit: Line
+    name: Line
+    meaning: Line
+    family: Line
+    source: str = ""
+    confused_with: list[Identifier] = []
+    parameters: list[ParameterEntry] = []
+
+
+class IncludeEntry(StrictEntry):
+    """Another catalogue, whole or some of its terms."""
+
+    catalogue: Line
+    terms: list[Identifier] | None = None
+
+
+def _as_table(value: Any) -> Any:
+    return {"catalogue": value} if isinstance(value, str) else value
+
+
+class CatalogueEntry(StrictEntry):
+    """A catalogue file."""
+
+    name: Line
+    description: Line
+    include: list[Annotated[IncludeEntry, BeforeValidator(_as_table)]] = []
+    term: list[TermEntry] = []
+
+
+@dataclass(frozen=True)
+class LocatedEntry:
+    """A term's entry and the file it was written in."""
+
+    entry: TermEntry
+    path: Path
+
+
+@dataclass(frozen=True)
+class GatheredCatalogue:
+    """A catalogue file with its includes followed: name, description, every term's entry."""
+
+    name: str
+    description: str
+    path: Path
+    terms: tuple[LocatedEntry, ...]
+
+
+def library_folder() -> Path:
+    """Return the folder of the shipped catalogues.
+
+    It is inside the package in a wheel, and beside the package in an editable install.
+
+    Raises
+    ------
+    MissingInputError
+        If it is in neither place.
+    """
+    package = Path(__file__).resolve().parents[1]
+    folders = (package / "libraries", package.parent / "libraries")
+    for folder in folders:
+        if (folder / "paper.toml").is_file():
+            return folder
+    raise MissingInputError(
+        f"the shipped catalogues are neither in {folders[0]} nor in {folders[1]}; install sindyjoint again"
+    )
+
+
+def shipped_names() -> tuple[str, ...]:
+    """Return the names of the shipped catalogues, in alphabetical order."""
+    return tuple(sorted(path.stem for path in library_folder().glob("*.toml")))
+
+
+def find_catalogue(name_or_path: str | Path, beside: Path | None = None) -> Path:
+    """Return the file of a catalogue given by shipped name or by path.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A text without a slash and without ``.toml`` is a shipped name.
+    beside : Path, optional
+        Folder that relative paths start from; the working folder if omitted.
+
+    Raises
+    ------
+    UnknownNameError, MissingInputError, InputError
+    """
+    text = str(name_or_path)
+    if isinstance(name_or_path, str) and not text.endswith(".toml") and not set(text) & {"/", "\\"}:
+        names = shipped_names()
+        if text not in names:
+            close = get_close_matches(text, names, n=1)
+            hint = f"did you mean {close[0]!r}? " if close else ""
+            raise UnknownNameError(
+                f"library {text!r} is unknown; {hint}Known: {', '.join(names)}; a file of your own is given "
+                "as a path ending in .toml"
+            )
+        return library_folder() / f"{text}.toml"
+    path = Path(text) if beside is None else beside / text
+    if path.is_dir():
+        raise InputError(f"catalogue {text}: is a folder; a .toml file is wanted")
+    if not path.is_file():
+        hint = f"; the shipped library is called {path.stem!r}" if path.stem in shipped_names() else ""
+        raise MissingInputError(f"catalogue {text}: no such file{hint}")
+    return path
+
+
+def gather_catalogue(path: Path) -> GatheredCatalogue:
+    """Read a catalogue file, follow what it includes, and check that ids and symbols are unique.
+
+    Raises
+    ------
+    InputError
+        For anything wrong with a file's content, circular includes among it.
+    UnknownNameError
+        For an include or a picked term that does not exist.
+    """
+    catalogue = _read(path)
+    terms: dict[str, LocatedEntry] = {}
+    for located in _terms(path, catalogue, ()):
+        earlier = terms.setdefault(located.entry.id, located)
+        if earlier is not located and (earlier.path != located.path or earlier.entry != located.entry):
+            raise InputError(
+                f"{path.name}: term {located.entry.id!r} is defined in {earlier.path.name} and in "
+                f"{located.path.name}; include one of them, or rename yours"
+            )
+    check_symbols(path.name, [(located.entry.id, located.entry.symbol) for located in terms.values()])
+    if not terms:
+        raise InputError(f"{path.name}: holds no term; add a [[term]] or include a catalogue")
+    return GatheredCatalogue(catalogue.name, catalogue.description, path, tuple(terms.values()))
+
+
+def check_symbols(where: str, ids_and_symbols: list[tuple[str, str]]) -> None:
+    """Raise InputError if two terms bear one symbol."""
+    owners: dict[str, str] = {}
+    for term_id, symbol in ids_and_symbols:
+        if symbol in owners:
+            raise InputError(
+                f"{where}: terms {owners[symbol]!r} and {term_id!r} both have the symbol {symbol!r}; "
+                "a symbol belongs to one term"
+            )
+        owners[symbol] = term_id
+
+
+def _terms(path: Path, catalogue: CatalogueEntry, chain: tuple[Path, ...]) -> Iterator[LocatedEntry]:
+    resolved = path.resolve()
+    if resolved in chain:
+        names = " → ".join(link.name for link in (*chain[chain.index(resolved) :], resolved))
+        raise InputError(f"catalogue {path.name} includes itself: {names}; take one include out")
+    for include in catalogue.include:
+        try:
+            other = find_catalogue(include.catalogue, beside=path.parent)
+        except (UnknownNameError, MissingInputError) as error:
+            raise type(error)(f"{path.name}: include: {error}") from None
+        located = list(_terms(other, _read(other), (*chain, resolved)))
+        if include.terms is None:
+            yield from located
+            continue
+        by_id = {term.entry.id: term for term in located}
+        for term_id in include.terms:
+            if term_id not in by_id:
+                close = get_close_matches(term_id, by_id, n=1)
+                hint = f"; did you mean {close[0]!r}?" if close else f"; it has {', '.join(by_id)}"
+                raise UnknownNameError(
+                    f"{path.name}: include: {include.catalogue!r} has no term {term_id!r}{hint}"
+                )
+            yield by_id[term_id]
+    own = set()
+    for entry in catalogue.term:
+        if entry.id in own:
+            raise InputError(
+                f"{path.name}: the id {entry.id!r} is used twice; give each term an id of its own"
+            )
+        own.add(entry.id)
+        yield LocatedEntry(entry, resolved)
+
+
+def _read(path: Path) -> CatalogueEntry:
+    try:
+        data = tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        raise InputError(f"{path.name}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name}: is not a text file; a TOML catalogue in UTF-8 is wanted") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"{path.name}: is not valid TOML: {error}") from None
+    try:
+        return CatalogueEntry.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{path.name}: {_sentence(error, data)}") from None
+
+
+_MODELS: dict[str, type[BaseModel]] = {
+    "include": IncludeEntry,
+    "term": TermEntry,
+    "parameters": ParameterEntry,
+}
+
+
+def _sentence(error: ValidationError, data: dict[str, Any]) -> str:
+    """Put the first fault that pydantic found into one sentence that names the entry and the field."""
+    # A misspelt key shows up as one that is missing and one that is unknown; the second says more.
+    faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
+    fault = faults[0]
+    model: type[BaseModel] = CatalogueEntry
+    place: list[str] = []
+    here: Any = data
+    *owners, field = fault["loc"] or ("",)
+    if isinstance(field, int):
+        # The entry itself is at fault, not a field of it.
+        owners, field = [*owners, field], ""
+    for step in owners:
+        here = here[step]
+        if isinstance(step, int):
+            label = (
+                next((here[key] for key in ("id", "name") if key in here), None)
+                if isinstance(here, dict)
+                else None
+            )
+            place[-1] += f" {step + 1}" + (f" ({label})" if isinstance(label, str) else "")
+        else:
+            model = _MODELS.get(str(step), model)
+            place.append(str(step))
+    where = "".join(f"{part}: " for part in place)
+    if fault["type"] == "extra_forbidden":
+        close = get_close_matches(str(field), model.model_fields, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(model.model_fields)}"
+        return f"{where}key {field!r} is unknown; {hint}"
+    if fault["type"] == "missing":
+        return f"{where}{field!r} is missing"
+    message = fault["msg"].removeprefix("Value error, ")
+    shown = repr(fault["input"])
+    shown = shown if len(shown) <= 60 else shown[:57] + "..."
+    return f"{where}{field}{' = ' if field else ''}{shown}: {message}" if field else f"{where}{message}"

@@ -1,0 +1,291 @@
+"""From the text of a formula to a sympy expression, node by node from an allow-list.
+
+Every part must be real and finite for every motion before it becomes part of something larger. That keeps
+useless terms out, and it keeps sympy quick: on expressions that may be complex it can take minutes.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from functools import cache
+from typing import Any
+
+from sindyjoint.errors import FormulaError
+
+FUNCTIONS = (
+    "abs",
+    "sign",
+    "sqrt",
+    "exp",
+    "log",
+    "sin",
+    "cos",
+    "tan",
+    "tanh",
+    "atan",
+    "min",
+    "max",
+    "heaviside",
+)
+"""Names of the functions that a formula may call."""
+
+# A term of a joint's law is a line of text. These bounds leave several times what such a line needs and keep
+# hostile text (towers of powers, thousands of brackets) from costing time or memory.
+MAXIMUM_LENGTH = 400
+MAXIMUM_NODES = 80
+MAXIMUM_DEPTH = 20
+MAXIMUM_POWER = 12
+MAXIMUM_ARGUMENTS = 4  # of min and max
+MAXIMUM_NUMBER = 1e30
+
+_CHARACTERS = re.compile(r"[A-Za-z0-9_+\-*/().,\s]*", re.ASCII)
+_CHARACTER_HINTS = {
+    "^": "powers are written **",
+    "[": "indexing",
+    "'": "a text",
+    '"': "a text",
+    ":": "a lambda or an assignment",
+    "<": "a comparison; heaviside, min and max switch",
+    ">": "a comparison; heaviside, min and max switch",
+    "=": "a comparison or an assignment",
+    "·": "products are written *",
+}
+_SYNTAX = {
+    ast.Attribute: "attribute access",
+    ast.Lambda: "a lambda",
+    ast.Compare: "a comparison",
+    ast.BoolOp: "a logical operation",
+    ast.IfExp: "a condition",
+    ast.Tuple: "a list of values",
+    ast.GeneratorExp: "a comprehension",
+    ast.Starred: "an unpacking",
+    ast.BinOp: "this operation",
+    ast.UnaryOp: "this operation",
+}
+
+
+def build_expression(text: str, names: Mapping[str, Any], positive: tuple[str, ...]) -> Any:
+    """Build the expression of a formula; see :func:`sindyjoint.equation.formula.parse_formula`.
+
+    Parameters
+    ----------
+    text : str
+    names : mapping of str to sympy.Symbol
+        Every name that the formula may use, functions and pi aside.
+    positive : tuple of str
+        Those among them, parameters, that stand for positive numbers and may be exponents.
+    """
+    if not isinstance(text, str):
+        raise FormulaError(f"formula {text!r} is a {type(text).__name__}; a text is wanted")
+    builder = _Builder(text, names, positive)
+    try:
+        return builder.build()
+    except FormulaError:
+        raise
+    except (RecursionError, ValueError, TypeError, ArithmeticError) as error:
+        # sympy's own refusals: it found a part that has no real value.
+        raise builder.refusal(f"it cannot be worked out ({error})") from None
+
+
+@cache
+def _sympy_functions() -> dict[str, Callable[..., Any]]:
+    import sympy
+
+    functions = {
+        name: getattr(sympy, name) for name in FUNCTIONS if name not in ("abs", "min", "max", "heaviside")
+    }
+    # Unevaluated: sympy would compare every pair of arguments.
+    functions["min"] = lambda *values: sympy.Min(*values, evaluate=False)
+    functions["max"] = lambda *values: sympy.Max(*values, evaluate=False)
+    return functions | {"abs": sympy.Abs, "heaviside": sympy.Heaviside}
+
+
+# Functions of constants are worked out in floating point: sympy would keep towers of exp, or evaluate them
+# exactly.
+_OF_NUMBERS: dict[str, Callable[..., float]] = {
+    "abs": abs,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "min": min,
+    "max": max,
+    "heaviside": lambda x: 0.5 * (1 + (x > 0) - (x < 0)),
+    **{name: getattr(math, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "atan")},
+}
+
+
+def shown(text: str, limit: int = 90) -> str:
+    """Return a text on one line, quoted, cut to a readable length."""
+    quoted = repr(text)
+    return quoted if len(quoted) <= limit else f"{quoted[: limit - 4]}...{quoted[0]}"
+
+
+class _Builder:
+    """One formula on its way from syntax tree to expression."""
+
+    def __init__(self, text: str, names: Mapping[str, Any], positive: tuple[str, ...]):
+        self.text = text
+        self.names = names
+        self.positive = positive
+        self.nodes = 0
+
+    def refusal(self, why: str) -> FormulaError:
+        own = [name for name in self.names if name not in ("theta", "omega", "alpha", "x", "v", "a")]
+        return FormulaError(
+            f"formula {shown(self.text)}: {why}; allowed are numbers, pi, theta, omega, alpha (or x, v, a)"
+            f"{', ' if own else ''}{', '.join(own)}, + - * / ** ( ) and the functions {', '.join(FUNCTIONS)}"
+        )
+
+    def build(self) -> Any:
+        import sympy
+
+        # doit settles the min and max that were kept as written; what it cannot settle has no finite value.
+        expression = self._node(self._tree(), 0).doit()
+        if expression.has(sympy.I, sympy.nan, sympy.oo, sympy.zoo):
+            raise self.refusal("it has no real, finite value")
+        for part in sympy.postorder_traversal(expression):
+            if part.is_number and not abs(float(part)) <= MAXIMUM_NUMBER:
+                raise self.refusal(f"a number in it is beyond {MAXIMUM_NUMBER:g}")
+            if part.is_Pow and part.exp.is_number and abs(float(part.exp)) > MAXIMUM_POWER:
+                raise self.refusal(f"its power {part} is beyond {MAXIMUM_POWER}")
+        return expression
+
+    def _tree(self) -> ast.expr:
+        text = self.text.strip()
+        if not text:
+            raise self.refusal("it is empty")
+        if len(text) > MAXIMUM_LENGTH:
+            raise self.refusal(f"it has {len(text)} characters, more than {MAXIMUM_LENGTH}")
+        allowed = _CHARACTERS.match(text)
+        assert allowed is not None
+        if allowed.end() < len(text):
+            character = text[allowed.end()]
+            hint = _CHARACTER_HINTS.get(character, "")
+            raise self.refusal(f"the character {character!r}{hint and f' ({hint})'} is not allowed")
+        try:
+            with warnings.catch_warnings():
+                # Python warns of text such as "1if"; here that is simply a syntax error.
+                warnings.simplefilter("error")
+                return ast.parse(" ".join(text.split()), mode="eval").body
+        except (SyntaxError, ValueError, MemoryError, RecursionError, Warning) as error:
+            detail = getattr(error, "msg", None) or "not an expression"
+            where = f" at character {error.offset}" if isinstance(error, SyntaxError) and error.offset else ""
+            raise self.refusal(f"it is not an expression ({detail}{where})") from None
+
+    def _piece(self, node: ast.AST) -> str:
+        return shown(ast.unparse(node), 40)
+
+    def _node(self, node: ast.AST, depth: int) -> Any:
+        self.nodes += 1
+        if depth > MAXIMUM_DEPTH:
+            raise self.refusal(f"it is nested deeper than {MAXIMUM_DEPTH} levels")
+        if self.nodes > MAXIMUM_NODES:
+            raise self.refusal(f"it has more than {MAXIMUM_NODES} parts")
+        match node:
+            case ast.Constant():
+                return self._number(node.value)
+            case ast.Name():
+                return self._name(node.id)
+            case ast.UnaryOp(op=ast.UAdd() | ast.USub()):
+                operand = self._node(node.operand, depth + 1)
+                return -operand if isinstance(node.op, ast.USub) else operand
+            case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow()):
+                left, right = self._node(node.left, depth + 1), self._node(node.right, depth + 1)
+                return self._checked(node, self._operation(node, left, right))
+            case ast.Call():
+                return self._call(node, depth)
+        kind = _SYNTAX.get(type(node), type(node).__name__)
+        raise self.refusal(f"{self._piece(node)} ({kind}) is not allowed")
+
+    def _number(self, value: object) -> Any:
+        import sympy
+
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise self.refusal(f"{value!r} is not a real number")
+        if not abs(value) <= MAXIMUM_NUMBER:
+            raise self.refusal(f"a number in it is beyond {MAXIMUM_NUMBER:g}")
+        whole = isinstance(value, int) or (value.is_integer() and abs(value) < 1e15)
+        return sympy.Integer(int(value)) if whole else sympy.Float(value, 17)
+
+    def _name(self, name: str) -> Any:
+        import sympy
+
+        if name == "pi":
+            return sympy.pi
+        if name in self.names:
+            return self.names[name]
+        if name in FUNCTIONS:
+            raise self.refusal(f"the function {name} stands without its argument")
+        raise self.refusal(f"the name {shown(name, 40)} is unknown{_hint(name, [*self.names, *FUNCTIONS])}")
+
+    def _call(self, node: ast.Call, depth: int) -> Any:
+        if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS:
+            called = ast.unparse(node.func)
+            raise self.refusal(
+                f"a call of {shown(called, 40)} is not allowed{_hint(called, list(FUNCTIONS))}"
+            )
+        name = node.func.id
+        if node.keywords:
+            raise self.refusal(f"{self._piece(node)} (an unpacking) is not allowed")
+        count = len(node.args)
+        if name in ("min", "max"):
+            if not 2 <= count <= MAXIMUM_ARGUMENTS:
+                raise self.refusal(f"{name} takes two to {MAXIMUM_ARGUMENTS} arguments, {count} given")
+        elif count != 1:
+            raise self.refusal(f"{name} takes one argument, {count} given")
+        values = [self._node(argument, depth + 1) for argument in node.args]
+        if all(value.is_number for value in values):
+            try:
+                return self._number(float(_OF_NUMBERS[name](*map(float, values))))
+            except (ValueError, OverflowError):
+                raise self.refusal(f"{self._piece(node)} has no finite value") from None
+        return self._checked(node, _sympy_functions()[name](*values))
+
+    def _operation(self, node: ast.BinOp, left: Any, right: Any) -> Any:
+        match node.op:
+            case ast.Add():
+                return left + right
+            case ast.Sub():
+                return left - right
+            case ast.Mult():
+                return left * right
+            case ast.Div():
+                return left / right
+        return self._power(node, left, right)
+
+    def _power(self, node: ast.BinOp, base: Any, exponent: Any) -> Any:
+        import sympy
+
+        piece = self._piece(node)
+        if not {symbol.name for symbol in exponent.free_symbols} <= set(self.positive):
+            raise self.refusal(f"the exponent of {piece} is not a number")
+        if exponent.is_number:
+            value = float(exponent)
+            if abs(value) > MAXIMUM_POWER:
+                raise self.refusal(f"the exponent of {piece} is beyond {MAXIMUM_POWER}")
+            digits = abs(value * math.log10(abs(float(base)))) if base.is_number and base != 0 else 0.0
+            if digits > math.log10(MAXIMUM_NUMBER):
+                raise self.refusal(f"{piece} is beyond {MAXIMUM_NUMBER:g}")
+            # theta**2.0 and abs(theta)**0.5 are the exact powers they look like.
+            if exponent.is_Float and (2 * value).is_integer():
+                exponent = sympy.Rational(int(2 * value), 2)
+        return base**exponent
+
+    def _checked(self, node: ast.AST, value: Any) -> Any:
+        """Return the value; refuse what may be infinite or complex, and constants beyond a sane size."""
+        if not value.is_extended_real:
+            raise self.refusal(
+                f"{self._piece(node)} is not real and finite for every motion; divide by, and take roots and "
+                "logarithms of, what cannot be zero or negative, such as 1 + abs(...)"
+            )
+        if value.is_number and not abs(float(value)) <= MAXIMUM_NUMBER:
+            raise self.refusal(f"{self._piece(node)} is beyond {MAXIMUM_NUMBER:g}")
+        return value
+
+
+def _hint(word: str, known: list[str]) -> str:
+    close = get_close_matches(word, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""

@@ -1,0 +1,254 @@
+"""Candidate terms: a formula, the unit and meaning of its coefficient, the inner parameters it may have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.equation import dimensions, formula
+from sindyjoint.errors import InputError
+
+if TYPE_CHECKING:
+    import sympy
+
+    from sindyjoint.record import Motion
+
+Scale = Literal["angle", "rate", "moment"]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The scales of a set of data that inner parameters may refer to.
+
+    Parameters
+    ----------
+    angle, rate, moment : float, optional
+        Largest absolute angle (rad), rate (rad/s) and moment (N·m); m, m/s and N for translation.
+    """
+
+    angle: float | None = None
+    rate: float | None = None
+    moment: float | None = None
+
+    @classmethod
+    def of(cls, angle: ArrayLike, rate: ArrayLike, moment: ArrayLike | None = None) -> Reference:
+        """Take the scales from signals, each array_like of any shape."""
+        largest = [
+            None if signal is None else float(np.max(np.abs(signal))) for signal in (angle, rate, moment)
+        ]
+        return cls(*largest)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An inner parameter of a term, one that the moment does not depend on linearly.
+
+    Parameters
+    ----------
+    name : str
+    unit : str
+        SI unit for a rotational joint.
+    value : float
+        In that unit; with ``relative_to``, a multiple of that scale of the data.
+    relative_to : {"angle", "rate", "moment"}, optional
+    lower, upper : float, optional
+        Bounds, meant like the value.
+    """
+
+    name: str
+    unit: str
+    value: float
+    relative_to: Scale | None = None
+    lower: float | None = None
+    upper: float | None = None
+
+    def unit_for(self, motion: Motion) -> str:
+        """Return the unit for rotation or translation."""
+        return self.unit if motion == "rotation" else dimensions.unit_for(self.unit, motion)
+
+    def resolve(self, reference: Reference | None) -> float:
+        """Return the value in SI units."""
+        if self.relative_to is None:
+            return self.value
+        scale = None if reference is None else getattr(reference, self.relative_to)
+        if scale is None or not (np.isfinite(scale) and scale > 0):
+            raise InputError(
+                f"parameter {self.name!r} is {self.value:g} times the largest {self.relative_to} of the "
+                f"data, which is {scale!r} here; give a reference with a positive {self.relative_to}"
+            )
+        return self.value * float(scale)
+
+
+@dataclass(frozen=True)
+class Term:
+    """A candidate term: coefficient × formula is a moment.
+
+    Parameters
+    ----------
+    id : str
+        Name used in results, options and other catalogues.
+    symbol : str
+        Of the coefficient, as in "k1".
+    formula : str
+        As the catalogue writes it.
+    unit : str
+        SI unit of the coefficient for a rotational joint; see :meth:`unit_for`.
+    name, meaning, family, source : str
+    confused_with : tuple of str
+        Ids of terms that leave a similar mark on data.
+    parameters : tuple of Parameter
+    expression : sympy.Expr
+        The parsed formula, parameters still symbols.
+    """
+
+    id: str
+    symbol: str
+    formula: str
+    unit: str
+    name: str
+    meaning: str
+    family: str
+    source: str
+    confused_with: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    expression: sympy.Expr = field(repr=False)
+
+    def unit_for(self, motion: Motion) -> str:
+        """Return the unit of the coefficient for rotation or translation."""
+        return self.unit if motion == "rotation" else dimensions.unit_for(self.unit, motion)
+
+    def text(self, motion: Motion = "rotation") -> str:
+        """Return the formula in the catalogues' syntax: as written, or with x, v, a for translation."""
+        return self.formula if motion == "rotation" else formula.formula_text(self.expression, motion)
+
+    def pretty(self, motion: Motion = "rotation") -> str:
+        """Return the formula as a line to read."""
+        return formula.formula_pretty(self.expression, motion)
+
+    def latex(self, motion: Motion = "rotation") -> str:
+        """Return the formula as LaTeX."""
+        return formula.formula_latex(self.expression, motion)
+
+    @property
+    def needs_acceleration(self) -> bool:
+        """Whether the formula holds the acceleration."""
+        return _acceleration() in self.expression.free_symbols
+
+    @property
+    def symmetry(self) -> Literal["odd", "even", "neither"]:
+        """What becomes of the term when angle, rate and acceleration all change sign.
+
+        Found by evaluating it at points of many sizes: sympy does not see that max(min(θ, g), -g) is odd.
+        """
+        names = [parameter.name for parameter in self.parameters]
+        motion = np.random.default_rng(0).normal(size=(3, 256)) * np.logspace(-4, 2, 256)
+        evaluate = formula.compile_terms([self.expression], [*formula.VARIABLES, *names])
+        here = evaluate(*motion, *np.linspace(0.5, 1.0, len(names)))
+        mirrored = evaluate(*-motion, *np.linspace(0.5, 1.0, len(names)))
+        if np.allclose(mirrored, here, rtol=1e-9, atol=0, equal_nan=True):
+            return "even"
+        return "odd" if np.allclose(mirrored, -here, rtol=1e-9, atol=0, equal_nan=True) else "neither"
+
+    def resolve(self, reference: Reference | None = None) -> ResolvedTerm:
+        """Put numbers in the place of the inner parameters.
+
+        Raises
+        ------
+        InputError
+            If a parameter is relative to a scale that the reference does not give.
+        """
+        try:
+            values = tuple((parameter.name, parameter.resolve(reference)) for parameter in self.parameters)
+        except InputError as error:
+            raise InputError(f"term {self.id!r}: {error}") from None
+        return self.with_parameters(dict(values))
+
+    def with_parameters(self, values: dict[str, float]) -> ResolvedTerm:
+        """Put the given numbers, in SI units, in the place of the inner parameters."""
+        from sympy import Float
+
+        names = [parameter.name for parameter in self.parameters]
+        if set(values) != set(names):
+            raise InputError(
+                f"term {self.id!r}: values for {', '.join(values) or 'nothing'} given; "
+                f"{', '.join(names) or 'nothing'} wanted"
+            )
+        numbers = {formula.parameter_symbol(name): Float(values[name], 17) for name in names}
+        return ResolvedTerm(
+            self, tuple((name, float(values[name])) for name in names), self.expression.xreplace(numbers)
+        )
+
+
+@dataclass(frozen=True)
+class ResolvedTerm:
+    """A term whose inner parameters are numbers.
+
+    Parameters
+    ----------
+    term : Term
+    values : tuple of (str, float)
+        Inner parameters in SI units.
+    expression : sympy.Expr
+        Over angle, rate and acceleration only.
+    """
+
+    term: Term
+    values: tuple[tuple[str, float], ...]
+    expression: sympy.Expr = field(repr=False)
+
+    @property
+    def id(self) -> str:
+        """Id of the term."""
+        return self.term.id
+
+
+def term_columns(
+    terms: Sequence[ResolvedTerm], angle: ArrayLike, rate: ArrayLike, acceleration: ArrayLike | None = None
+) -> NDArray[np.float64]:
+    """Evaluate terms along measured motion.
+
+    Parameters
+    ----------
+    terms : sequence of ResolvedTerm
+    angle, rate, acceleration : array_like, shape (n,)
+        rad, rad/s, rad/s²; the acceleration only where a term needs it.
+
+    Returns
+    -------
+    ndarray, shape (n, p)
+        Fortran-ordered, a column per term.
+
+    Raises
+    ------
+    InputError
+        If a term needs the acceleration and none is given, or has no finite value somewhere.
+    """
+    if acceleration is None:
+        lacking = [term.id for term in terms if term.term.needs_acceleration]
+        if lacking:
+            raise InputError(
+                f"term(s) {', '.join(lacking)} need the acceleration; give it as the third signal"
+            )
+        acceleration = np.nan
+    columns = formula.compile_terms([term.expression for term in terms])(angle, rate, acceleration)
+    # One sum per column finds NaN and infinity without a second array of the same size.
+    bad = np.flatnonzero(~np.isfinite(columns.sum(axis=0)))
+    for index in map(int, bad):
+        rows = np.flatnonzero(~np.isfinite(columns[:, index]))
+        if rows.size:
+            raise InputError(
+                f"term {terms[index].id!r} ({terms[index].term.formula}) has no finite value at sample "
+                f"{rows[0]} (angle {np.asarray(angle)[rows[0]]:.6g}, rate {np.asarray(rate)[rows[0]]:.6g}); "
+                "leave the term out or change its formula"
+            )
+    return columns
+
+
+@cache
+def _acceleration() -> sympy.Symbol:
+    return formula.variable_symbols()[2]

@@ -1,0 +1,173 @@
+"""A discovered model as a law that can be simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw
+
+Array = NDArray[np.float64]
+
+# The five terms of the paper's law by the names that PaperLaw gives their coefficients.
+PAPER_PARAMETERS = {
+    "linear_stiffness": "k1",
+    "quadratic_stiffness": "k2",
+    "cubic_stiffness": "k3",
+    "linear_damping": "c1",
+    "coulomb_friction": "M_F",
+}
+# The softening limit of a general law is looked for up to this multiple of the largest angle tested.
+LIMIT_REACH = 3.0
+LIMIT_POINTS = 3000
+
+
+def model_law(model: JointModel) -> Law:
+    """Return a model as a law of :mod:`sindyjoint.mechanics`.
+
+    Models of the paper's five terms, or some of them, become a :class:`~sindyjoint.mechanics.laws.PaperLaw`, which
+    needs no compilation; all others a :class:`~sindyjoint.mechanics.laws.FormulaLaw` made of their formulas. Its
+    parameters are the coefficients in the order of the terms, inertia left out, so that other coefficients of the
+    same terms need no compilation of their own.
+
+    Parameters
+    ----------
+    model : JointModel
+
+    Returns
+    -------
+    Law
+        With the model's inertia; ``sign(θ̇)`` is set-valued at rest.
+
+    Raises
+    ------
+    InputError
+        For a term of the acceleration other than the inertia: no law of angle and rate has it.
+
+    Examples
+    --------
+    >>> from sindyjoint.equation.model import Fitted
+    >>> from sindyjoint.record import Joint
+    >>> def term(id, formula, value):
+    ...     return ModelTerm(id, id, id, "", formula, (), "", value, 0.0, (value, value), 1.0)
+    >>> def model(*terms):
+    ...     return JointModel(Joint(inertia=0.02), terms, (), Fitted(1, 0, 0, 1, 100, 1, 1e-3, 0.02))
+    >>> model_law(model(term("linear_stiffness", "theta", 6000.0))).k1
+    6000.0
+    >>> law = model_law(model(term("quadratic_damping", "omega*abs(omega)", 100.0)))
+    >>> law.moment([0.0], [-0.1], [-1.0])
+    array([-1.])
+    """
+    terms = law_terms(model)
+    ids = {term.id for term in terms}
+    if ids <= PAPER_PARAMETERS.keys() and not _pushes(terms):
+        values = {PAPER_PARAMETERS[term.id]: term.coefficient for term in terms}
+        return PaperLaw(**{"k1": 0.0, **values}, inertia=model.inertia, name=model.joint.name)
+    return _formula_law(model, terms)
+
+
+def law_terms(model: JointModel) -> tuple[ModelTerm, ...]:
+    """Return the terms of the transfer moment: all but the inertia."""
+    return tuple(term for term in model.terms if term.id != INERTIA)
+
+
+def with_coefficients(
+    model: JointModel, coefficients: ArrayLike, covariance: ArrayLike | None = None
+) -> JointModel:
+    """Return a model with other coefficients.
+
+    Parameters
+    ----------
+    model : JointModel
+    coefficients : array_like, shape (n_terms,)
+        In the order of the model's terms, inertia among them where it is one; SI.
+    covariance : array_like, shape (n_terms, n_terms), optional
+        Of the new coefficients; without it errors and covariance stay. Intervals become ±1.96 standard errors.
+    """
+    values = np.asarray(coefficients, dtype=np.float64)
+    if values.shape != (len(model.terms),):
+        raise InputError(
+            f"coefficients of shape {values.shape} given; ({len(model.terms)},), one per term, is wanted"
+        )
+    matrix = np.asarray(model.covariance if covariance is None else covariance, dtype=np.float64)
+    errors = model.standard_errors if covariance is None else np.sqrt(np.diag(matrix))
+    terms = tuple(
+        replace(
+            term,
+            coefficient=float(value),
+            standard_error=float(error),
+            interval95=(float(value - 1.96 * error), float(value + 1.96 * error)),
+        )
+        for term, value, error in zip(model.terms, values, errors, strict=True)
+    )
+    return replace(model, terms=terms, covariance=tuple(tuple(map(float, row)) for row in matrix))
+
+
+def draw_models(model: JointModel, count: int, generator: np.random.Generator) -> list[JointModel]:
+    """Draw models from the normal distribution of the coefficients; friction that would push is cut to none."""
+    p = len(model.terms)
+    # Scaled by the standard errors: coefficients of 1e0 and 1e9 in one matrix would leave nothing of its small part.
+    errors = model.standard_errors
+    scale = np.where(errors > 0, errors, 1.0)
+    correlation = np.asarray(model.covariance, dtype=np.float64).reshape(p, p) / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    draws = model.coefficients + generator.standard_normal((count, p)) @ root.T * scale
+    for index, term in enumerate(model.terms):
+        if term.id == "coulomb_friction" and term.coefficient >= 0:
+            draws[:, index] = np.maximum(draws[:, index], 0.0)
+    return [with_coefficients(model, draw) for draw in draws]
+
+
+def _pushes(terms: Sequence[ModelTerm]) -> bool:
+    """Whether the Coulomb friction is negative: PaperLaw refuses what a prescribed motion can still use."""
+    return any(term.id == "coulomb_friction" and term.coefficient < 0 for term in terms)
+
+
+def _formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> FormulaLaw:
+    from sympy import Float, Symbol
+
+    expression = Float(0)
+    values = {}
+    for index, term in enumerate(terms):
+        symbols = {symbol.name for symbol in term.expression.free_symbols}
+        if symbols - {"theta", "omega"}:
+            raise InputError(
+                f"term {term.id!r} ({term.formula}) depends on {', '.join(sorted(symbols - {'theta', 'omega'}))}; a "
+                "simulation wants terms of angle and rate, and inertia"
+            )
+        # Places, not symbols of the terms: user catalogues may call a coefficient what a formula calls something else.
+        place = f"coefficient_{index}"
+        expression += Symbol(place, real=True) * term.expression
+        values[place] = term.coefficient
+    law = FormulaLaw(expression, values, inertia=model.inertia)
+    return replace(law, softening_limit=_softening_limit(law, model.fitted.angle))
+
+
+def elastic_moment(law: Law, angle: ArrayLike) -> Array:
+    """Return the moment at rest in the middle of the friction interval, N·m (N), internal states at zero."""
+    theta = np.atleast_1d(np.asarray(angle, dtype=np.float64))
+    rest, one = np.zeros_like(theta), np.ones_like(theta)
+    state = np.zeros((law.n_states, theta.size))
+    return 0.5 * (law.moment(theta, rest, one, state) + law.moment(theta, rest, -one, state))
+
+
+def _softening_limit(law: Law, tested: float) -> tuple[float, float]:
+    """Angles on either side of zero where the elastic moment first begins to fall; infinite where it never does."""
+    if not tested > 0:
+        return -np.inf, np.inf
+    angle = np.linspace(0, LIMIT_REACH * tested, LIMIT_POINTS)
+    limits = []
+    for side in (-1.0, 1.0):
+        moment = elastic_moment(law, side * angle)
+        rise = side * np.diff(moment)
+        floor = 1e-9 * float(np.abs(np.diff(moment)).max())
+        falls = np.flatnonzero(rise < -floor)
+        # Without a stiffness at rest there is nothing that could soften.
+        limits.append(side * float(angle[falls[0]]) if falls.size and falls[0] > 0 else side * np.inf)
+    return limits[0], limits[1]

@@ -1,0 +1,239 @@
+"""Output-error refinement: coefficients that make the simulated response, not the moment, fit best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.record import Campaign
+from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.output_error import OutputError, without_pushing
+from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
+from sindyjoint.states import ForceStates, campaign_states
+
+Array = NDArray[np.float64]
+
+# A parameter is not determined when its standard error exceeds this share of its size. Several are not determined
+# one by one when they can change together by the smaller share, and when each alone would be known so many times
+# better if the others were.
+UNDETERMINED, UNDETERMINED_TOGETHER, ENTANGLED = 0.5, 0.05, 10.0
+# Share of a direction that a parameter must have to be named with it.
+NAMED_SHARE = 0.2
+MOST_EVALUATIONS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """The result of :func:`refine`.
+
+    Parameters
+    ----------
+    model : JointModel
+        With refined coefficients and their covariance; the given one if the refinement did not succeed.
+    refined : bool
+    reason : str
+        One sentence.
+    before, after : dict of str to float
+        Response NRMSE of each run.
+    nuisance : dict of str to (float, float)
+        Value and standard error of delay (s), gain and offset, as asked for.
+    undetermined : tuple of str
+        Directions that the runs do not determine, in words.
+    evaluations : int
+    """
+
+    model: JointModel
+    refined: bool
+    reason: str
+    before: dict[str, float]
+    after: dict[str, float]
+    nuisance: dict[str, tuple[float, float]]
+    undetermined: tuple[str, ...]
+    evaluations: int
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to tell beside the model."""
+        values = [
+            f"{name} {value:.4g} ± {error:.2g}{NUISANCE[name].unit}"  # type: ignore[index]
+            for name, (value, error) in self.nuisance.items()
+        ]
+        return (self.reason, *([f"estimated beside the coefficients: {', '.join(values)}"] if values else []),
+                *self.undetermined)  # fmt: skip
+
+
+def refine(
+    model: JointModel,
+    campaign: Campaign,
+    *,
+    states: Sequence[ForceStates] | None = None,
+    nuisance: Sequence[Nuisance] = (),
+    window: float = 1.0,
+    progress: Callable[[str], None] | None = None,
+) -> Refinement:
+    """Refine the coefficients of known terms by bounded least squares on the simulated response.
+
+    The runs that may be used for identification are simulated (see
+    :func:`~sindyjoint.response.run.choose_drive`) and compared with the measured response in units of its
+    noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
+    restoring moment is simulated in windows, those of every window.
+
+    Parameters
+    ----------
+    model : JointModel
+    campaign : Campaign
+    states : sequence of ForceStates, optional
+        Of the identification runs.
+    nuisance : sequence of {"delay", "gain", "offset"}
+        What to estimate beside: the time by which the moment lags the response, s; the factor by which the response
+        channel reads too high; its zero error, rad (m).
+    window : float
+        s between restarts, for joints without a restoring moment.
+    progress : callable, optional
+
+    Returns
+    -------
+    Refinement
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        For a model without terms or an unknown nuisance parameter.
+    """
+    from scipy.optimize import least_squares
+
+    unknown = [name for name in nuisance if name not in NUISANCE]
+    if unknown:
+        raise UnknownNameError(
+            f"nuisance parameter {unknown[0]!r} is not known; wanted: {', '.join(NUISANCE)}"
+        )
+    if not model.terms:
+        raise InputError("the model has no terms: there is nothing to refine; run discover first")
+    states = campaign_states(campaign) if states is None else states
+    problem = OutputError.of(
+        model, campaign.identification_runs, states, tuple(dict.fromkeys(nuisance)), window
+    )
+    problem, left_out = problem.that_can_start()
+    if not problem.runs:
+        return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, (), 0)
+    start = np.array([parameter.start for parameter in problem.parameters])
+    before = problem.nrmse(start)
+    scale = np.array([parameter.scale for parameter in problem.parameters])
+    bounds = np.array([(parameter.low, parameter.high) for parameter in problem.parameters]).T
+    if progress is not None:
+        progress("fitting the simulated response")
+    solution = least_squares(
+        lambda x: problem.residual(x * scale), start / scale, lambda x: problem.jacobian(x * scale) * scale,
+        bounds=bounds / scale, method="trf", x_scale=1.0, ftol=1e-7, xtol=1e-6, gtol=1e-8,
+        max_nfev=MOST_EVALUATIONS,
+    )  # fmt: skip
+    found = solution.x * scale
+    lasting = scale[: problem.lasting]
+    covariance = problem.covariance(found) / np.outer(lasting, lasting)
+    return _refinement(model, problem, found, covariance, scale, before, solution, states, left_out)
+
+
+def _refinement(
+    model: JointModel,
+    problem: OutputError,
+    found: Array,
+    covariance: Array,
+    scale: Array,
+    before: dict[str, float],
+    solution: object,
+    states: Sequence[ForceStates],
+    left_out: Sequence[str],
+) -> Refinement:
+    after = problem.nrmse(found)
+    names = [parameter.name for parameter in problem.parameters]
+    places = [names.index(term.id) for term in model.terms]
+    lasting = problem.parameters[: problem.lasting]
+    scale = scale[: problem.lasting]
+    errors = np.sqrt(np.diag(covariance)) * scale
+    physical = covariance * np.outer(scale, scale)
+    new = with_coefficients(model, found[places], physical[np.ix_(places, places)])
+    values = {
+        parameter.name: (float(found[i]), float(errors[i]))
+        for i, parameter in enumerate(lasting)
+        if parameter.kind == "nuisance"
+    }
+    at_bound = [
+        parameter.name
+        for parameter, value in zip(problem.parameters, found, strict=True)
+        if min(value - parameter.low, parameter.high - value) <= 1e-6 * parameter.scale
+        and not (parameter.name == "coulomb_friction" and value < 1e-6 * parameter.scale)
+    ]
+    count = len(problem.runs)
+    reason = (
+        f"coefficients refined on the simulated response of {count} run(s): NRMSE "
+        f"{100 * _pooled(before):.3f} % before, {100 * _pooled(after):.3f} % after"
+    )
+    if without_pushing(model) is not model:
+        reason += "; negative Coulomb friction, which cannot be simulated, was started from none"
+    if at_bound:
+        reason += f"; at the end of the range searched: {', '.join(at_bound)}"
+    if left_out:
+        reason += f"; left out, since the model to start from does not reach their end: {'; '.join(left_out)}"
+    return Refinement(
+        model=_refitted(new, states),
+        refined=True,
+        reason=reason,
+        before=before,
+        after=after,
+        nuisance=values,
+        undetermined=undetermined_directions(lasting, covariance),
+        evaluations=int(solution.nfev),  # type: ignore[attr-defined]
+    )
+
+
+def _pooled(values: dict[str, float]) -> float:
+    return float(np.sqrt(np.mean(np.square(list(values.values())))))
+
+
+def _refitted(model: JointModel, states: Sequence[ForceStates]) -> JointModel:
+    """Return the model with the residual of the moment that its new coefficients leave."""
+    squares, count = 0.0, 0
+    for state in states:
+        keep = state.moving
+        left = state.transfer_moment(model.inertia)[keep] - model.moment(state.angle[keep], state.rate[keep])
+        squares, count = squares + float(left @ left), count + left.size
+    return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))
+
+
+def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) -> tuple[str, ...]:
+    """Name the combinations of parameters that the runs do not determine.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+    covariance : ndarray, shape (p, p)
+        In units of the parameters' scales.
+    """
+    variances, directions = np.linalg.eigh(covariance)
+    entangled = np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > ENTANGLED
+    sentences = []
+    for variance, direction in zip(variances[::-1], directions.T[::-1], strict=True):
+        size = float(np.sqrt(variance))
+        order = np.argsort(-np.abs(direction))
+        named = [parameters[i].name for i in order if abs(direction[i]) >= NAMED_SHARE]
+        alone = len(named) == 1
+        if size <= (UNDETERMINED if alone else UNDETERMINED_TOGETHER) or not (alone or entangled[order[1]]):
+            continue
+        if alone:
+            sentences.append(
+                f"{named[0]} is not determined by these runs: its standard error is {100 * size:.0f} % of it"
+            )
+        else:
+            sentences.append(
+                f"{', '.join(named[:-1])} and {named[-1]} are not determined one by one: they can change together, by "
+                f"{100 * size:.0f} % of their sizes, without a visible change of the response"
+            )
+    return tuple(sentences)
+
+
+__all__ = ["Refinement", "refine", "undetermined_directions"]

@@ -1,0 +1,290 @@
+"""Simulated against measured response of one run: the angle under the moment, or the moment of the motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import SimulationError
+from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
+from sindyjoint.mechanics.laws import Law, softening_limit
+from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.windows import simulate_windows
+from sindyjoint.record import Run
+from sindyjoint.response.model_law import elastic_moment
+from sindyjoint.states import ForceStates, force_states
+
+Array = NDArray[np.float64]
+Drive = Literal["moment", "windows", "motion"]
+
+# Time between restarts where nothing pulls the joint back, s.
+WINDOW = 1.0
+# Share of the moment that the elastic moment must have for a joint to find its way back by itself.
+RESTORING_SHARE = 0.1
+# Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
+RTOL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRun:
+    """A run beside its simulation, sample by sample over the compared span.
+
+    Parameters
+    ----------
+    run : str
+    drive : {"moment", "windows", "motion"}
+        The measured moment moves the joint; the same, restarted from the measured state every so many seconds; or
+        the measured motion gives the moment.
+    sample_rate : float
+        Hz.
+    frequency : float or None
+        Excitation frequency, Hz.
+    time : ndarray, shape (n,)
+        s, from the first sample of the run.
+    angle, moment : ndarray, shape (n,)
+        As measured, rad and N·m (m and N).
+    simulated_angle : ndarray, shape (n,), or None
+        ``None`` where the motion is the drive, or the simulation failed.
+    simulated_rate : ndarray, shape (n,), or None
+    simulated_moment : ndarray, shape (n,)
+        At the sensor, of the law along the measured motion.
+    states : ForceStates
+        Measured force states over the same span.
+    inertia : float
+    failure : str
+        What ended the simulation; empty where it reached the end.
+    """
+
+    run: str
+    drive: Drive
+    sample_rate: float
+    frequency: float | None
+    time: Array
+    angle: Array
+    moment: Array
+    simulated_angle: Array | None
+    simulated_rate: Array | None
+    simulated_moment: Array
+    states: ForceStates
+    inertia: float
+    failure: str = ""
+
+    @property
+    def measured_response(self) -> Array:
+        """What the simulation is to predict: the angle, or for a prescribed motion the moment."""
+        return self.moment if self.drive == "motion" else self.angle
+
+    @property
+    def simulated_response(self) -> Array | None:
+        """Its prediction; ``None`` where the simulation failed."""
+        return self.simulated_moment if self.drive == "motion" else self.simulated_angle
+
+    @property
+    def response_nrmse(self) -> float:
+        """RMS of the response's error relative to the RMS of the measured response about its mean; NaN if it failed."""
+        if self.drive == "motion":
+            return rms(self.simulated_moment - self.moment) / self.moment_scale
+        if self.simulated_angle is None:
+            return float("nan")
+        return rms(self.simulated_angle - self.angle) / float(np.std(self.angle))
+
+    @property
+    def moment_nrmse(self) -> float:
+        """The same of the moment along the measured motion, over moving samples, relative to :attr:`moment_scale`."""
+        moving = self.states.moving
+        return rms((self.simulated_moment - self.moment)[moving]) / self.moment_scale
+
+    @property
+    def moment_scale(self) -> float:
+        """RMS of the moment, N·m: at the sensor or in the joint, whichever is larger (a free decay has no first)."""
+        return max(rms(self.moment), rms(self.states.transfer_moment(self.inertia)))
+
+    @property
+    def response_floor(self) -> float:
+        """Noise of the measured response, relative like :attr:`response_nrmse`."""
+        if self.drive == "motion":
+            return self.moment_floor
+        return self.states.noise.angle / float(np.std(self.angle))
+
+    @property
+    def moment_floor(self) -> float:
+        """Noise of moment and acceleration, relative like :attr:`moment_nrmse`."""
+        noise = self.states.noise
+        return float(np.hypot(noise.moment, self.inertia * noise.acceleration)) / self.moment_scale
+
+    @property
+    def energy_per_cycle(self) -> tuple[float, float] | None:
+        """Work done on the joint per period, measured and simulated, J; ``None`` for a run without a frequency."""
+        if self.frequency is None:
+            return None
+        rate = self.states.rate
+        measured = float(np.mean(self.moment * rate)) / self.frequency
+        if self.drive == "motion":
+            return measured, float(np.mean(self.simulated_moment * rate)) / self.frequency
+        if self.simulated_rate is None:
+            return None
+        return measured, float(np.mean(self.moment * self.simulated_rate)) / self.frequency
+
+
+def rms(values: ArrayLike) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
+
+
+def choose_drive(law: Law, states: ForceStates) -> Drive:
+    """Choose how a law is simulated beside a run.
+
+    By the moment where the joint has inertia and a restoring moment over the run's angles; in windows where it has
+    inertia only; by the motion where it has none, since then the moment alone does not determine how it moves.
+    """
+    if not law.inertia > 0:
+        return "motion"
+    middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
+    low, high = elastic_moment(law, [middle - reach, middle + reach])
+    restoring = (high - low) / 2
+    return "moment" if restoring > RESTORING_SHARE * rms(states.transfer_moment(law.inertia)) else "windows"
+
+
+def simulate_run(
+    law: Law,
+    run: Run,
+    states: ForceStates | None = None,
+    *,
+    drive: Drive | None = None,
+    window: float = WINDOW,
+    **options: Any,
+) -> SimulatedRun:
+    """Simulate a law beside a measured run.
+
+    The simulation starts from the measured state where the force states begin, after the start-up transient. The
+    first period of a periodic run is simulated and not compared: there, a wrong initial state has not died out.
+
+    Parameters
+    ----------
+    law : Law
+    run : Run
+    states : ForceStates, optional
+        Of the run; made here if not given.
+    drive : {"moment", "windows", "motion"}, optional
+        Default: :func:`choose_drive`.
+    window : float
+        s, for ``"windows"``.
+    **options
+        Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
+
+    Returns
+    -------
+    SimulatedRun
+        A simulation that leaves the law's range is a result, too: its words are in ``failure``.
+    """
+    states = force_states(run) if states is None else states
+    drive = choose_drive(law, states) if drive is None else drive
+    first = round(states.time[0] * run.sample_rate)
+    span = slice(first, first + states.n_samples)
+    skip = settling(states)
+    kept = slice(first + skip, span.stop)
+    compared = _cut(states, skip)
+    angle = rate = None
+    failure, moment = "", np.full(states.n_samples, np.nan)
+    try:
+        moment, _ = transfer_moment(
+            law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
+        )
+        if drive != "motion":
+            motion = _moved(law, run, states, span, drive, window, {"rtol": RTOL, **options})
+            angle, rate = motion.angle[skip:], motion.rate[skip:]
+    except SimulationError as error:
+        failure = str(error)
+    return SimulatedRun(
+        run=run.name,
+        drive=drive,
+        sample_rate=run.sample_rate,
+        frequency=states.frequency,
+        time=run.time[kept],
+        angle=run.angle[kept],
+        moment=run.moment[kept],
+        simulated_angle=angle,
+        simulated_rate=rate,
+        simulated_moment=moment[skip:],
+        states=compared,
+        inertia=law.inertia,
+        failure=failure,
+    )
+
+
+def settling(states: ForceStates) -> int:
+    """Return the samples of the first period of a periodic run that has periods to spare."""
+    if states.method != "periodic" or states.frequency is None:
+        return 0
+    period = round(states.sample_rate / states.frequency)
+    return period if states.n_samples >= 3 * period else 0
+
+
+def _cut(states: ForceStates, skip: int) -> ForceStates:
+    """Return the states from a sample on."""
+    if not skip:
+        return states
+    names = ("time", "angle", "rate", "acceleration", "moment", "moving", "block")
+    return replace(states, replicate=None, **{name: getattr(states, name)[skip:] for name in names})
+
+
+def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
+    """Return the angles that end a simulation.
+
+    The softening limit; where the measured motion itself passes it, or in windows, three times the measured range.
+    """
+    low, high = softening_limit(law)
+    least, most = float(np.min(states.angle)), float(np.max(states.angle))
+    if drive == "moment" and low < least and most < high:
+        return (low, high)
+    reach = most - least
+    return (least - reach, most + reach)
+
+
+def measured_drive(run: Run, states: ForceStates) -> Excitation:
+    """Return the measured moment over the span of the states as an excitation.
+
+    A run that repeats is driven by the mean of its periods: its response repeats, too, so noise of the moment
+    channel has no place in the simulation.
+    """
+    first = round(states.time[0] * run.sample_rate)
+    moment = run.moment[first : first + states.n_samples]
+    if states.method != "periodic" or states.frequency is None:
+        return sampled(moment, run.sample_rate)
+    from scipy.interpolate import CubicSpline
+
+    per = run.sample_rate / states.frequency
+    nodes, periods = round(per), int((moment.size - 1) / per + 1e-9)
+    places = (np.arange(periods)[:, None] + np.arange(nodes) / nodes) * per
+    mean = CubicSpline(np.arange(moment.size), moment)(places).mean(axis=0)
+    return repeated(mean, 1 / states.frequency)
+
+
+def _moved(
+    law: Law, run: Run, states: ForceStates, span: slice, drive: Drive, window: float, options: dict[str, Any]
+) -> Any:
+    """Simulate the joint under the measured moment."""
+    moment = run.moment[span]
+    if "limits" not in options:
+        options["limits"] = angle_limits(law, states, drive)
+    if states.repeated:
+        # Internal states of the law are not known at the start; one period before, they find their way.
+        periods = repeated(states.moment, states.n_samples / run.sample_rate)
+        at = (states.angle[0], states.rate[0])
+        duration = 2 * states.n_samples / run.sample_rate
+        both = simulate(law, periods, duration, run.sample_rate, initial=at, **options)
+        return replace(both, angle=both.angle[-states.n_samples :], rate=both.rate[-states.n_samples :])
+    if drive == "windows":
+        start = np.column_stack([states.angle, states.rate])
+        return simulate_windows(law, moment, run.sample_rate, window, start, interpolation="cubic", **options)
+    return simulate(
+        law,
+        measured_drive(run, states),
+        moment.size / run.sample_rate,
+        run.sample_rate,
+        initial=(states.angle[0], states.rate[0]),
+        **options,
+    )

@@ -1,0 +1,214 @@
+"""What a verification says: run by run, over all runs, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.response.oscillation import Oscillation
+from sindyjoint.response.run import rms
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Where 95 % of the responses lie that the uncertainty of the coefficients allows.
+
+    Parameters
+    ----------
+    low, high : ndarray, shape (n,)
+    draws : int
+        Simulated sets of coefficients.
+    failed : int
+        Sets whose simulation left the law's range; they are not in the band.
+    """
+
+    low: Array
+    high: Array
+    draws: int
+    failed: int
+
+
+@dataclass(frozen=True, eq=False)
+class RunVerification:
+    """One run, or one pulse test, against its simulation.
+
+    Parameters
+    ----------
+    name : str
+    channel : {"angle", "moment", "displacement"}
+        What the response is.
+    drive : str
+        How it was simulated: "moment", "windows", "motion" or "pulse".
+    time, measured : ndarray, shape (n,)
+    simulated : ndarray, shape (n,), or None
+    band : Band or None
+    response_nrmse, moment_nrmse, noise_floor : float or None
+        Relative to the RMS of what was measured.
+    amplitude_rms_error : float or None
+        Relative to the first measured amplitude.
+    mean_period_difference : float or None
+        s.
+    oscillations : pair of Oscillation or None
+        Measured and simulated.
+    energy : ndarray, shape (2, cycles), or None
+        Energy dissipated per cycle, measured and simulated, J.
+    failure : str
+    """
+
+    name: str
+    channel: str
+    drive: str
+    time: Array
+    measured: Array
+    simulated: Array | None
+    band: Band | None
+    response_nrmse: float | None
+    moment_nrmse: float | None
+    noise_floor: float | None
+    amplitude_rms_error: float | None
+    mean_period_difference: float | None
+    oscillations: tuple[Oscillation | None, Oscillation | None]
+    energy: Array | None
+    failure: str = ""
+
+    @property
+    def beyond_noise(self) -> float:
+        """Response error that the noise does not account for; infinite for a failed simulation."""
+        if self.response_nrmse is None:
+            return float("inf")
+        return float(np.sqrt(max(self.response_nrmse**2 - (self.noise_floor or 0.0) ** 2, 0.0)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the run's entry of ``--json``."""
+        return {
+            "name": self.name,
+            "response_nrmse": self.response_nrmse,
+            "moment_nrmse": self.moment_nrmse,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """The result of :func:`verify`.
+
+    Parameters
+    ----------
+    model : JointModel
+    kind : {"rig", "campaign"}
+    subject : str
+        What the model was held against.
+    verdict : {"passed", "failed"}
+    reason : str
+        One sentence.
+    tolerance : float
+    response_nrmse, moment_nrmse, noise_floor, amplitude_rms_error, mean_period_difference : float or None
+        Root mean squares over the runs (of the period: the mean).
+    runs : tuple of RunVerification
+    warnings : tuple of str
+    """
+
+    model: JointModel
+    kind: str
+    subject: str
+    verdict: str
+    reason: str
+    tolerance: float
+    response_nrmse: float | None
+    moment_nrmse: float | None
+    noise_floor: float | None
+    amplitude_rms_error: float | None
+    mean_period_difference: float | None
+    runs: tuple[RunVerification, ...] = field(repr=False)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether the model was verified."""
+        return self.verdict == "passed"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        names = ("response_nrmse", "moment_nrmse", "noise_floor", "amplitude_rms_error")
+        return {
+            "schema": 1,
+            "verdict": self.verdict,
+            **{name: getattr(self, name) for name in names},
+            "mean_period_difference": self.mean_period_difference,
+            "runs": [run.to_dict() for run in self.runs],
+            "warnings": list(self.warnings),
+        }
+
+
+def band_of(responses: Sequence[Array | None]) -> Band | None:
+    """Return the band of simulated responses; ``None`` with fewer than five of them."""
+    good = [response for response in responses if response is not None]
+    if len(good) < 5:
+        return None
+    middle, spread = np.mean(good, axis=0), np.std(good, axis=0, ddof=1)
+    return Band(middle - 1.96 * spread, middle + 1.96 * spread, len(responses), len(responses) - len(good))
+
+
+def finite(value: float) -> float | None:
+    """Return a number that JSON can hold, or ``None``."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _pooled(values: Sequence[float | None], mean: Callable[[Array], Any]) -> float | None:
+    known = np.array([value for value in values if value is not None], dtype=float)
+    return float(mean(known)) if known.size else None
+
+
+def judged(
+    model: JointModel,
+    kind: str,
+    subject: str,
+    tolerance: float,
+    runs: Sequence[RunVerification],
+    warnings: Sequence[str],
+) -> Verification:
+    """Return the verdict over all runs; each run counts alike."""
+    failed = [run for run in runs if run.simulated is None]
+    said = [*warnings, *(f"{run.name}: {run.failure}" for run in failed)]
+    said += [
+        f"{run.name}: {run.band.failed} of {run.band.draws} sets of coefficients left the law's range"
+        for run in runs
+        if run.band is not None and run.band.failed
+    ]
+    whole = None if failed else _pooled([run.response_nrmse for run in runs], rms)
+    floor = _pooled([run.noise_floor for run in runs], rms)
+    beyond = float("inf") if whole is None else rms([run.beyond_noise for run in runs])
+    worst = max(runs, key=lambda run: run.beyond_noise)
+    if not failed and len(runs) > 1 and worst.beyond_noise > tolerance:
+        said.append(
+            f"{worst.name}: {100 * worst.beyond_noise:.1f} % of the response lies beyond the noise, the most of all "
+            "runs"
+        )
+    if failed:
+        reason = f"the simulation of {len(failed)} of {len(runs)} run(s) did not reach its end"
+    else:
+        reason = (
+            f"{100 * beyond:.2f} % of the response is neither simulated nor noise; {100 * tolerance:.0f} % is "
+            f"tolerated (NRMSE {100 * (whole or 0):.2f} %, noise floor {100 * (floor or 0):.2f} %)"
+        )
+    return Verification(
+        model=model,
+        kind=kind,
+        subject=subject,
+        verdict="passed" if beyond <= tolerance else "failed",
+        reason=reason,
+        tolerance=tolerance,
+        response_nrmse=whole,
+        moment_nrmse=_pooled([run.moment_nrmse for run in runs], rms),
+        noise_floor=floor,
+        amplitude_rms_error=_pooled([run.amplitude_rms_error for run in runs], rms),
+        mean_period_difference=_pooled([run.mean_period_difference for run in runs], np.mean),
+        runs=tuple(runs),
+        warnings=tuple(said),
+    )

@@ -1,0 +1,132 @@
+"""A model against the runs of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError
+from sindyjoint.record import Campaign
+from sindyjoint.response.model_law import draw_models, model_law
+from sindyjoint.response.oscillation import compare_oscillations, oscillation
+from sindyjoint.response.run import SimulatedRun, simulate_run
+from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
+from sindyjoint.states import force_states
+
+Array = NDArray[np.float64]
+
+# A joint swings freely while the moment stays below this share of its own, for all but this share of the time.
+FREE_SHARE = 0.1
+
+
+def verify_campaign(
+    model: JointModel,
+    campaign: Campaign,
+    tolerance: float,
+    draws: int,
+    window: float,
+    generator: np.random.Generator,
+    say: Callable[[str], None],
+) -> Verification:
+    """Compare the validation runs, or all runs where none is kept for validation."""
+    warnings = _joint_warnings(model, campaign)
+    runs = campaign.validation_runs
+    if not runs:
+        runs = campaign.runs
+        warnings.append(
+            "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
+        )
+    laws = [model_law(draw) for draw in draw_models(model, draws, generator)]
+    law = model_law(model)
+    results = []
+    for run in runs:
+        say(f"simulating {run.name}")
+        states = force_states(run)
+        simulated = simulate_run(law, run, states, window=window)
+        band = None
+        if laws and simulated.simulated_response is not None:
+            others = (
+                simulate_run(other, run, states, drive=simulated.drive, window=window) for other in laws
+            )
+            band = band_of([other.simulated_response for other in others])
+        results.append(_run_result(simulated, campaign, band))
+    return judged(model, "campaign", campaign.joint.name, tolerance, results, warnings)
+
+
+def _joint_warnings(model: JointModel, campaign: Campaign) -> list[str]:
+    warnings = [*campaign.notes]
+    if campaign.simulated:
+        warnings.insert(0, "the campaign is simulated (a virtual test), not measured")
+    if model.joint.motion != campaign.joint.motion:
+        raise InputError(
+            f"the model is of a joint in {model.joint.motion}, the campaign of one in {campaign.joint.motion}; "
+            "a model of the same motion is wanted"
+        )
+    if model.joint.name != campaign.joint.name:
+        warnings.append(
+            f"the model is of the joint {model.joint.name!r}, the campaign of {campaign.joint.name!r}"
+        )
+    declared = campaign.joint.inertia
+    if declared is not None and not np.isclose(declared, model.inertia, rtol=1e-3):
+        warnings.append(f"the campaign declares the inertia {declared:g}, the model has {model.inertia:g}")
+    return warnings
+
+
+def _run_result(simulated: SimulatedRun, campaign: Campaign, band: Band | None) -> RunVerification:
+    names = ("moment", "angle") if campaign.joint.motion == "rotation" else ("force", "displacement")
+    response = simulated.simulated_response
+    measured = simulated.measured_response
+    frequency = simulated.frequency
+    swings = (
+        oscillation(measured, simulated.sample_rate, frequency),
+        None if response is None else oscillation(response, simulated.sample_rate, frequency),
+    )
+    gap = compare_oscillations(*swings) if _has_cycles(simulated) else None
+    return RunVerification(
+        name=simulated.run,
+        channel=names[0] if simulated.drive == "motion" else names[1],
+        drive=simulated.drive,
+        time=simulated.time,
+        measured=measured,
+        simulated=response,
+        band=band,
+        response_nrmse=finite(simulated.response_nrmse),
+        moment_nrmse=finite(simulated.moment_nrmse),
+        noise_floor=finite(simulated.response_floor),
+        amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
+        mean_period_difference=None if gap is None else gap.mean_period_difference,
+        oscillations=swings,
+        energy=_cycle_energy(simulated),
+        failure=simulated.failure,
+    )
+
+
+def _has_cycles(simulated: SimulatedRun) -> bool:
+    """Whether amplitude and period mean something: the run repeats, or the joint swings freely most of the time.
+
+    In windows the start of each is measured: amplitudes would flatter the model.
+    """
+    if simulated.drive != "moment":
+        return False
+    driven = np.abs(simulated.moment) > FREE_SHARE * simulated.moment_scale
+    return simulated.states.method == "periodic" or float(np.mean(driven)) < FREE_SHARE
+
+
+def _cycle_energy(simulated: SimulatedRun) -> Array | None:
+    """Work done on the joint in each whole period, measured and simulated, J, shape (2, cycles)."""
+    if simulated.frequency is None:
+        return None
+    rate = simulated.states.rate
+    if simulated.drive == "motion":
+        powers = simulated.moment * rate, simulated.simulated_moment * rate
+    elif simulated.simulated_rate is not None:
+        powers = simulated.moment * rate, simulated.moment * simulated.simulated_rate
+    else:
+        return None
+    per = simulated.sample_rate / simulated.frequency
+    edges = np.round(np.arange(int(simulated.time.size / per + 1e-9) + 1) * per).astype(int)
+    sums = [np.add.reduceat(power[: edges[-1]], edges[:-1]) for power in powers]
+    return np.array(sums) / simulated.sample_rate

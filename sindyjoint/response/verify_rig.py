@@ -1,0 +1,159 @@
+"""A model in the place of a rig's joint, against the rig's response to a pulse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.laws import Law, PaperLaw
+from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
+from sindyjoint.mechanics.rigs import Rig
+from sindyjoint.response.model_law import draw_models, model_law
+from sindyjoint.response.oscillation import (
+    Oscillation,
+    compare_oscillations,
+    main_frequency,
+    oscillation,
+    white_noise,
+)
+from sindyjoint.response.run import rms
+from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, judged
+
+Array = NDArray[np.float64]
+
+# Stands in a rig for the joints whose law is "model" until a model takes their place.
+MODEL_PLACE = PaperLaw(k1=1.0, name="model")
+
+
+def verify_rig(
+    model: JointModel,
+    rig: Rig,
+    tolerance: float,
+    draws: int,
+    truth: dict[str, float],
+    generator: np.random.Generator,
+    say: Callable[[str], None],
+) -> Verification:
+    """Compare the rig's measured response, or a virtual pulse test, with the model's simulation."""
+    if model.joint.motion != "rotation":
+        raise InputError("the model is of a joint in translation; the joints of a rig rotate")
+    places = model_places(rig, model)
+    say("the measured response")
+    test = _pulse_test(rig, truth, generator)
+    warnings = []
+    if test.simulated:
+        beyond = f"; it holds {test.truth}, which the simulation does not know" if test.truth else ""
+        warnings.append(f"the response is simulated (a virtual pulse test of the rig), not measured{beyond}")
+    duration = test.displacement.size / test.sample_rate
+    options = {"points": (test.point,), "duration": duration, "sample_rate": test.sample_rate}
+
+    def response(law: Law) -> Any:
+        return with_laws(rig, lambda hinge: law if hinge.name in places else hinge.law).respond(**options)
+
+    say("simulating the rig")
+    failure, simulated = "", None
+    try:
+        simulated = response(model_law(model))
+    except SimulationError as error:
+        failure = str(error)
+    n = test.displacement.size
+    band = None
+    if simulated is not None and draws:
+        say(f"simulating {draws} sets of coefficients")
+        band = band_of([_tip(response, draw, test.point, n) for draw in draw_models(model, draws, generator)])
+    result = _pulse_result(rig, test, simulated, band, failure)
+    return judged(model, "rig", rig.name, tolerance, [result], warnings)
+
+
+def _tip(response: Callable[[Law], Any], draw: JointModel, point: str, n: int) -> Array | None:
+    try:
+        return response(model_law(draw)).displacement[point][:n]
+    except SimulationError:
+        return None
+
+
+def model_places(rig: Rig, model: JointModel) -> set[str]:
+    """Return the names of the joints that the model stands for.
+
+    Those whose law is "model" in the rig; else those whose law has the name of the model's joint; else the only one.
+    """
+    joints = hinges(rig)
+    if not joints:
+        raise InputError(f"the rig {rig.name!r} has no joint for the model to stand for")
+    marked = {hinge.name for hinge in joints if hinge.law is MODEL_PLACE}
+    alike = {hinge.name for hinge in joints if getattr(hinge.law, "name", None) == model.joint.name}
+    if marked or alike:
+        return marked or alike
+    if len(joints) == 1:
+        return {joints[0].name}
+    raise InputError(
+        f'the rig {rig.name!r} has {len(joints)} joints, none of them a {model.joint.name!r}; write law = "model" '
+        "for those that the model stands for"
+    )
+
+
+def _pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.Generator) -> PulseTest:
+    measured = rig.measured
+    if measured is not None:
+        if truth:
+            raise InputError(
+                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig {rig.name!r} names a measured response"
+            )
+        return PulseTest(measured.point, measured.displacement, measured.sample_rate)
+    if any(hinge.law is MODEL_PLACE for hinge in hinges(rig)):
+        raise InputError(
+            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
+            "true law; add a [measured] table, or name a shipped joint as the law"
+        )
+    return virtual_pulse_test(rig, random_state=generator, **truth)
+
+
+def _pulse_result(
+    rig: Rig, test: PulseTest, response: Any, band: Band | None, failure: str
+) -> RunVerification:
+    measured = test.displacement
+    scale = float(np.std(measured))
+    simulated = None if response is None else response.displacement[test.point][: measured.size]
+    frequency = main_frequency(measured, test.sample_rate)
+    swings = (
+        oscillation(measured, test.sample_rate, frequency),
+        None if simulated is None else oscillation(simulated, test.sample_rate, frequency),
+    )
+    gap = compare_oscillations(*swings)
+    return RunVerification(
+        name=f"pulse at {rig.at}",
+        channel="displacement",
+        drive="pulse",
+        time=test.time,
+        measured=measured,
+        simulated=simulated,
+        band=band,
+        response_nrmse=None if simulated is None else rms(simulated - measured) / scale,
+        moment_nrmse=None,
+        noise_floor=white_noise(measured) / scale,
+        amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
+        mean_period_difference=None if gap is None else gap.mean_period_difference,
+        oscillations=swings,
+        energy=None if response is None else _swing_energy(swings, response),
+        failure=failure,
+    )
+
+
+def _swing_energy(swings: tuple[Oscillation | None, Oscillation | None], response: Any) -> Array | None:
+    """Energy lost from one swing to the next but one, J, shape (2, cycles).
+
+    The simulated energy is known; the measured one is taken in proportion to the square of the amplitude.
+    """
+    measured, simulated = swings
+    if measured is None or simulated is None:
+        return None
+    n = min(measured.amplitude.size, simulated.amplitude.size)
+    at = np.interp(simulated.amplitude_time[:n], response.time, response.energy)
+    ratio = (measured.amplitude[:n] / simulated.amplitude[:n]) ** 2
+    energies = np.array([at * ratio, at])
+    return energies[:, :-2:2] - energies[:, 2::2]

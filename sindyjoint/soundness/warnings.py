@@ -1,0 +1,181 @@
+"""What a person should know beside a result: each caution is one sentence with the number that caused it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.delay import Skew
+from sindyjoint.equation.model import TOLERATED_MISFIT, JointModel
+from sindyjoint.record import Campaign
+from sindyjoint.states import ForceStates
+
+Array = NDArray[np.float64]
+
+OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
+
+
+def cautions(
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+    model: JointModel,
+    skew: Skew | None,
+    aligned: bool,
+    indistinct: Sequence[str] = (),
+) -> Iterator[str]:
+    """Yield the cautions that hold for a result."""
+    if campaign.simulated:
+        yield "the campaign is simulated (a virtual test), not measured"
+    yield from campaign.notes
+    if model.fitted.misfit <= TOLERATED_MISFIT:
+        # Where the law does not fit, the best skew makes up for what the law lacks.
+        yield from _skew(skew, model, aligned)
+    yield from _signs(states, model)
+    yield from _softening(model)
+    yield from _offsets(model)
+    yield from _variety(campaign, states)
+    if indistinct:
+        yield f"left out, because on these runs they are combinations of other candidates: {', '.join(indistinct)}"
+    yield from _sticking(states)
+    yield from _misfit(model)
+
+
+def _skew(skew: Skew | None, model: JointModel, aligned: bool) -> Iterator[str]:
+    if skew is None or not skew.significant:
+        return
+    size = f"{1e3 * abs(skew.time):.3f} ± {1e3 * skew.standard_error:.3f} ms"
+    direction = "lags" if skew.time > 0 else "leads"
+    moment, angle = channel_words(model)
+    if aligned:
+        yield f"the {moment} {direction} the {angle} by {size}; the channels were aligned"
+        return
+    effect = ""
+    if "linear_stiffness" in model:
+        bias = skew.time * model["linear_stiffness"].coefficient
+        effect = f", which shifts the linear damping by about {-bias:.3g} {_damping_unit(model)}"
+    yield (
+        f"the {moment} seems to {direction[:-1]} the {angle} by {size}{effect}: check the common trigger, or run "
+        "again with --align"
+    )
+
+
+def channel_words(model: JointModel) -> tuple[str, str]:
+    """Return what the two channels are called for this joint's kind of motion."""
+    return ("moment", "angle") if model.joint.motion == "rotation" else ("force", "displacement")
+
+
+def _damping_unit(model: JointModel) -> str:
+    return "N*m*s/rad" if model.joint.motion == "rotation" else "N*s/m"
+
+
+def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
+    """Elastic stiffness and dissipation that are negative in every run point to a reversed channel."""
+    stiffness, power = [], []
+    for state in states:
+        rows = state.moving
+        moment = state.transfer_moment(model.inertia)[rows]
+        angle, rate = state.angle[rows] - np.mean(state.angle), state.rate[rows]
+        stiffness.append(float(np.mean((moment - moment.mean()) * angle)))
+        power.append(float(np.mean(moment * rate)))
+    # An elastic moment that is a small part of the whole may well fall: only a main part has a sign to speak of.
+    mean_stiffness = _mean_stiffness(model)
+    elastic = abs(mean_stiffness) * model.fitted.angle > 0.2 * model.fitted.moment_rms
+    backwards = elastic and mean_stiffness < 0 and max(stiffness) < 0
+    feeding = bool(model.terms) and max(power) < 0
+    if backwards and feeding:
+        yield "stiffness and dissipation are both negative in every run: the sign of one channel seems reversed"
+    elif backwards:
+        yield "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
+    elif feeding:
+        load, motion = channel_words(model)
+        yield (
+            "the joint gives off energy in every run (negative dissipation): a channel may be reversed or the "
+            f"{load} may lead the {motion} in time"
+        )
+    else:
+        yield from falling(model)
+
+
+def falling(model: JointModel) -> Iterator[str]:
+    """Warn of a viscous damping that feeds energy into a joint which, on the whole, takes it."""
+    if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
+        return
+    moment, angle = channel_words(model)
+    rate = "rate" if angle == "angle" else "velocity"
+    yield (
+        f"the linear damping is negative, {model['linear_damping'].coefficient:.3g} {_damping_unit(model)}: the "
+        f"{moment} falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the "
+        "tested range the model gives off energy"
+    )
+
+
+def _mean_stiffness(model: JointModel) -> float:
+    """Secant stiffness over the tested range, N·m/rad."""
+    top = model.fitted.angle
+    ends = model.moment(np.array([top, -top]), np.zeros(2))
+    return float((ends[0] - ends[1]) / (2 * top)) if top > 0 else 0.0
+
+
+def _softening(model: JointModel) -> Iterator[str]:
+    """Warn where the elastic moment reaches zero tangent inside the tested range."""
+    top = model.fitted.angle
+    if not any(term.family == "stiffness" for term in model.terms) or top <= 0:
+        return
+    angle = np.linspace(-top, top, 401)
+    tangent = np.gradient(model.moment(angle, np.zeros_like(angle)), angle)
+    if tangent[200] <= 0:
+        return
+    beyond = np.abs(angle[tangent <= 0])
+    if beyond.size:
+        unit = "rad" if model.joint.motion == "rotation" else "m"
+        moment, _ = channel_words(model)
+        yield (
+            f"the elastic {moment} softens to zero tangent at {beyond.min():.3g} {unit}, inside the tested range of "
+            f"{top:.3g} {unit}: a {moment}-driven joint snaps through there"
+        )
+
+
+def _offsets(model: JointModel) -> Iterator[str]:
+    if any(term in model for term in OFFSET_FAMILY):
+        moment, angle = channel_words(model)
+        yield (
+            f"zero error of the {angle}, quadratic stiffness and preload (or unequal Coulomb levels, or zero error of "
+            f"the {moment}) form one family: these data determine two numbers of it, not three; gain errors and "
+            "gravity are never visible in such tests"
+        )
+
+
+def _variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]:
+    frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
+    if len(states) == 1 and states[0].frequency is not None:
+        yield (
+            "one periodic run only: on it stiffness terms look alike, and so do damping and friction; at least three "
+            "levels at three frequencies tell them apart"
+        )
+    elif len(states) == 1:
+        yield "one run only: terms were held out by stretches of time, not by frequency"
+    elif len(frequencies) == 1:
+        yield "one frequency only: whether the parameters depend on it cannot be told"
+    if campaign.joint.inertia is None and len(frequencies) == 1 and states[0].method == "periodic":
+        yield "the inertia is not declared and one frequency cannot tell it from stiffness: declare it"
+
+
+def _sticking(states: Sequence[ForceStates]) -> Iterator[str]:
+    least = min(states, key=lambda s: s.moving_fraction)
+    if least.moving_fraction < 0.2:
+        yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
+
+
+def _misfit(model: JointModel) -> Iterator[str]:
+    fitted = model.fitted
+    if model.terms and fitted.misfit > TOLERATED_MISFIT:
+        explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
+        moment, _ = channel_words(model)
+        yield (
+            f"the model explains {100 * explained:.1f} % of the mean square {moment}; "
+            f"{100 * fitted.misfit:.1f} % of the RMS {moment} is neither model nor noise (noise floor "
+            f"{100 * (fitted.noise_floor / fitted.moment_rms):.1f} %): memory, play or another effect "
+            "outside this library is likely"
+        )

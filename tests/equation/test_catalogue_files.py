@@ -1,0 +1,357 @@
+"""Catalogue files of a user's own: what works, and every fault in one line that names file, term and field."""
+
+import shutil
+
+import pytest
+
+from sindyjoint.equation import catalogue_file
+from sindyjoint.equation.catalogue import library_folder, load_catalogue
+from sindyjoint.errors import (
+    FormulaError,
+    InputError,
+    MissingInputError,
+    SindyJointError,
+    UnitError,
+    UnknownNameError,
+)
+
+TERM = {
+    "id": '"my_term"',
+    "symbol": '"m"',
+    "formula": '"theta*abs(omega)"',
+    "unit": '"N*m*s/rad^2"',
+    "name": '"mine"',
+    "meaning": '"something of my own"',
+    "family": '"mine"',
+}
+
+
+def toml(head="", **changes):
+    """Return a catalogue of one term; a change to None leaves the key out."""
+    fields = TERM | changes
+    lines = [f"{key} = {value}" for key, value in fields.items() if value is not None]
+    return "\n".join(['name = "mine"', 'description = "my own"', head, "[[term]]", *lines]) + "\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, name="mine.toml"):
+        path = tmp_path / name
+        path.write_bytes(text.encode() if isinstance(text, str) else text)
+        return path
+
+    return write
+
+
+def test_a_term_of_ones_own(write):
+    (term,) = load_catalogue(write(toml()))
+    assert (term.id, term.unit, term.unit_for("translation")) == ("my_term", "N*m*s/rad^2", "N*s/m^2")
+    assert term.source == "" and term.confused_with == () and term.parameters == ()
+
+
+def test_a_translational_catalogue_means_the_same_term(write):
+    text = toml(
+        formula='"x*max(v/v_0, 0)"',
+        unit='"N/m"',
+        parameters='[{ name = "v_0", unit = "m/s", value = 0.25, lower = 0.1 }]',
+    )
+    (term,) = load_catalogue(write(text))
+    assert (term.unit, term.unit_for("translation")) == ("N*m/rad", "N/m")
+    (parameter,) = term.parameters
+    assert (parameter.unit, parameter.unit_for("translation")) == ("rad/s", "m/s")
+    assert (parameter.value, parameter.lower, parameter.upper) == (0.25, 0.1, None)
+    assert term.resolve().values == (("v_0", 0.25),)
+
+
+def test_units_are_written_in_one_way(write):
+    (term,) = load_catalogue(write(toml(unit='"m*s*N/rad/rad"')))
+    assert term.unit == "N*m*s/rad^2"
+
+
+def test_includes_whole_and_in_part(write):
+    write(toml(), "other.toml")
+    head = 'include = ["paper", "other.toml", { catalogue = "damping", terms = ["cubic_damping"] }]'
+    path = write(toml(head, id='"second"', symbol='"s"'), "main.toml")
+    paper = load_catalogue("paper")
+    assert load_catalogue(path).ids == (*paper.ids, "my_term", "cubic_damping", "second")
+    assert load_catalogue(path)["linear_damping"] is not None
+
+
+def test_the_same_term_along_two_ways_is_one_term(write):
+    write('name = "a"\ndescription = "a"\ninclude = ["paper"]\n', "a.toml")
+    path = write('name = "b"\ndescription = "b"\ninclude = ["a.toml", "paper", "./a.toml"]\n', "b.toml")
+    assert load_catalogue(path).ids == load_catalogue("paper").ids
+
+
+def test_a_copied_library_still_finds_what_it_includes(tmp_path):
+    copied = shutil.copy(library_folder() / "extended.toml", tmp_path / "my_extended.toml")
+    assert load_catalogue(copied) == load_catalogue("extended")
+
+
+def test_paths_are_relative_to_the_file(write, tmp_path, monkeypatch):
+    (tmp_path / "sub").mkdir()
+    write(toml(), "sub/inner.toml")
+    write('name = "m"\ndescription = "m"\ninclude = ["sub/inner.toml"]\n', "outer.toml")
+    monkeypatch.chdir("/")
+    assert load_catalogue(tmp_path / "outer.toml").ids == ("my_term",)
+    monkeypatch.chdir(tmp_path)
+    assert load_catalogue("outer.toml").ids == ("my_term",)
+    assert load_catalogue("./outer.toml").ids == ("my_term",)
+
+
+def test_confused_with_may_name_what_is_not_there_in_a_file_of_ones_own(write):
+    (term,) = load_catalogue(write(toml(confused_with='["nobody_knows"]')))
+    assert term.confused_with == ("nobody_knows",)
+
+
+FAULTS = {
+    "text after the value": (
+        toml(head="include = [] nonsense"),
+        InputError,
+        "mine.toml: is not valid TOML: ",
+    ),
+    "empty file": ("", InputError, "mine.toml: 'name' is missing"),
+    "binary": (
+        b"\xff\xfe\x00\x01",
+        InputError,
+        "mine.toml: is not a text file; a TOML catalogue in UTF-8 is wanted",
+    ),
+    "no terms": (
+        'name = "m"\ndescription = "m"\n',
+        InputError,
+        "mine.toml: holds no term; add a [[term]] or include a catalogue",
+    ),
+    "unknown key": (
+        toml(formla='"theta"'),
+        InputError,
+        "mine.toml: term 1 (my_term): key 'formla' is unknown; did you mean 'formula'?",
+    ),
+    "unknown key far from all": (
+        toml(zzz="1"),
+        InputError,
+        "mine.toml: term 1 (my_term): key 'zzz' is unknown; known are id, symbol, formula, unit,",
+    ),
+    "unknown key at the top": (
+        toml(head="includes = []"),
+        InputError,
+        "mine.toml: key 'includes' is unknown; did you mean 'include'?",
+    ),
+    "missing key": (toml(unit=None), InputError, "mine.toml: term 1 (my_term): 'unit' is missing"),
+    "missing id": (toml(id=None), InputError, "mine.toml: term 1 (mine): 'id' is missing"),
+    "number for a text": (
+        toml(formula="1"),
+        InputError,
+        "term 1 (my_term): formula = 1: Input should be a valid string",
+    ),
+    "id with a blank": (toml(id='"my term"'), InputError, "id = 'my term': String should match pattern"),
+    "two lines": (toml(meaning='"a\\nb"'), InputError, "meaning = 'a\\nb': String should match pattern"),
+    "terms is a table": (
+        'name = "m"\ndescription = "m"\n[term]\nid = "x"\n',
+        InputError,
+        "mine.toml: term = {'id': 'x'}: Input should be a valid list",
+    ),
+    "term is a text": (
+        'name = "m"\ndescription = "m"\nterm = ["linear_damping"]\n',
+        InputError,
+        "mine.toml: term 1: Input should be a valid dictionary",
+    ),
+    "parameter with an unknown key": (
+        toml(parameters='[{ name = "g", unit = "rad", valu = 1.0 }]'),
+        InputError,
+        "term 1 (my_term): parameters 1 (g): key 'valu' is unknown; did you mean 'value'?",
+    ),
+    "parameter with a misspelt extra key": (
+        toml(parameters='[{ name = "g", unit = "rad", value = 1.0, relativ_to = "rate" }]'),
+        InputError,
+        "parameters 1 (g): key 'relativ_to' is unknown; did you mean 'relative_to'?",
+    ),
+    "parameter relative to nothing known": (
+        toml(parameters='[{ name = "g", unit = "rad", value = 1.0, relative_to = "time" }]'),
+        InputError,
+        "parameters 1 (g): relative_to = 'time': Input should be 'angle', 'rate' or 'moment'",
+    ),
+    "parameter outside its bounds": (
+        toml(parameters='[{ name = "g", unit = "rad", value = 1.0, upper = 0.5 }]'),
+        InputError,
+        "parameters 1 (g): 0 < lower <= value <= upper is wanted; given are 1, 1, 0.5",
+    ),
+    "negative parameter": (
+        toml(parameters='[{ name = "g", unit = "rad", value = -1.0 }]'),
+        InputError,
+        "parameters 1 (g): 0 < lower <= value <= upper is wanted; given are -1, -1, -1",
+    ),
+    "infinite parameter": (
+        toml(parameters='[{ name = "g", unit = "rad", value = inf }]'),
+        InputError,
+        "parameters 1 (g): value = inf: Input should be a finite number",
+    ),
+    "include of a number": (
+        toml(head="include = [3]"),
+        InputError,
+        "mine.toml: include 1: Input should be a valid dict",
+    ),
+    "formula error": (
+        toml(formula='"theta.real"'),
+        FormulaError,
+        "mine.toml: term 'my_term': formula 'theta.real': 'theta.real' (attribute access) is not allowed",
+    ),
+    "import in a formula": (
+        toml(formula="\"__import__('os')\""),
+        FormulaError,
+        "mine.toml: term 'my_term': formula \"__import__('os')\": the character \"'\" (a text) is not allowed",
+    ),
+    "huge power": (toml(formula='"theta**99"'), FormulaError, "the exponent of 'theta ** 99' is beyond 12"),
+    "zero": (toml(formula='"theta - theta"'), FormulaError, "the formula is zero whatever the motion"),
+    "wrong unit": (
+        toml(unit='"N*m/rad"'),
+        UnitError,
+        "mine.toml: term 'my_term': unit 'N*m/rad' times theta*abs(omega) is not N*m; N*m*s/rad^2 is wanted",
+    ),
+    "wrong unit of translation": (
+        toml(unit='"N/m"', formula='"x**2"'),
+        UnitError,
+        "unit 'N/m' times x**2 is not N; N/m^2 is wanted",
+    ),
+    "rotation and translation mixed": (
+        toml(unit='"N*m*s/m^2"'),
+        UnitError,
+        "unit 'N*m*s/m^2' times theta*abs(omega) is not N*m; N*m*s/rad^2 is wanted",
+    ),
+    "unit that nobody knows": (
+        toml(unit='"furlong"'),
+        UnitError,
+        "term 'my_term': unit 'furlong' cannot be read",
+    ),
+    "unit with a factor": (
+        toml(unit='"N*mm*s/rad^2"'),
+        UnitError,
+        "unit 'N*mm*s/rad^2' is not made of m, kg, s, rad, N alone; catalogues are in SI: scale the value instead",
+    ),
+    "formula that does not fit in itself": (
+        toml(formula='"theta + omega"'),
+        UnitError,
+        "term 'my_term': omega + theta combines omega in rad/s with theta in rad; equal units are wanted",
+    ),
+    "parameter that is not used": (
+        toml(parameters='[{ name = "g", unit = "rad", value = 1.0 }]'),
+        InputError,
+        "term 'my_term': parameter 'g' does not occur in the formula; use it or take it out",
+    ),
+    "parameter twice": (
+        toml(
+            formula='"theta*g"',
+            parameters='[{ name = "g", unit = "1", value = 1.0 }, { name = "g", unit = "1", value = 1.0 }]',
+        ),
+        InputError,
+        "a parameter name is used twice among g, g",
+    ),
+    "parameter with a reserved name": (
+        toml(formula='"theta*pi"', parameters='[{ name = "pi", unit = "1", value = 1.0 }]'),
+        FormulaError,
+        "parameter name 'pi' already means something in a formula",
+    ),
+    "parameter of another dimension than its scale": (
+        toml(
+            formula='"max(theta, g)"',
+            unit='"N*m/rad"',
+            parameters='[{ name = "g", unit = "rad", value = 1.0, relative_to = "rate" }]',
+        ),
+        UnitError,
+        "parameter 'g' is relative to the rate and has the unit 'rad'; rad/s is wanted",
+    ),
+    "id twice": (
+        toml() + toml(symbol='"n"').partition("\n\n")[2],
+        InputError,
+        "mine.toml: the id 'my_term' is used twice; give each term an id of its own",
+    ),
+    "symbol twice": (
+        toml() + toml(id='"other"').partition("\n\n")[2],
+        InputError,
+        "mine.toml: terms 'my_term' and 'other' both have the symbol 'm'; a symbol belongs to one term",
+    ),
+    "id of an included library": (
+        toml(head='include = ["paper"]', id='"linear_damping"'),
+        InputError,
+        "mine.toml: term 'linear_damping' is defined in paper.toml and in mine.toml; include one of them, or rename",
+    ),
+    "include of an unknown library": (
+        toml(head='include = ["papr"]'),
+        UnknownNameError,
+        "mine.toml: include: library 'papr' is unknown; did you mean 'paper'?",
+    ),
+    "include of a file that is not there": (
+        toml(head='include = ["papr.toml"]'),
+        MissingInputError,
+        "mine.toml: include: catalogue papr.toml: no such file",
+    ),
+    "pick of an unknown term": (
+        toml(head='include = [{ catalogue = "paper", terms = ["linear_damper"] }]'),
+        UnknownNameError,
+        "mine.toml: include: 'paper' has no term 'linear_damper'; did you mean 'linear_damping'?",
+    ),
+    "include of itself": (
+        toml(head='include = ["mine.toml"]'),
+        InputError,
+        "catalogue mine.toml includes itself: mine.toml → mine.toml; take one include out",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_in_one_line(write, fault):
+    text, kind, message = FAULTS[fault]
+    with pytest.raises(SindyJointError) as caught:
+        load_catalogue(write(text))
+    assert type(caught.value) is kind
+    assert message in str(caught.value)
+    assert "mine.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_circle_of_includes_is_named_link_by_link(write):
+    write(toml(head='include = ["b.toml"]'), "a.toml")
+    write(toml(head='include = ["c.toml"]', id='"b"', symbol='"b"'), "b.toml")
+    write(toml(head='include = ["a.toml"]', id='"c"', symbol='"c"'), "c.toml")
+    path = write(toml(head='include = ["a.toml"]', id='"d"', symbol='"d"'), "d.toml")
+    with pytest.raises(
+        InputError, match="a.toml includes itself: a.toml → b.toml → c.toml → a.toml; take one"
+    ):
+        load_catalogue(path)
+
+
+def test_files_that_are_not_there(tmp_path):
+    with pytest.raises(MissingInputError, match="nowhere.toml: no such file"):
+        load_catalogue(tmp_path / "nowhere.toml")
+    with pytest.raises(
+        MissingInputError, match="paper.toml: no such file; the shipped library is called 'paper'"
+    ):
+        load_catalogue(tmp_path / "paper.toml")
+    with pytest.raises(InputError, match="is a folder; a .toml file is wanted"):
+        load_catalogue(tmp_path)
+
+
+def test_the_shipped_set_knows_all_its_look_alikes(tmp_path, monkeypatch):
+    shutil.copytree(library_folder(), tmp_path / "libraries")
+    path = tmp_path / "libraries" / "paper.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('"stribeck_friction"', '"striebeck"'), encoding="utf-8")
+    monkeypatch.setattr("sindyjoint.equation.catalogue.library_folder", lambda: tmp_path / "libraries")
+    monkeypatch.setattr("sindyjoint.equation.catalogue_file.library_folder", lambda: tmp_path / "libraries")
+    with pytest.raises(
+        InputError, match="term 'coulomb_friction': confused_with names striebeck, unknown here"
+    ):
+        load_catalogue("paper")
+
+
+def test_the_folder_is_found_in_a_wheel_and_beside_the_package(tmp_path, monkeypatch):
+    package = tmp_path / "site" / "sindyjoint"
+    (package / "discovery").mkdir(parents=True)
+    monkeypatch.setattr(catalogue_file, "__file__", str(package / "discovery" / "catalogue_file.py"))
+    with pytest.raises(
+        MissingInputError, match="the shipped catalogues are neither in .* install sindyjoint again"
+    ):
+        catalogue_file.library_folder()
+    for place in (package.parent / "libraries", package / "libraries"):  # editable first, then the wheel's
+        place.mkdir()
+        (place / "paper.toml").write_text("")
+        assert catalogue_file.library_folder() == place
