@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.frequency import LEVEL, FrequencyTest
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.style import (
@@ -27,7 +28,6 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.text import rounded, spelled
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -44,7 +44,6 @@ class Refinement:
         Value and standard error of delay (s), gain and offset, as asked for.
     undetermined : tuple of str
         Directions that the runs do not determine, in words.
-    evaluations : int
     """
 
     model: JointModel
@@ -54,7 +53,6 @@ class Refinement:
     after: dict[str, float]
     nuisance: dict[str, tuple[float, float]]
     undetermined: tuple[str, ...]
-    evaluations: int
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -120,7 +118,7 @@ def refine(
     )
     problem, left_out = problem.that_can_start()
     if not problem.runs:
-        return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, (), 0)
+        return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())
     start = np.array([parameter.start for parameter in problem.parameters])
     before = problem.nrmse(start)
     scale = np.array([parameter.scale for parameter in problem.parameters])
@@ -135,7 +133,7 @@ def refine(
     found = solution.x * scale
     lasting = scale[: problem.lasting]
     covariance = problem.covariance(found) / np.outer(lasting, lasting)
-    return _refinement(model, problem, found, covariance, scale, before, solution, states, left_out)
+    return _refinement(model, problem, found, covariance, scale, before, states, left_out)
 
 
 def _refinement(
@@ -145,7 +143,6 @@ def _refinement(
     covariance: Array,
     scale: Array,
     before: dict[str, float],
-    solution: object,
     states: Sequence[ForceStates],
     left_out: Sequence[str],
 ) -> Refinement:
@@ -187,7 +184,6 @@ def _refinement(
         after=after,
         nuisance=values,
         undetermined=undetermined_directions(lasting, covariance),
-        evaluations=int(solution.nfev),  # type: ignore[attr-defined]
     )
 
 

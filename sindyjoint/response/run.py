@@ -115,19 +115,6 @@ class SimulatedRun:
         noise = self.states.noise
         return float(np.hypot(noise.moment, self.inertia * noise.acceleration)) / self.moment_scale
 
-    @property
-    def energy_per_cycle(self) -> tuple[float, float] | None:
-        """Work done on the joint per period, measured and simulated, J; ``None`` for a run without a frequency."""
-        if self.frequency is None:
-            return None
-        rate = self.states.rate
-        measured = float(np.mean(self.moment * rate)) / self.frequency
-        if self.drive == "motion":
-            return measured, float(np.mean(self.simulated_moment * rate)) / self.frequency
-        if self.simulated_rate is None:
-            return None
-        return measured, float(np.mean(self.moment * self.simulated_rate)) / self.frequency
-
 
 def rms(values: ArrayLike) -> float:
     """Root mean square."""

@@ -99,7 +99,7 @@ def _run_result(simulated: SimulatedRun, campaign: Campaign, band: Band | None) 
         amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
         mean_period_difference=None if gap is None else gap.mean_period_difference,
         oscillations=swings,
-        energy=_cycle_energy(simulated),
+        energy=cycle_energy(simulated),
         failure=simulated.failure,
     )
 
@@ -115,7 +115,7 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
     return simulated.states.method == "periodic" or float(np.mean(driven)) < FREE_SHARE
 
 
-def _cycle_energy(simulated: SimulatedRun) -> Array | None:
+def cycle_energy(simulated: SimulatedRun) -> Array | None:
     """Work done on the joint in each whole period, measured and simulated, J, shape (2, cycles)."""
     if simulated.frequency is None:
         return None

@@ -17,12 +17,12 @@ from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
 from sindyjoint.workflows.independence import frequency_tests
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 # Each name may join several catalogues: without the paper's terms beside them, special ones stand in for those.
 LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")

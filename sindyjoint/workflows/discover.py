@@ -14,12 +14,13 @@ from sindyjoint.discovery.segments import LONGEST, Tally, fit_long, has_long_run
 from sindyjoint.equation.catalogue import Catalogue, as_catalogue, load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import cautions
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.text import spelled
-from sindyjoint.workflows.verdict import PAPER_TERMS, Verdict, judge
+from sindyjoint.workflows.verdict import Verdict, judge
 
 # The model that completes the states is itself found on incomplete ones: as often as its terms change, at most.
 COMPLETIONS = 4

@@ -10,19 +10,13 @@ import numpy as np
 
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, TOLERATED_MISFIT, JointModel
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
 
-PAPER_TERMS = (
-    "linear_stiffness",
-    "quadratic_stiffness",
-    "cubic_stiffness",
-    "linear_damping",
-    "coulomb_friction",
-)
 # A paper term is ruled out when even the end of its 95 % interval carries less than this share of the moment.
 NEGLIGIBLE_SHARE = 0.01
 # The noise floor is known to a few per cent; a misfit below this share of the noise may be its error.
