@@ -14,16 +14,11 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import with_coefficients
 from sindyjoint.response.output_error import OutputError, without_pushing
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
+from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, campaign_states
 
 Array = NDArray[np.float64]
 
-# A parameter is not determined when its standard error exceeds this share of its size. Several are not determined
-# one by one when they can change together by the smaller share, and when each alone would be known so many times
-# better if the others were.
-UNDETERMINED, UNDETERMINED_TOGETHER, ENTANGLED = 0.5, 0.05, 10.0
-# Share of a direction that a parameter must have to be named with it.
-NAMED_SHARE = 0.2
 MOST_EVALUATIONS = 40
 
 
@@ -211,14 +206,18 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
         In units of the parameters' scales.
     """
     variances, directions = np.linalg.eigh(covariance)
-    entangled = np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > ENTANGLED
+    entangled = (
+        np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > POLICY.entangled
+    )
     sentences = []
     for variance, direction in zip(variances[::-1], directions.T[::-1], strict=True):
         size = float(np.sqrt(variance))
         order = np.argsort(-np.abs(direction))
-        named = [parameters[i].name for i in order if abs(direction[i]) >= NAMED_SHARE]
+        named = [parameters[i].name for i in order if abs(direction[i]) >= POLICY.named_share]
         alone = len(named) == 1
-        if size <= (UNDETERMINED if alone else UNDETERMINED_TOGETHER) or not (alone or entangled[order[1]]):
+        if size <= (POLICY.undetermined if alone else POLICY.undetermined_together) or not (
+            alone or entangled[order[1]]
+        ):
             continue
         if alone:
             sentences.append(

@@ -15,6 +15,7 @@ from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.mechanics.windows import simulate_windows
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import elastic_moment
+from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 
 Array = NDArray[np.float64]
@@ -22,8 +23,6 @@ Drive = Literal["moment", "windows", "motion"]
 
 # Time between restarts where nothing pulls the joint back, s.
 WINDOW = 1.0
-# Share of the moment that the elastic moment must have for a joint to find its way back by itself.
-RESTORING_SHARE = 0.1
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -132,7 +131,11 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
     restoring = (high - low) / 2
-    return "moment" if restoring > RESTORING_SHARE * rms(states.transfer_moment(law.inertia)) else "windows"
+    return (
+        "moment"
+        if restoring > POLICY.restoring_share * rms(states.transfer_moment(law.inertia))
+        else "windows"
+    )
 
 
 def simulate_run(

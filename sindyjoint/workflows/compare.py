@@ -11,8 +11,8 @@ import numpy as np
 
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.frequency import MARGIN
 from sindyjoint.discovery.methods import METHODS
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel, model_terms
@@ -38,7 +38,7 @@ def compare(
     methods: Sequence[str] | None = None,
     libraries: Sequence[str] = LIBRARIES,
     replicates: int = REPLICATES,
-    margin: float = MARGIN,
+    margin: float = DISCOVERY.frequency_margin,
     random_state: Any = 0,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,

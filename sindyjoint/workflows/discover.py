@@ -303,7 +303,8 @@ def _artefacts(
     states: Sequence[ForceStates],
 ) -> bool:
     """Return whether the found terms beyond the paper's are what the processing makes of the paper's law."""
-    from sindyjoint.bias.correction import DOUBT, measure_bias
+    from sindyjoint.bias.correction import measure_bias
+    from sindyjoint.bias.policy import POLICY as BIAS
 
     paper = paper_model(regressor, model)
     if paper is None or not verdict.extra:
@@ -315,7 +316,9 @@ def _artefacts(
         return False
     for term in verdict.extra:
         at, found = bias.ids.index(term), model[term]
-        error = np.hypot(found.standard_error, np.hypot(bias.pooled_error[at], DOUBT * bias.pooled[at]))
+        error = np.hypot(
+            found.standard_error, np.hypot(bias.pooled_error[at], BIAS.uncertain_share * bias.pooled[at])
+        )
         if abs(found.coefficient - bias.pooled[at]) > regressor.significance * error:
             return False
     return True
