@@ -14,10 +14,9 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.methods import METHODS, column_path
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, gather, state_columns
 from sindyjoint.discovery.selection import (
-    LEAST_SHARE,
-    SIGNIFICANT,
     Selection,
     choose_by_evidence,
     choose_by_one_standard_error,
@@ -106,8 +105,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         method: str = "stlsq",
         selection: str = "evidence",
         threshold: float | None = None,
-        significance: float = SIGNIFICANT,
-        least_share: float = LEAST_SHARE,
+        significance: float = POLICY.term_significance,
+        least_share: float = POLICY.least_share,
         forced: Sequence[str] = (),
         forbidden: Sequence[str] = (),
         signs: Mapping[str, int] | None = None,

@@ -17,15 +17,11 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.best_subset import replicate_subsets
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.text import spelled
 
 Array = NDArray[np.float64]
 
-# A chosen term that falls below this many standard errors when a candidate joins it cannot be told from it.
-SEPARABLE = 3.0
-# The largest set that replicates may choose: beyond ten terms a law of a joint is no law.
-LARGEST = 9
 # Of unit columns, what is left of one by the others: below the square root of the precision nothing in a Gram matrix.
 ALIKE = 1e-7
 
@@ -118,9 +114,9 @@ def bootstrap(
 def inclusion(
     evidence: Evidence,
     replicates: int = 500,
-    significance: float = SIGNIFICANT,
-    least_share: float = LEAST_SHARE,
-    largest: int = LARGEST,
+    significance: float = POLICY.term_significance,
+    least_share: float = POLICY.least_share,
+    largest: int = POLICY.largest_set,
     random_state: Any = None,
 ) -> Inclusion:
     """Return inclusion probabilities of all candidates.
@@ -171,7 +167,7 @@ def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable
         if candidate in columns:
             continue
         fit = fit_columns(evidence, [*columns, candidate])
-        for position in np.flatnonzero(fit.t_ratios[:-1] < SEPARABLE):
+        for position in np.flatnonzero(fit.t_ratios[:-1] < POLICY.separability):
             others = [c for i, c in enumerate(columns) if i != position]
             correlation = _partial_correlation(evidence, columns[position], candidate, others)
             found.append(

@@ -336,14 +336,16 @@ def _unbiased(
     values: Array, errors: Array, ids: Sequence[str], bias: Bias, group: int
 ) -> tuple[Array, Array]:
     """Take the bias of a group out of its coefficients; their errors grow by what is not known of it."""
-    from sindyjoint.bias.correction import DOUBT
+    from sindyjoint.bias.policy import POLICY as BIAS
 
     known = [i for i, name in enumerate(ids) if name in bias.ids]
     at = [bias.ids.index(ids[i]) for i in known]
     values, errors = values.copy(), errors.copy()
     shift = bias.by_group[group, at]
     values[known] -= shift
-    errors[known] = np.sqrt(errors[known] ** 2 + bias.by_group_error[group, at] ** 2 + (DOUBT * shift) ** 2)
+    errors[known] = np.sqrt(
+        errors[known] ** 2 + bias.by_group_error[group, at] ** 2 + (BIAS.uncertain_share * shift) ** 2
+    )
     return values, errors
 
 

@@ -11,18 +11,18 @@ import numpy as np
 
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.frequency import MARGIN
 from sindyjoint.discovery.methods import METHODS
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
 from sindyjoint.workflows.independence import frequency_tests
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 # Each name may join several catalogues: without the paper's terms beside them, special ones stand in for those.
 LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")
@@ -38,7 +38,7 @@ def compare(
     methods: Sequence[str] | None = None,
     libraries: Sequence[str] = LIBRARIES,
     replicates: int = REPLICATES,
-    margin: float = MARGIN,
+    margin: float = DISCOVERY.frequency_margin,
     random_state: Any = 0,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,

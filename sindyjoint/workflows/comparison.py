@@ -7,8 +7,8 @@ from typing import Any
 
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.workflows.discover import Discovery
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 SCHEMA = 1
 
