@@ -192,9 +192,10 @@ def _folds(result: Comparison) -> TextTable:
         for kind, validation in result.left_out.items()
         for fold in validation.folds
     ]
+    single = set(result.left_out) == {"time"}
     return TextTable(
         "left-out",
-        "Without the runs of one frequency or level",
+        "Without one part of the run" if single else "Without the runs of one frequency or level",
         ("left out", "error of its moment", "terms found"),
         tuple(rows),
     )

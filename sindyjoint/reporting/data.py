@@ -319,8 +319,6 @@ def _group_fits(evidence: Evidence, model: JointModel, bias: Bias | None) -> tup
         return ()
     columns = [evidence.ids.index(term) for term in model.ids]
     fits = []
-    # One record is held out in stretches of time that have numbers for names.
-    stretches = all(group.isdigit() for group in evidence.groups)
     for group in evidence.groups:
         alone = Problem(evidence.ids, tuple(run for run in evidence.runs if run.group == group))
         try:
@@ -330,7 +328,7 @@ def _group_fits(evidence: Evidence, model: JointModel, bias: Bias | None) -> tup
             values = errors = np.full(len(columns), np.nan)
         if bias is not None and group in bias.groups:
             values, errors = _unbiased(values, errors, model.ids, bias, bias.groups.index(group))
-        fits.append(GroupFit(f"part {int(group) + 1}" if stretches else group, values, errors))
+        fits.append(GroupFit(group, values, errors))
     return tuple(fits)
 
 
