@@ -17,7 +17,7 @@ from small_joints import write_joint
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
-from sindyjoint.files.atomic import whole_folder
+from sindyjoint.files.atomic import OLD, _aside, settle, whole_folder
 from sindyjoint.workflows.batch import batch, find_tasks
 
 
@@ -130,7 +130,7 @@ def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, join
     assert 3 <= len(before) < 7
     # What a campaign in hand may leave behind.
     undone = next(f"joint-{number}" for number in range(7) if f"joint-{number}" not in before)
-    (out / "campaigns" / f".{undone}.0123456789ab.part").mkdir()
+    _aside(out / "campaigns" / undone).mkdir()
     fresh = []
     result = batch(joints, out, "paper", on_record=lambda record: fresh.append(record.id), **way)
     after = written(out)
@@ -286,6 +286,62 @@ def test_a_whole_folder_replaces_the_old_one_or_leaves_it(tmp_path):
         (stage / "two").write_text("2")
     assert [p.name for p in target.iterdir()] == ["two"]
     assert [p.name for p in tmp_path.iterdir()] == ["results"]
+
+
+LIVES = """
+import sys
+from sindyjoint.files.atomic import whole_folder
+with whole_folder(sys.argv[1]) as stage:
+    (stage / "file").write_text("x")
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_only_what_a_dead_process_left_of_the_same_folder_is_removed(tmp_path):
+    pytest.importorskip("fcntl", reason="no locks on folders: what is left stays")
+    # Names of which one begins as the other, or that are alike in their first eighty characters.
+    long = "x" * 90
+    for name in ("j", "j.1", long, f"{long}-2", "[j]*"):
+        target = tmp_path / name
+        command = [sys.executable, "-c", LIVES, str(target)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+            assert other.stdout.readline() == "ready\n"
+            with whole_folder(tmp_path / "j") as stage:
+                (stage / "mine").write_text("1")
+            other.communicate("")
+        assert other.returncode == 0 and (target / "file").read_text() == "x"
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "ready\n"
+        other.kill()
+    assert list(tmp_path.glob(".*"))
+    settle(tmp_path / "j")
+    assert list(tmp_path.glob(".*"))
+    settle(target)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
+    target = tmp_path / "results"
+    target.mkdir()
+    (target / "one").write_text("1")
+    true, calls = os.replace, []
+
+    def refuse(source, place):
+        calls.append(source)
+        if len(calls) == 3:  # after the new folder's own name and the old one's way aside: the way in
+            raise OSError(28, "No space left on device", str(source))
+        true(source, place)
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(OutputError, match="No space left"), whole_folder(target):
+        pass
+    monkeypatch.undo()
+    assert len(calls) == 4 and [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
+    # A process that was killed between the two has no such chance: the next one sees to it.
+    target.rename(_aside(target, OLD))
+    settle(target)
+    assert [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
 
 
 def test_factors_survive_the_file(tmp_path, done):
