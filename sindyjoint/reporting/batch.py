@@ -248,11 +248,11 @@ def batch_page(
 
 
 def _link(record: CampaignRecord, folder: Path) -> str:
-    """Return where a campaign's own page lies, from this one; nothing where it has none."""
+    """Return where a campaign's own page lies, from this one; nothing where there is none of this result."""
     from urllib.parse import quote
 
     place = f"{CAMPAIGNS}/{record.id}/report.html"
-    return quote(place) if (folder / place).is_file() else ""
+    return quote(place) if record.status != "broken" and (folder / place).is_file() else ""
 
 
 @dataclass(frozen=True)
@@ -269,6 +269,11 @@ class CampaignFiles:
 
     reports: bool = True
     diagnose: bool = False
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Names of what is written."""
+        return ("reports",) * self.reports + ("diagnosis",) * self.diagnose
 
     def __call__(self, result: Discovery, folder: Path) -> None:
         """Write what is wanted about a result."""

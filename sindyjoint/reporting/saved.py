@@ -57,7 +57,7 @@ def saved_text(
         record = result.to_dict()
     elif isinstance(result, Batch):
         # Each campaign's own result lies in its own folder.
-        records = tuple(replace(record, result=None) for record in result.records)
+        records = tuple(replace(record, result=None, earlier=None) for record in result.records)
         record = {"kind": "Batch", **pack(replace(result, records=records))}
     elif isinstance(result, ReproductionFigures):
         record = {"kind": "Reproduction", **pack(result)}
