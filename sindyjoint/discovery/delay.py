@@ -19,6 +19,7 @@ from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import Reference, term_columns
 from sindyjoint.equation.terms import ResolvedTerm
+from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
@@ -117,10 +118,7 @@ def _linearised(
     """Return the evidence of [terms | ∂M/∂τ], the derivative taken with the terms' present coefficients."""
     rows = [_columns(s, terms, inertia, stride) for s in states]
     stacked = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
-    scaled, norms, target = stacked.normalised()
-    coefficients = (
-        np.linalg.lstsq(scaled.triangle[:, :-1], scaled.triangle[:, -1], rcond=1e-12)[0] * target / norms
-    )
+    coefficients = scaled_least_squares(stacked.triangle[:, :-1], stacked.triangle[:, -1], 1e-12)
     runs = []
     for state, (columns, moment, later, known, block) in zip(states, rows, strict=True):
         # dM/dt from the columns half a sample on either side: exact for the law, no noise of the moment in it.

@@ -36,9 +36,9 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.numeric import main_frequency
 from sindyjoint.parallel import spread
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.oscillation import main_frequency
 from sindyjoint.response.verify_rig import MODEL_PLACE, model_places
 
 MAX_EFFECTS = 3

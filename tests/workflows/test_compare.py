@@ -19,7 +19,7 @@ from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.reporting.comparison import TextTable, comparison_tables, long_csv, write_comparison
 from sindyjoint.workflows.compare import _response_error, compare
-from sindyjoint.workflows.verdict import PAPER_TERMS
+from sindyjoint.paper import TERMS as PAPER_TERMS
 
 
 @pytest.fixture(scope="module")

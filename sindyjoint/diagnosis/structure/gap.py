@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.localisation import Place
-from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
+from sindyjoint.numeric import main_frequency
+from sindyjoint.response.oscillation import hilbert_envelope
 from sindyjoint.response.run import rms
 
 Array = NDArray[np.float64]
