@@ -100,10 +100,14 @@ class Base:
         """Return the triangular factor of rows of which the upper half of H is known."""
         from scipy.linalg.lapack import dpotrf
 
-        root, failed = dpotrf(_symmetric(gram), lower=0, clean=1)
+        # A column of zeros stays one: of what rounding makes of it nobody could tell that it is nothing.
+        nothing = np.diag(gram) == 0
+        full = _symmetric(gram) + np.diag(nothing.astype(float))
+        root, failed = dpotrf(full, lower=0, clean=1)
         if failed:
-            values, vectors = np.linalg.eigh(_symmetric(gram))
+            values, vectors = np.linalg.eigh(full)
             root = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")
+        root[:, nothing] = 0.0
         return np.asarray(np.triu(root @ self.triangle))
 
 
