@@ -9,18 +9,21 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import given
 from sindyjoint.cli.options import (
+    ALIGN,
+    JOBS,
+    METHOD,
+    SELECTION,
+    STATES,
     AlignOption,
     AsJson,
     BandwidthOption,
     CandidatesOption,
     ForbidOption,
     ForceOption,
-    Method,
     MethodOption,
-    Selection,
     SelectionOption,
-    States,
     StatesOption,
     ThresholdOption,
 )
@@ -46,18 +49,18 @@ def batch(
     diagnose: Annotated[
         bool, typer.Option("--diagnose", help="What each joint's model lacks, too, in the folder diagnosis.")
     ] = False,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     as_json: AsJson = False,
-    method: MethodOption = Method.stlsq,
-    selection: SelectionOption = Selection.evidence,
+    method: MethodOption = METHOD,
+    selection: SelectionOption = SELECTION,
     threshold: ThresholdOption = None,
     force: ForceOption = None,
     forbid: ForbidOption = None,
-    states: StatesOption = States.auto,
+    states: StatesOption = STATES,
     bandwidth: BandwidthOption = None,
-    align: AlignOption = False,
+    align: AlignOption = ALIGN,
     random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -87,13 +90,13 @@ def batch(
             result = run(
                 campaigns,
                 out,
-                library or "extended",
                 jobs=jobs,
                 workers=workers,
                 cluster=cluster,
                 write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
                 progress=progress.say,
                 on_record=tell,
+                **given(library=library),
                 states=states.value,
                 bandwidth=bandwidth,
                 align=align,

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
+    ALIGN,
+    DISCOVER,
+    JOBS,
+    METHOD,
+    SELECTION,
+    STATES,
     AlignOption,
     AsJson,
     BandwidthOption,
@@ -17,12 +24,9 @@ from sindyjoint.cli.options import (
     CandidatesOption,
     ForbidOption,
     ForceOption,
-    Method,
     MethodOption,
     Nuisance,
-    Selection,
     SelectionOption,
-    States,
     StatesOption,
     ThresholdOption,
 )
@@ -40,21 +44,21 @@ def discover(
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
     as_json: AsJson = False,
-    method: MethodOption = Method.stlsq,
-    selection: SelectionOption = Selection.evidence,
+    method: MethodOption = METHOD,
+    selection: SelectionOption = SELECTION,
     threshold: ThresholdOption = None,
     force: ForceOption = None,
     forbid: ForbidOption = None,
-    states: StatesOption = States.auto,
+    states: StatesOption = STATES,
     bandwidth: BandwidthOption = None,
-    align: AlignOption = False,
+    align: AlignOption = ALIGN,
     correct: Annotated[
         bool,
         typer.Option(
             "--correct/--no-correct",
             help="Take out of the coefficients what noise and processing do to them, as simulated twins show.",
         ),
-    ] = True,
+    ] = default_of(DISCOVER, "correct"),
     refine: Annotated[
         bool, typer.Option("--refine", help="Refine the coefficients on the simulated response of the runs.")
     ] = False,
@@ -65,7 +69,7 @@ def discover(
         ),
     ] = None,
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     quiet: Quiet = False,
@@ -91,7 +95,7 @@ def discover(
 
         result = run(
             campaign,
-            library or "extended",
+            **given(library=library),
             states=states.value,
             bandwidth=bandwidth,
             align=align,

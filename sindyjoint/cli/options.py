@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of
+
 
 class Method(StrEnum):
     """How the path of models is made."""
@@ -46,6 +48,14 @@ class States(StrEnum):
     broadband = "broadband"
 
 
+REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
+METHOD = Method(default_of(REGRESSOR, "method"))
+SELECTION = Selection(default_of(REGRESSOR, "selection"))
+STATES = States(default_of(DISCOVER, "states"))
+ALIGN: bool = default_of(DISCOVER, "align")
+JOBS: int = default_of(DISCOVER, "jobs")
+LIBRARY: str = default_of(DISCOVER, "library")
+
 CampaignPath = Annotated[
     Path | None,
     typer.Argument(
@@ -57,7 +67,9 @@ CampaignPath = Annotated[
 CandidatesOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--library", "-l", help="Candidate terms: name or path of a catalogue. Repeatable. [extended]"
+        "--library",
+        "-l",
+        help=f"Candidate terms: name or path of a catalogue. Repeatable. [{LIBRARY}]",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of
+
+WIDTH: float = default_of("reporting.figures:draw", "width")
+DPI: int = default_of("reporting.style:figure_bytes", "dpi")
 FORMATS = ("svg", "pdf", "png")
 
 
@@ -27,8 +31,8 @@ def plot(
     width: Annotated[
         float,
         typer.Option(min=2.5, max=20, help="Width in inches: 3.5 for one column of a paper, 7 for two."),
-    ] = 7.0,
-    dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = 300,
+    ] = WIDTH,
+    dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = DPI,
 ) -> None:
     """Draw one figure of a saved result, for a paper.
 

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
@@ -23,7 +24,9 @@ def reproduce(
         typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures."),
     ] = None,
     as_json: AsJson = False,
-    random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
+    random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = default_of(
+        "workflows.reproduce:reproduce", "random_state"
+    ),
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:

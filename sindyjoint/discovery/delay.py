@@ -23,6 +23,8 @@ from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
+# Samples by which a signal is prolonged, for its spline to forget the end.
+EDGE = 12
 
 
 @dataclass(frozen=True)
@@ -51,12 +53,10 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     """
     if time == 0.0:
         return states
-    from scipy.ndimage import shift
-
     samples = time * states.sample_rate
 
     def moved(signal: Array) -> Array:
-        return shift(signal, samples, order=3, mode="nearest")
+        return _delayed(signal, samples)
 
     moving = states.moving.copy()
     edge = int(np.ceil(abs(samples))) + 1
@@ -77,6 +77,29 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
         if replicate is None
         else (moved(replicate[0]), moved(replicate[1]), moved(replicate[2])),
     )
+
+
+def _delayed(signal: Array, samples: float) -> Array:
+    """Return a signal that comes so many samples later, by cubic splines; at its ends its first and last value goes on.
+
+    All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
+    Σ_k β³(f + k) c(i + k), k = −2 … 1.
+    """
+    from scipy.ndimage import spline_filter1d
+
+    whole = int(np.floor(samples))
+    part = samples - whole
+    margin = EDGE + abs(whole) + 2
+    coefficients = spline_filter1d(np.pad(signal, margin, mode="edge"), order=3)
+    weights = [
+        (1 - part) ** 3,
+        4 - 6 * part**2 + 3 * part**3,
+        1 + 3 * part + 3 * part**2 - 3 * part**3,
+        part**3,
+    ]
+    first = margin - whole + 1
+    terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
+    return np.asarray(sum(terms))
 
 
 def estimate_skew(
@@ -100,6 +123,7 @@ def estimate_skew(
     most_rows : int
         Rows used; evenly spaced ones suffice.
     """
+    states = [replace(s, replicate=None) for s in states]
     stride = max(1, sum(s.n_samples for s in states) // most_rows)
     time, error = 0.0, float("inf")
     for _ in range(iterations):
