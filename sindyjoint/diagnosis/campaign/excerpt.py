@@ -47,6 +47,6 @@ def excerpt(run: GapRun, share: float) -> tuple[GapRun, NDArray[np.intp]]:
         factor[band, : rows.size - band][rows[band:] - rows[:-band] != band] = 0.0
     later = replace(
         run, motion=replace(motion, keep=keep, **cut), target=run.target[rows], factor=factor, sigma=run.sigma[rows],
-        band=None, chain=None,
+        band=None, processing=None,
     )  # fmt: skip
     return later, rows

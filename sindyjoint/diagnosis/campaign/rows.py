@@ -19,6 +19,7 @@ from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_SWINGS, Swings, rev
 from sindyjoint.diagnosis.campaign.run_rows import Band, GapRun
 from sindyjoint.diagnosis.campaign.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
@@ -37,8 +38,6 @@ FOLLOWED_ERROR = 1e-4
 MOST_BETWEEN = 8
 # The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
 SUBSTEPS = 3
-# The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
-CHAIN_ERROR = 5e-4
 LEAST_NOISE = 1e-6
 
 
@@ -46,6 +45,7 @@ def gap_runs(
     states: Sequence[ForceStates],
     model: JointModel,
     groups: Sequence[str],
+    policy: DiagnosisPolicy = CAMPAIGN,
     phases: int = PHASES,
     errors: Sequence[float] | None = None,
     free: bool = False,
@@ -59,6 +59,7 @@ def gap_runs(
         Its slopes carry errors of the angle into the moment.
     groups : sequence of str
         What is held out together, one label per run.
+    policy : DiagnosisPolicy
     phases : int
         Samples of the mean period.
     errors : sequence of float, optional
@@ -66,18 +67,18 @@ def gap_runs(
     free : bool
         Whether the runs are free motion: rows are then made of swings, where there are enough of them.
     """
-    scale, samples = model.fitted.moment_rms, sum(s.n_samples for s in states)
+    samples = sum(s.n_samples for s in states)
+    # The processing itself errs (truncated series, folded phases); below that nothing is claimed.
+    least = policy.processing_error * model.fitted.moment_rms
     return tuple(
-        _folded(s, model, g, phases, scale)
+        _folded(s, model, g, phases, least)
         if s.method == "periodic"
-        else _strided(
-            s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), MOST_ROWS * s.n_samples // samples, free
-        )
+        else _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples, free)
         for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
     )
 
 
-def _folded(states: ForceStates, model: JointModel, group: str, phases: int, scale: float) -> GapRun:
+def _folded(states: ForceStates, model: JointModel, group: str, phases: int, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
     assert states.frequency is not None
     phases = min(phases, int(states.sample_rate / states.frequency))
@@ -106,7 +107,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     step = 1 / (states.frequency * phases)
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
     inertia = model.joint.inertia
-    sigma = np.sqrt(states.noise.moment**2 / filled[keep] + (CHAIN_ERROR * scale) ** 2)
+    sigma = np.sqrt(states.noise.moment**2 / filled[keep] + error**2)
     factor = folded_whitener(states, model, motion, sigma, np.arange(phases)[keep] / phases)
     target = moment[keep] - (inertia or 0.0) * acceleration[keep]
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
@@ -177,13 +178,13 @@ def _strided_motion(
     return moments, _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
 
 
-def along_twin(run: GapRun, states: ForceStates, twin: ForceStates, model: JointModel) -> GapRun:
-    """Return the rows of a run that does not repeat, made of the states of its twin; weights are the run's own."""
+def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, model: JointModel) -> GapRun:
+    """Return the rows of a run made of the states of its synthetic replicate; weights are the run's own."""
     every = _stride(states)
     rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
         int
     )
-    moments, motion = _strided_motion(twin, model, rows)
+    moments, motion = _strided_motion(replicate, model, rows)
     return replace(run, motion=motion, target=moments[rows])
 
 

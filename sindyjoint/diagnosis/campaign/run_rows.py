@@ -47,7 +47,7 @@ class GapRun:
         Of a free run: rows are then what a moment changes of its motion, two for each swing.
     record : ndarray, optional
         For pictures: the target of a run that does not repeat at every sample, NaN where the joint sticks.
-    chain : ndarray, shape (m,), optional
+    processing : ndarray, shape (m,), optional
         What the processing leaves of the model's own simulation, N·m: taken off the target.
     """
 
@@ -63,7 +63,7 @@ class GapRun:
     band: Band | None = None
     swings: Swings | None = None
     record: Array | None = None
-    chain: Array | None = None
+    processing: Array | None = None
 
     def whole(self) -> GapRun:
         """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
