@@ -17,6 +17,7 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.response.model_law import with_coefficients
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
@@ -80,7 +81,7 @@ def refit(
         least = min(weak, key=lambda i: ratio[i])
         dropped.append(model.terms[least].id)
         model = _without(model, least)
-    model = _with(model, coefficients[:size], covariance[:size, :size])
+    model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
     later, k = [], size
     for each in effects:
         width = len(each.variant.columns)
@@ -122,17 +123,6 @@ def _without(model: JointModel, index: int) -> JointModel:
     keep = [i for i in range(len(model.terms)) if i != index]
     covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()
     return replace(model, terms=terms, covariance=covariance)
-
-
-def _with(model: JointModel, coefficients: Array, covariance: Array) -> JointModel:
-    terms = []
-    for index, term in enumerate(model.terms):
-        value, error = float(coefficients[index]), float(np.sqrt(covariance[index, index]))
-        interval = (value - 1.96 * error, value + 1.96 * error)
-        terms.append(replace(term, coefficient=value, standard_error=error, interval95=interval))
-    return replace(
-        model, terms=tuple(terms), covariance=tuple(tuple(float(v) for v in row) for row in covariance)
-    )
 
 
 def held_out_gap(
@@ -298,46 +288,46 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     are no terms of a joint model.
     """
     model, effects = repaired.model, repaired.effects
-    terms, places = list(model.terms), list(range(len(model.terms)))
+    terms = list(model.terms)
+    parts = [[i] for i in range(len(terms))]  # which coefficients each term is the sum of
+    columns = [(each, k) for each in effects for k in range(len(each.variant.columns))]
+    for index, (each, k) in enumerate(columns, start=len(terms)):
+        if not is_term(each.effect, each.variant):
+            continue
+        new = _term_of(each, k, model.joint.motion)
+        same = next((i for i, term in enumerate(terms) if term.id == new.id), None)
+        if same is None:
+            terms.append(new)
+            parts.append([index])
+        else:
+            parts[same].append(index)
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    covariance = repaired.covariance
+    if covariance is None:
+        covariance = np.asarray(model.covariance, dtype=np.float64)
+    sums = np.array([np.isin(np.arange(coefficients.size), part) for part in parts], dtype=np.float64)
     shares = unique_shares(runs, model, effects)
-    errors = np.zeros(shares.size) if repaired.covariance is None else np.sqrt(np.diag(repaired.covariance))
-    terms = [replace(t, unique_share=float(s)) for t, s in zip(terms, shares, strict=False)]
-    at = len(terms)
-    for each in effects:
-        inner = tuple(zip(each.variant.names, map(float, each.values), strict=True))
-        for k, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
-            place, at = at, at + 1
-            if not is_term(each.effect, each.variant):
-                continue
-            name = each.effect.id if k == 0 else f"{each.effect.id}_{k + 1}"
-            size, error = float(value), float(errors[place])
-            motion = model.joint.motion
-            unit = column.unit if motion == "rotation" else unit_for(column.unit, motion)
-            same = next((i for i, t in enumerate(terms) if t.id == name), None)
-            if same is not None:
-                terms[same] = replace(terms[same], coefficient=terms[same].coefficient + size)
-                continue
-            places.append(place)
-            terms.append(
-                ModelTerm(
-                    name,
-                    column.symbol,
-                    each.effect.name,
-                    each.effect.family,
-                    column.formula,
-                    inner,
-                    unit,
-                    size,
-                    error,
-                    (size - 1.96 * error, size + 1.96 * error),
-                    float(shares[place]),
-                )  # fmt: skip
-            )
-    covariance = model.covariance
-    if repaired.covariance is not None:
-        chosen = repaired.covariance[np.ix_(places, places)]
-        covariance = tuple(tuple(float(v) for v in row) for row in chosen)
-    return replace(model, terms=tuple(terms), covariance=covariance)
+    terms = [replace(t, unique_share=float(shares[part[0]])) for t, part in zip(terms, parts, strict=True)]
+    whole = replace(model, terms=tuple(terms), covariance=())
+    return with_coefficients(whole, sums @ coefficients, sums @ covariance @ sums.T)
+
+
+def _term_of(fitted: FittedEffect, k: int, motion: str) -> ModelTerm:
+    """Return the k-th column of an effect as a term whose error is not yet known."""
+    effect, column = fitted.effect, fitted.variant.columns[k]
+    return ModelTerm(
+        id=effect.id if k == 0 else f"{effect.id}_{k + 1}",
+        symbol=column.symbol,
+        name=effect.name,
+        family=effect.family,
+        formula=column.formula,
+        parameters=tuple(zip(fitted.variant.names, map(float, fitted.values), strict=True)),
+        unit=column.unit if motion == "rotation" else unit_for(column.unit, motion),
+        coefficient=float(fitted.coefficients[k]),
+        standard_error=0.0,
+        interval95=(0.0, 0.0),
+        unique_share=0.0,
+    )
 
 
 def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Array:
