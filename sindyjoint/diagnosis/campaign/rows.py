@@ -169,9 +169,13 @@ def _strided_motion(
     coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
     between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
     if between > 1:
+        from scipy.interpolate import CubicHermiteSpline
+
         jerk = np.gradient(acceleration, step)
+        place = np.arange(angle.size)
+        fine = np.arange(between * (angle.size - 1) + 1) / between
         angle, rate, acceleration = (
-            hermite(values, slope, step, between)
+            CubicHermiteSpline(place, values, step * slope)(fine)
             for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
         )
     keep = rows * between
@@ -229,20 +233,6 @@ def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
         return rows
     chosen = np.unique(np.linspace(0, count - 1, keep).astype(int))
     return np.concatenate([rows[i * STRETCH : (i + 1) * STRETCH] for i in chosen])
-
-
-def hermite(values: Array, slope: Array, step: float, between: int) -> Array:
-    """Return a signal at ``between`` instants per sample, by cubic Hermite interpolation of values and slopes."""
-    left, right = values[:-1, None], values[1:, None]
-    rise, fall = step * slope[:-1, None], step * slope[1:, None]
-    u = np.arange(between)[None, :] / between
-    inner = (
-        (1 + 2 * u) * (1 - u) ** 2 * left
-        + u * (1 - u) ** 2 * rise
-        + u**2 * (3 - 2 * u) * right
-        - u**2 * (1 - u) * fall
-    )
-    return np.append(inner.ravel(), values[-1])
 
 
 def _motion(
