@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 FEWEST_SWINGS = 8
 LEAST_CORRELATION = 0.1
+SERIES = 1e-4  # sinh q/q by its series, which then errs by q⁴/120
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ class Swings:
             return None
         starts = np.concatenate([[0], ends])
         angular = np.pi / (step * float(np.median(np.diff(ends))))
-        onward = _steps(slopes, inertia, step, angular)
+        onward = transition_steps(slopes, inertia, step, angular)
         transitions = np.empty((rate.size, 2, 2))
         ahead = np.eye(2)
         last = set((starts[1:] - 1).tolist())
@@ -144,19 +145,25 @@ def _covariance_factor(transition: Array, noise: Array) -> Array:
     return cholesky_banded(banded, lower=True, check_finite=False)
 
 
-def _steps(slopes: tuple[Array, Array], inertia: float, step: float, angular: float) -> Array:
-    """Return exp(A·step) of the linearised state equation at each sample, by its series; shape (m, 2, 2)."""
+def transition_steps(slopes: tuple[Array, Array], inertia: float, step: float, angular: float) -> Array:
+    """Return exp(A) of the linearised state equation over one step at each sample, shape (m, 2, 2).
+
+    With h half the trace of A and q² = h² − det A, exp(A) = eʰ·(cosh q·1 + sinh q/q·(A − h·1)).
+    """
     stiffness, damping = slopes
     change = np.zeros((stiffness.size, 2, 2))
     change[:, 0, 1] = angular * step
     change[:, 1, 0] = -stiffness / (inertia * angular) * step
     change[:, 1, 1] = -damping / inertia * step
-    # Scaled and squared: the slope of friction may be steep where the rate is small.
-    halvings = max(0, int(np.ceil(np.log2(max(float(np.abs(change).max()), 1e-9)))) + 2)
-    change /= 2.0**halvings
-    result = np.eye(2) + change @ (
-        np.eye(2) + change @ (np.eye(2) + change @ (np.eye(2) + change / 4) / 3) / 2
-    )
-    for _ in range(halvings):
-        result = result @ result
-    return result
+    half = 0.5 * change[:, 1, 1]
+    square = half**2 + change[:, 0, 1] * change[:, 1, 0]
+    q = np.sqrt(square.astype(complex))
+    # Where the slope of friction is steep cosh q alone would overflow.
+    rising, falling = np.exp(half + q), np.exp(half - q)
+    small = np.abs(q) < SERIES
+    series = np.exp(half) * (1 + square / 6)
+    even = 0.5 * (rising + falling).real
+    odd = np.where(small, series, (0.5 * (rising - falling) / np.where(small, 1.0, q)).real)
+    identity = np.eye(2)
+    shifted: Array = change - half[:, None, None] * identity
+    return even[:, None, None] * identity + odd[:, None, None] * shifted
