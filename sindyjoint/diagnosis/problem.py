@@ -56,22 +56,26 @@ class Problem(Protocol):
     @property
     def dropped(self) -> tuple[str, ...]:
         """Terms of the model that the last effect made needless."""
+        return ()
 
     @property
     def noise_measured(self) -> bool:
         """Whether repetition, or the record itself, has measured the noise of every row: any gain then counts."""
+        return True
 
     @property
     def is_noise(self) -> bool:
         """Whether it is sure, without a further search, that nothing but noise remains."""
-
-    @property
-    def initial_gap(self) -> Gap:
-        """On data left out of the fit, of the model as it was given."""
+        return False
 
     @property
     def gap(self) -> Gap:
         """On data left out of the fit, with the effects."""
+
+    @property
+    def initial_gap(self) -> Gap:
+        """On data left out of the fit, of the model as it was given."""
+        return self.gap
 
     @property
     def noise_floor(self) -> Gap:
@@ -79,6 +83,7 @@ class Problem(Protocol):
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with channels put right that drift for all to see, and the steps that this took."""
+        return self, ()
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability; None where there are none."""
@@ -91,6 +96,7 @@ class Problem(Protocol):
 
     def finished(self) -> Self:
         """Return the problem after a last refinement of its numbers."""
+        return self
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""

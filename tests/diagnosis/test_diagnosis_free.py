@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sindyjoint.diagnosis.campaign.half_cycles import Swings, reversals, transition_steps
+from sindyjoint.diagnosis.campaign.half_cycles import HalfCycles, reversals, transition_steps
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.workflows.diagnose import diagnose
@@ -65,7 +65,7 @@ def test_a_small_moment_moves_the_states_where_swings_end_as_the_rows_say():
     small = 0.01
     time, angle, rate = decay(viscous, 8.0)
     slopes = (STIFFNESS * np.cos(angle), np.full(time.size, DAMPING))
-    rows = Swings.build(rate, 1 / RATE, slopes, INERTIA, 1e-3, (1e-6, 1e-5))
+    rows = HalfCycles.build(rate, 1 / RATE, slopes, INERTIA, 1e-3, (1e-6, 1e-5))
     ends = reversals(rate, 1e-3)
     assert rows.size == 2 * rows.starts.size == 2 * (ends.size + 1)
     moved = rows.plain(-small * rate).reshape(-1, 2)

@@ -185,10 +185,10 @@ def _folds(problem: GapRegression) -> tuple[NDArray[np.object_], tuple[Fold, ...
 
 def _between_levels(runs: Sequence[GapRun], policy: DiagnosisPolicy) -> tuple[Fold, ...]:
     # To the percent, so that runs of one level are predicted from the same others.
-    swing = np.exp(np.round(np.log([float(np.abs(run.angle).max()) for run in runs]), 2))
+    amplitude = np.exp(np.round(np.log([float(np.abs(run.angle).max()) for run in runs]), 2))
     folds = []
-    for index, own in enumerate(swing):
-        known = np.flatnonzero(np.abs(np.log(swing / own)) > np.log1p(policy.same_level))
-        if known.size and swing[known].max() > own:
+    for index, own in enumerate(amplitude):
+        known = np.flatnonzero(np.abs(np.log(amplitude / own)) > np.log1p(policy.same_level))
+        if known.size and amplitude[known].max() > own:
             folds.append(Fold(index, tuple(int(i) for i in known)))
     return tuple(folds)

@@ -35,7 +35,7 @@ from sindyjoint.diagnosis.campaign.start import (
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, Proposal, Say
+from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
@@ -48,7 +48,7 @@ from sindyjoint.states import ForceStates, campaign_states
 
 
 @dataclass(frozen=True, eq=False)
-class CampaignProblem:
+class CampaignProblem(Problem):
     """A campaign, and a model with the effects added so far.
 
     Parameters
@@ -115,11 +115,6 @@ class CampaignProblem:
         """Whether repetition has measured the noise of every row."""
         return self.regression.repeats
 
-    @property
-    def is_noise(self) -> bool:
-        """Whether nothing but noise remains; only the next ranking says that of a campaign."""
-        return False
-
     @cached_property
     def regression(self) -> GapRegression:
         """The rows on model and effects."""
@@ -131,16 +126,11 @@ class CampaignProblem:
         return gap_of(self.work, self.repaired.model, self.found)
 
     @property
-    def initial_gap(self) -> Gap:
-        """The same, of the model without effects."""
-        return self.gap
-
-    @property
     def noise_floor(self) -> Gap:
         """What does not repeat."""
         return noise_floor(self.work)
 
-    def corrected(self) -> tuple[CampaignProblem, tuple[Step, ...]]:
+    def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with a drifting channel put right, and the step that this is."""
         work, drift = self.work, self.drift
         if drift is None:
@@ -173,7 +163,7 @@ class CampaignProblem:
                 return Proposal(beside, paired=True)
         return Proposal(rank_effects(problem, fitted))
 
-    def add(self, best: FittedEffect) -> Added[CampaignProblem]:
+    def add(self, best: FittedEffect) -> Added[Self]:
         """Return the problem with an effect more, everything fitted together."""
         work, repaired, again = add_effect(self.work, self.found, best, self.candidates)
         return Added(replace(self, work=work, repaired=repaired), again)
@@ -182,7 +172,7 @@ class CampaignProblem:
         """Return the units of an effect's parameters."""
         return fitted.variant.units(self.work.campaign.joint.motion)
 
-    def finished(self) -> CampaignProblem:
+    def finished(self) -> Self:
         """Return the problem with the coefficients of free motion refined on the simulated response."""
         if not is_free(self.work.campaign):
             return self
@@ -194,7 +184,7 @@ class CampaignProblem:
         """Return what the effects leave of the gap that channels put right had."""
         first, last, policy = straight.regression, self.regression, self.policy
         # Free motion has measured its noise from half-cycle to half-cycle.
-        measured = all(run.folded or run.swings is not None for run in first.runs)
+        measured = all(run.folded or run.half_cycles is not None for run in first.runs)
         outside = 0.0
         if self.found and last.repeats:
             outside = outside_probability(first, last, self.found)
@@ -208,7 +198,7 @@ class CampaignProblem:
             return Residual(share, most, outside)
         return Residual(self._unexplained_once(straight), most, outside)
 
-    def _unexplained_once(self, first: CampaignProblem) -> float:
+    def _unexplained_once(self, first: Self) -> float:
         """Return the same share where nothing repeats: what a law without memory could still win, cross-validated."""
         noise, initial = first.noise_floor.moment, first.gap.moment
         beyond = initial**2 - noise**2

@@ -39,10 +39,10 @@ def processing_errors(
 ) -> list[Array | None]:
     """Return what the processing leaves of the simulation at the rows of each run, N·m.
 
-    None where a run repeats or swings freely, or where the simulation does not follow it.
+    None where a run repeats or is free, or where the simulation does not follow it.
     """
     return [
-        None if row.folded or row.swings is not None else _error(run, state, row, model, effects, policy)
+        None if row.folded or row.half_cycles is not None else _error(run, state, row, model, effects, policy)
         for run, state, row in zip(runs, states, rows, strict=True)
     ]
 

@@ -109,7 +109,7 @@ class GapRegression:
     @property
     def free(self) -> bool:
         """Whether rows are half-cycles of free motion."""
-        return any(run.swings for run in self.runs)
+        return any(run.half_cycles for run in self.runs)
 
     @property
     def repeats(self) -> bool:
@@ -123,7 +123,7 @@ class GapRegression:
             return 1.0
         ends = np.cumsum([run.white_size for run in self.runs])[:-1]
         parts = zip(self.runs, np.split(self.residual, ends), strict=True)
-        return max(correlation(part) for run, part in parts if run.swings)
+        return max(correlation(part) for run, part in parts if run.half_cycles)
 
     def choices(self, variant: Variant) -> int:
         """Numbers that a fit chooses; what repeats does not depend on the states it began with, a decay does."""
@@ -133,7 +133,7 @@ class GapRegression:
         """Return the regression for searching: states follow the motion roughly, and windows of long records only."""
         runs = [run.rough() for run in self.runs]
         share = ROUGH_STEPS / sum(run.motion.angle.size / run.motion.follow for run in runs)
-        if share >= 1 or any(run.folded or run.swings for run in runs):
+        if share >= 1 or any(run.folded or run.half_cycles for run in runs):
             return replace(self, runs=tuple(runs))
         parts = [excerpt(run, share) for run in runs]
         starts = np.cumsum([0, *(run.target.size for run in runs[:-1])])

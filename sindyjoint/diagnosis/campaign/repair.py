@@ -176,7 +176,7 @@ def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fi
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
     residuals = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
     return [
-        0.0 if run.folded or run.swings else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
+        0.0 if run.folded or run.half_cycles else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
         for run, r in zip(runs, residuals, strict=True)
     ]
 

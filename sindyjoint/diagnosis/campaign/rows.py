@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_SWINGS, Swings, reversals
+from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_HALF_CYCLES, HalfCycles, reversals
 from sindyjoint.diagnosis.campaign.run_rows import Band, GapRun
 from sindyjoint.diagnosis.campaign.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
@@ -65,7 +65,7 @@ def gap_runs(
     errors : sequence of float, optional
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     free : bool
-        Whether the runs are free motion: rows are then made of swings, where there are enough of them.
+        Whether the runs are free motion: rows are then made of half-cycles, where there are enough of them.
     """
     samples = sum(s.n_samples for s in states)
     # The processing itself errs (truncated series, folded phases); below that nothing is claimed.
@@ -129,8 +129,8 @@ def _strided(
     The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
     """
     every = _stride(states)
-    if free and (swinging := _swinging(states, model, group, every)) is not None:
-        return swinging
+    if free and (decay := _free_decay(states, model, group, every)) is not None:
+        return decay
     rows = _stretches(np.flatnonzero(states.moving[::every]), most)
     moments, motion = _strided_motion(states, model, rows)
     record = np.where(states.moving[::every], moments, np.nan)
@@ -192,13 +192,13 @@ def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, mo
     return replace(run, motion=motion, target=moments[rows])
 
 
-def _swinging(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:
-    """Return a free run as swings up to its last reversal; None where there are too few, or no inertia is known."""
+def _free_decay(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:
+    """Return a free run as half-cycles up to its last reversal; None where they are few, or no inertia is known."""
     if not model.inertia > 0:
         return None
     limit = rate_limit(states.rate, states.noise.rate, 0.0)
     ends = reversals(states.rate[::every], limit)
-    if ends.size <= FEWEST_SWINGS:
+    if ends.size <= FEWEST_HALF_CYCLES:
         return None
     size = int(ends[-1])
     angle, rate, acceleration, moment = (
@@ -211,8 +211,8 @@ def _swinging(states: ForceStates, model: JointModel, group: str, every: int) ->
         max(states.noise.angle * float(np.linalg.norm(low)), LEAST_NOISE * float(np.abs(angle).max())),
         max(states.noise.rate, LEAST_NOISE * float(np.abs(rate).max())),
     )
-    swings = Swings.build(rate, step, slopes(model, angle, rate), model.inertia, limit, noise)
-    if swings is None:
+    half_cycles = HalfCycles.build(rate, step, slopes(model, angle, rate), model.inertia, limit, noise)
+    if half_cycles is None:
         return None
     rows = np.arange(size)
     motion = _motion(states, model, angle, rate, acceleration, step, rows, False)
@@ -221,7 +221,7 @@ def _swinging(states: ForceStates, model: JointModel, group: str, every: int) ->
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     return GapRun(
         states.run, group, states.level, motion, target, np.empty((0, 0)), sigma, False, 0.0,
-        Band(kernel, rows), swings,
+        Band(kernel, rows), half_cycles,
     )  # fmt: skip
 
 

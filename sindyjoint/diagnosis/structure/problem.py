@@ -15,7 +15,7 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.localisation import Place, most_telling
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, Proposal, Say
+from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Gap, Step
 from sindyjoint.diagnosis.structure.gap import RecordGap, locate_gap, record_gaps
@@ -42,7 +42,7 @@ VARIANCE = 7
 
 
 @dataclass(frozen=True, eq=False)
-class StructureProblem:
+class StructureProblem(Problem):
     """A pulse test, and the model of its joint with the effects added so far.
 
     Parameters
@@ -116,16 +116,6 @@ class StructureProblem:
         return tuple(replace(each, x=own[each.change]) for each in self.named)
 
     @property
-    def dropped(self) -> tuple[str, ...]:
-        """Terms of the model that are needless: none, its own test has found them."""
-        return ()
-
-    @property
-    def noise_measured(self) -> bool:
-        """Whether the noise is known; the late part of a record shows it."""
-        return True
-
-    @property
     def is_noise(self) -> bool:
         """Whether the residual is noise, as surely as the noise itself is known."""
         rows = self.pulse.rows()
@@ -152,10 +142,6 @@ class StructureProblem:
         """Noise of the records relative to their RMS over what was held out."""
         return _gap([record.noise_floor for record in self.records])
 
-    def corrected(self) -> tuple[Self, tuple[Step, ...]]:
-        """Return the problem as it is: drifts of its one channel are effects like others."""
-        return self, ()
-
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability; pairs are not looked for, each would cost simulations."""
         taken = {*refused, *(each.name for each in self.named)}
@@ -164,7 +150,7 @@ class StructureProblem:
         explained = sum(each.gain for each in self.named)
         return Proposal(rank_changes(self.pulse, fitted, self.best.cost, explained)) if fitted else None
 
-    def add(self, best: FittedChange) -> Added[StructureProblem] | None:
+    def add(self, best: FittedChange) -> Added[Self] | None:
         """Return the problem with an effect more; earlier ones that it makes needless go."""
         pulse = replace(self.pulse, found=(*self.pulse.found, best.change))
         pulse = with_step_error(pulse, best.x)
@@ -189,10 +175,6 @@ class StructureProblem:
     def units(self, fitted: FittedChange) -> dict[str, str]:
         """Return the units of an effect's parameters."""
         return fitted.change.units
-
-    def finished(self) -> Self:
-        """Return the problem as it is: its numbers were fitted to the simulated response."""
-        return self
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the first gap."""
