@@ -307,15 +307,13 @@ def fit(
         places = own if fixed else list(range(x.size))
         if stale:
             jacobian[:, places] = problem.derivatives(x, residual, duration, places, extra)
-        better = False
         for _ in range(5):
             step = _step(jacobian, residual, x, low, high, damping)
             trial = problem.residuals(x + step, duration, extra)
             if trial is not None and float(trial @ trial) < cost:
-                better = True
                 break
-            damping = max(damping, 1e-3) * 10
-        if not better or trial is None:
+            trial, damping = None, max(damping, 1e-3) * 10
+        if trial is None:
             if stale:
                 break
             stale, damping = True, 1e-3
