@@ -127,6 +127,6 @@ def _diagnosed(
         raise InputError(
             f"--base is for campaigns; {campaign} is a rig, whose joint has its own law, or --model"
         )
-    from sindyjoint.workflows.diagnose_structure import diagnose_structure as of_structure
+    from sindyjoint.workflows.diagnose import diagnose_structure as of_structure
 
     return of_structure(campaign, start, **options)

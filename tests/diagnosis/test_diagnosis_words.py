@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.cli import main
-from sindyjoint.diagnosis.campaign.localisation import where
-from sindyjoint.diagnosis.campaign.ranking import Problem
+from sindyjoint.diagnosis.campaign.localisation import locate_gap
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
@@ -101,7 +101,7 @@ def test_a_floor_of_rounding_is_not_told_to_three_digits(capsys):
 
 @pytest.mark.parametrize("name", ["stribeck_friction", "dahl_friction", "quintic_stiffness"])
 def test_no_band_is_named_within_another(name):
-    places = where(problem_of_gap(name))
+    places = locate_gap(problem_of_gap(name))
     assert places
     bands = [(place.axis, *place.range) for place in places if not isinstance(place.range, str)]
     for index, (axis, low, high) in enumerate(bands):
@@ -111,4 +111,4 @@ def test_no_band_is_named_within_another(name):
 
 def problem_of_gap(name):
     work = work_on(hide(name, 1).campaign)
-    return Problem.build(work.rows, work.model)
+    return GapRegression.build(work.rows, work.model)
