@@ -17,9 +17,9 @@ from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.comparison import TextTable, comparison_tables, long_csv, write_comparison
 from sindyjoint.workflows.compare import _response_error, compare
-from sindyjoint.paper import TERMS as PAPER_TERMS
 
 
 @pytest.fixture(scope="module")
