@@ -68,8 +68,14 @@ def test_a_translation_has_force_displacement_and_velocity(tmp_path, capsys):
     assert {"gap", "maps", "overlay", "where", "budget", "rivals"} <= drawn
 
 
-def test_before_and_after_are_the_same_runs_and_effects_make_them_smaller():
-    result = diagnose(slide(900.0, "rotation"))
+@pytest.fixture(scope="module")
+def turned():
+    """The diagnosis of a joint in rotation."""
+    return diagnose(slide(900.0, "rotation"))
+
+
+def test_before_and_after_are_the_same_runs_and_effects_make_them_smaller(turned):
+    result = turned
     assert [run.run for run in result.before] == [run.run for run in result.after]
 
     def left(runs):
@@ -91,11 +97,10 @@ def test_shares_are_written_one_way(value, text):
     assert percent(value) == text
 
 
-def test_a_floor_of_rounding_is_not_told_to_three_digits(capsys):
+def test_a_floor_of_rounding_is_not_told_to_three_digits(turned, capsys):
     from sindyjoint.reporting.diagnosis import show_diagnosis
 
-    result = diagnose(slide(900.0, "rotation"))
-    show_diagnosis(replace(result, noise_floor=replace(result.noise_floor, response=2.09e-7)))
+    show_diagnosis(replace(turned, noise_floor=replace(turned.noise_floor, response=2.09e-7)))
     assert "< 0.01 %" in capsys.readouterr().out
 
 
