@@ -76,7 +76,8 @@ def batch(
     check_output(out)
     with Progress(quiet, verbose) as progress:
         from sindyjoint.batch.record import CampaignRecord
-        from sindyjoint.reporting.batch import CampaignFiles, show_batch, write_batch
+        from sindyjoint.reporting.output import CampaignFiles, write_results
+        from sindyjoint.reporting.registry import show
         from sindyjoint.workflows.batch import batch as run
 
         def tell(record: CampaignRecord) -> None:
@@ -108,11 +109,11 @@ def batch(
             typer.echo("sindyjoint: interrupted; the same command goes on where this one stopped", err=True)
             raise typer.Exit(130) from None
         progress.say("writing the page")
-        write_batch(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        show_batch(result)
+        show(result)
         typer.echo(f"\nreport: {out / 'report.html'}")
     raise typer.Exit(0 if result.complete else 1)

@@ -127,8 +127,8 @@ def discover(
 
 def _show(result: Discovery, out: Path | None) -> None:
     """Print the result for a person."""
-    from sindyjoint.reporting.terminal import show_discovery
+    from sindyjoint.reporting.registry import show
 
-    show_discovery(result)
+    show(result)
     if out is not None:
         typer.echo(f"\nreport: {out / 'report.html'}")

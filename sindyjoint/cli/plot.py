@@ -44,7 +44,7 @@ def plot(
         raise InputError(f"--out is {str(target)!r}; a name that ends in .svg, .pdf or .png is wanted")
     data = load_results(results)
 
-    from sindyjoint.reporting.figures import draw, drawable, kinds_of
+    from sindyjoint.reporting.registry import draw, drawable, kinds_of
     from sindyjoint.reporting.style import figure_bytes
 
     if kind is None:

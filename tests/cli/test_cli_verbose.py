@@ -9,10 +9,10 @@ from test_cli_help import EVERY
 
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.details import details
+from sindyjoint.reporting.registry import details
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
-from handmade_results import comparison, diagnosis, verification  # noqa: E402
+from handmade_results import comparison, diagnosis, structure, verification  # noqa: E402
 
 COMPUTE = ("batch", "compare", "diagnose", "discover", "reproduce", "simulate", "verify")
 
@@ -71,6 +71,8 @@ def test_simulated_runs_are_told_one_by_one(sindyjoint, tmp_path):
         ),
         (verification(failed=True), "–"),
         (diagnosis(), "bouc_wen"),
+        (structure(), "bouc_wen"),
+        (structure(), "tip        4001  1.00e-05 m"),
         (comparison(), "lasso_lars"),
     ],
 )
@@ -79,5 +81,6 @@ def test_what_lies_behind_other_results(result, words):
     assert words in text and "nan" not in text
 
 
-def test_a_result_without_more_to_say_says_nothing():
-    assert list(details(object())) == []
+def test_what_is_no_result_is_refused():
+    with pytest.raises(TypeError, match="object is no result; known are Discovery, ReportData, Verification"):
+        details(object())

@@ -92,10 +92,10 @@ def test_shares_are_written_one_way(value, text):
 
 
 def test_a_floor_of_rounding_is_not_told_to_three_digits(capsys):
-    from sindyjoint.reporting.diagnosis import show_diagnosis
+    from sindyjoint.reporting.registry import show
 
     result = diagnose(slide(900.0, "rotation"))
-    show_diagnosis(replace(result, noise_floor=replace(result.noise_floor, response=2.09e-7)))
+    show(replace(result, noise_floor=replace(result.noise_floor, response=2.09e-7)))
     assert "< 0.01 %" in capsys.readouterr().out
 
 

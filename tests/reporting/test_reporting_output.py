@@ -17,7 +17,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
 from sindyjoint.reporting import write_discovery
 from sindyjoint.reporting.data import gather
-from sindyjoint.reporting.figures import draw, drawable
+from sindyjoint.reporting.registry import draw, drawable
 from sindyjoint.reporting.saved import load_results
 from sindyjoint.reporting.style import figure_bytes
 
@@ -104,10 +104,10 @@ def test_figures_drawn_later_are_the_same(results):
 
 
 def test_nothing_is_left_when_the_page_fails(discovery, tmp_path, monkeypatch):
-    def fail(*_):
+    def fail(*_, **__):
         raise RuntimeError("the template is broken")
 
-    monkeypatch.setattr("sindyjoint.reporting.discovery_page.discovery_page", fail)
+    monkeypatch.setattr("sindyjoint.reporting.page.render", fail)
     with pytest.raises(RuntimeError, match="the template is broken"):
         write_discovery(discovery, tmp_path / "results")
     assert list(tmp_path.iterdir()) == []
@@ -196,9 +196,9 @@ def test_data_of_another_model_are_refused(results, tmp_path):
 def test_a_report_of_a_hundred_runs_stays_small(discovery, tmp_path):
     from dataclasses import replace
 
-    from sindyjoint.reporting.discovery_page import discovery_page
-    from sindyjoint.reporting.output import draw_all
     from sindyjoint.reporting.provenance import provenance
+    from sindyjoint.reporting.registry import draw_all
+    from sindyjoint.reporting.registry import page as page_html
 
     data = gather(discovery)
     many = tuple(
@@ -207,7 +207,7 @@ def test_a_report_of_a_hundred_runs_stays_small(discovery, tmp_path):
         for loop in data.loops
     )
     many_data = replace(data, loops=many)
-    page = discovery_page(many_data, provenance(discovery.campaign), draw_all(many_data))
+    page = page_html(many_data, provenance(discovery.campaign), draw_all(many_data))
     assert len(many) > 100
     # The limit is 10 MB; ours is ten times smaller, so that mail servers and phones take it.
     assert len(page.encode()) < 2e6
