@@ -9,25 +9,12 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.options import (
-    AlignOption,
-    AsJson,
-    BandwidthOption,
-    CandidatesOption,
-    ForbidOption,
-    ForceOption,
-    Method,
-    MethodOption,
-    Selection,
-    SelectionOption,
-    States,
-    StatesOption,
-    ThresholdOption,
-)
+from sindyjoint.cli.options import AsJson, CandidatesOption, Finding, takes_finding
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 
+@takes_finding
 def batch(
     campaigns: Annotated[
         list[str],
@@ -50,14 +37,7 @@ def batch(
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     as_json: AsJson = False,
-    method: MethodOption = Method.stlsq,
-    selection: SelectionOption = Selection.evidence,
-    threshold: ThresholdOption = None,
-    force: ForceOption = None,
-    forbid: ForbidOption = None,
-    states: StatesOption = States.auto,
-    bandwidth: BandwidthOption = None,
-    align: AlignOption = False,
+    finding: Finding = Finding(),  # noqa: B008
     random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -95,15 +75,8 @@ def batch(
                 write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
                 progress=progress.say,
                 on_record=tell,
-                states=states.value,
-                bandwidth=bandwidth,
-                align=align,
                 random_state=random_state,
-                method=method.value,
-                selection=selection.value,
-                threshold=threshold,
-                forced=tuple(force or ()),
-                forbidden=tuple(forbid or ()),
+                **finding.arguments(),
             )
         except KeyboardInterrupt:
             typer.echo("sindyjoint: interrupted; the same command goes on where this one stopped", err=True)

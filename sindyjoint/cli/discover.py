@@ -9,23 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sindyjoint.cli.options import (
-    AlignOption,
-    AsJson,
-    BandwidthOption,
-    CampaignPath,
-    CandidatesOption,
-    ForbidOption,
-    ForceOption,
-    Method,
-    MethodOption,
-    Nuisance,
-    Selection,
-    SelectionOption,
-    States,
-    StatesOption,
-    ThresholdOption,
-)
+from sindyjoint.cli.options import AsJson, CampaignPath, CandidatesOption, Finding, Nuisance, takes_finding
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -33,6 +17,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
 
 
+@takes_finding
 def discover(
     campaign: CampaignPath = None,
     library: CandidatesOption = None,
@@ -40,14 +25,7 @@ def discover(
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
     as_json: AsJson = False,
-    method: MethodOption = Method.stlsq,
-    selection: SelectionOption = Selection.evidence,
-    threshold: ThresholdOption = None,
-    force: ForceOption = None,
-    forbid: ForbidOption = None,
-    states: StatesOption = States.auto,
-    bandwidth: BandwidthOption = None,
-    align: AlignOption = False,
+    finding: Finding = Finding(),  # noqa: B008
     correct: Annotated[
         bool,
         typer.Option(
@@ -92,20 +70,13 @@ def discover(
         result = run(
             campaign,
             library or "extended",
-            states=states.value,
-            bandwidth=bandwidth,
-            align=align,
             correct=correct,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
             workers=workers,
             cluster=cluster,
-            method=method.value,
-            selection=selection.value,
-            threshold=threshold,
-            forced=tuple(force or ()),
-            forbidden=tuple(forbid or ()),
+            **finding.arguments(),
         )
         if refine:
             from sindyjoint.workflows.refine import refined
