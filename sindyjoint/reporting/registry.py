@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.errors import UnknownNameError
+from sindyjoint.policy import Limit, described
 from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.results.batch import BatchView
 from sindyjoint.reporting.results.campaign import CampaignView
@@ -18,6 +20,7 @@ from sindyjoint.reporting.results.rig import RigView
 from sindyjoint.reporting.results.verification import VerificationView
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
+from sindyjoint.workflows.policies import policies
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -137,5 +140,15 @@ def show(result: Any) -> None:
 
 
 def details(result: Any) -> Iterator[str]:
-    """Yield the numbers behind a result as lines: what ``--verbose`` adds."""
-    return view_of(result).details(result)
+    """Yield the numbers behind a result, and the policies that decided it, as lines: what ``--verbose`` adds."""
+    view = view_of(result)
+    yield from view.details(result)
+    known = policies()
+    for name in view.judged_by:
+        if name in known:
+            limits = ", ".join(f"{item.name} {_with_unit(item)}" for item in described(known[name]))
+            yield from wrap(f"policy of {name}: {limits}", 110, subsequent_indent="  ")
+
+
+def _with_unit(item: Limit) -> str:
+    return f"{item.value}" if item.unit == "1" else f"{item.value} {item.unit}"

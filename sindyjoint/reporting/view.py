@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from sindyjoint.reporting.provenance import Provenance
     from sindyjoint.reporting.text_table import TextTable
 
+# The policies by which terms are found.
+FINDING = ("states", "equation", "discovery", "bias", "soundness", "workflows")
+
 R = TypeVar("R")
 D = TypeVar("D")
 
@@ -39,6 +42,8 @@ class View(Generic[R, D]):
         Of its page.
     record_file : str
         The file that :meth:`to_dict` is written to; empty: none.
+    judged_by : tuple of str
+        The policies that decided it, by their names in :func:`sindyjoint.workflows.policies.policies`.
     unsaved : mapping of str to object
         Fields of the data that no figure needs, and what stands for each when they are read again.
     renamed : mapping of str to str
@@ -51,6 +56,7 @@ class View(Generic[R, D]):
     kinds: ClassVar[Mapping[str, Kind]] = {}
     template: ClassVar[str] = ""
     record_file: ClassVar[str] = ""
+    judged_by: ClassVar[tuple[str, ...]] = ()
     unsaved: ClassVar[Mapping[str, Any]] = {}
     renamed: ClassVar[Mapping[str, str]] = {}
 

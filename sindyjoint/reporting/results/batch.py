@@ -22,7 +22,7 @@ from sindyjoint.reporting.text_table import (
     terminal,
     terminal_table,
 )
-from sindyjoint.reporting.view import View
+from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded, spelled
 from sindyjoint.workflows.batch import CAMPAIGNS
 
@@ -41,6 +41,7 @@ class BatchView(View[Batch, Batch]):
     kinds = KINDS
     template = "batch.html.j2"
     record_file = "batch.json"
+    judged_by = (*FINDING, "batch")
 
     def kept(self, data: Batch) -> Batch:
         """Return it without each campaign's own result, which lies in its own folder."""

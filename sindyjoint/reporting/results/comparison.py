@@ -14,7 +14,7 @@ from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, csv_text, short_number
-from sindyjoint.reporting.view import View
+from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded, spelled
 from sindyjoint.workflows.comparison import Comparison
 from sindyjoint.workflows.verdict import PAPER_TERMS
@@ -32,6 +32,7 @@ class ComparisonView(View[Comparison, Comparison]):
     kinds = KINDS
     template = "comparison.html.j2"
     record_file = "comparison.json"
+    judged_by = FINDING
     unsaved = {"discovery": None, "left_out": {}}  # noqa: RUF012
 
     def tables(self, result: Comparison) -> tuple[TextTable, ...]:

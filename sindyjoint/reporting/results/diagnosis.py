@@ -45,6 +45,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     kinds = diagnosis.KINDS
     template = "diagnosis.html.j2"
     record_file = "diagnosis.json"
+    judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign")
     unsaved = {"effects": (), "whole": None}  # noqa: RUF012
 
     def kept(self, data: Any) -> Any:
@@ -157,6 +158,7 @@ class StructureView(DiagnosisView):
     data = StructureDiagnosis
     kind = "StructureDiagnosis"
     kinds = structure.KINDS
+    judged_by = ("response", "diagnosis structure")
 
     def kept(self, data: StructureDiagnosis) -> StructureDiagnosis:
         """Return its records with no more samples than a picture shows."""

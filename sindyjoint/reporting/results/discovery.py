@@ -29,7 +29,7 @@ from sindyjoint.reporting.text_table import (
     terminal_table,
 )
 from sindyjoint.reporting.units import quantities
-from sindyjoint.reporting.view import View
+from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded
 from sindyjoint.workflows.discover import Discovery
 
@@ -57,6 +57,7 @@ class DiscoveryView(View[Discovery, ReportData]):
     kind = "ReportData"
     kinds = KINDS
     template = "discovery.html.j2"
+    judged_by = FINDING
 
     def gather(self, result: Discovery | ReportData) -> ReportData:
         """Return what is saved, so that a figure drawn again later is the same to the last byte."""

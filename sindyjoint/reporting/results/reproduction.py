@@ -42,6 +42,7 @@ class ReproductionView(View[Reproduction, ReproductionFigures]):
     kinds = KINDS
     template = "reproduction.html.j2"
     record_file = "reproduction.json"
+    judged_by = ("states", "discovery", "response")
 
     def gather(self, result: Reproduction | ReproductionFigures) -> ReproductionFigures:
         """Return what is drawn."""

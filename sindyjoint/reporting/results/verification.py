@@ -36,6 +36,7 @@ class VerificationView(View[Verification, Verification]):
     kinds = KINDS
     template = "verification.html.j2"
     record_file = "verification.json"
+    judged_by = ("states", "response", "workflows")
     # "kind" marks what the file holds.
     renamed = {"kind": "subject_kind"}  # noqa: RUF012
 
