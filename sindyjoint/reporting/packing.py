@@ -120,7 +120,10 @@ def _restore_one_of(hints: tuple[Any, ...], value: Any) -> Any:
         return None
     if isinstance(value, str) and str in hints:
         return value
-    return _restore(next(hint for hint in hints if hint not in (type(None), str)), value)
+    others = [hint for hint in hints if hint not in (type(None), str)]
+    if not others:
+        raise TypeError(f"a text is wanted, {value!r:.40} was given")
+    return _restore(others[0], value)
 
 
 def _restore_tuple(hints: tuple[Any, ...], value: Any) -> tuple[Any, ...]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.reporting.registry import SAVED, view_of
 
 T = TypeVar("T")
@@ -64,6 +65,26 @@ def load_results(path: str | os.PathLike[str]) -> Any:
                 f"{str(saved)!r} belongs to another model than {str(beside)!r}; run the command with --out again"
             )
     return result
+
+
+@contextmanager
+def drawing(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say of data that were changed, so that their parts no longer fit together, whose they are.
+
+    Raises
+    ------
+    InputError
+        If drawing from what was read at a path fails within the block.
+    """
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        if isinstance(error, SindyJointError):
+            raise
+        raise InputError(
+            f"the data for figures of {str(path)!r} do not fit together ({' '.join(str(error).split()):.80}); run the "
+            "command with --out again"
+        ) from error
 
 
 def _from_record(record: Any) -> Any:

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import typer
+from handmade_results import diagnosis
 from typer.testing import CliRunner
 
 from sindyjoint.cli.plot import plot
@@ -17,7 +18,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
 from sindyjoint.reporting import write_discovery
 from sindyjoint.reporting.data import gather
-from sindyjoint.reporting.registry import draw, drawable
+from sindyjoint.reporting.registry import draw, drawable, view_of
 from sindyjoint.reporting.saved import load_results
 from sindyjoint.reporting.style import figure_bytes
 
@@ -179,6 +180,41 @@ def test_damaged_results_name_the_file(results, tmp_path, name, text, message):
     (folder / name).write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=message):
         load_results(folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d["loops"][0].update(level=3), "field 'level': a text is wanted, 3 was given"),
+        (
+            lambda d: d["loops"][0].update(moment=[1.0, 2.0]),
+            "do not fit together .*; run the command with --out",
+        ),
+        (lambda d: d["loops"][0].update(angle=3.0), "do not fit together .*; run the command with --out"),
+    ],
+)
+def test_changed_data_are_refused_in_one_line(results, tmp_path, change, message):
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder)
+    record = json.loads((folder / "figures" / "data.json").read_text(encoding="utf-8"))
+    change(record)
+    (folder / "figures" / "data.json").write_text(json.dumps(record), encoding="utf-8")
+    found = run(folder, "loops", "--out", tmp_path / "loops.svg")
+    assert isinstance(found.exception, InputError) and "\n" not in str(found.exception)
+    with pytest.raises(InputError, match=message):
+        raise found.exception
+    assert not (tmp_path / "loops.svg").exists()
+
+
+def test_a_field_that_an_earlier_version_did_not_save_takes_its_default(tmp_path):
+    made = view_of(diagnosis()).save(diagnosis())
+    for name in ("after", "hidden"):
+        del made[name]
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "data.json").write_text(json.dumps(made), encoding="utf-8")
+    (tmp_path / "model.json").write_text(diagnosis().model.to_json(), encoding="utf-8")
+    again = load_results(tmp_path)
+    assert again.after == () and again.hidden is None and "maps" in drawable(again)
 
 
 def test_data_of_another_model_are_refused(results, tmp_path):

@@ -26,7 +26,7 @@ NORMAL95 = 1.96
 
 def joints(result: Batch, ax: Axes, term: str) -> Axes:
     """Draw one coefficient of every joint."""
-    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     values, errors = result.values[term], result.errors[term]
     factor, unit = _scale(values, result.units[term])
     out = np.zeros(values.size, dtype=bool)
@@ -69,7 +69,7 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     term = trend.coefficient
     values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
     factor, unit = _scale(values, result.units[term])
-    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     use = np.isfinite(values) & np.isfinite(x)
     shift = KELVIN if trend.covariate == TEMPERATURE else 0.0
     out = np.zeros(values.size, dtype=bool)
