@@ -10,27 +10,12 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.options import (
-    ALIGN,
-    JOBS,
-    METHOD,
-    SELECTION,
-    STATES,
-    AlignOption,
-    AsJson,
-    BandwidthOption,
-    CandidatesOption,
-    ForbidOption,
-    ForceOption,
-    MethodOption,
-    SelectionOption,
-    StatesOption,
-    ThresholdOption,
-)
+from sindyjoint.cli.options import JOBS, AsJson, CandidatesOption, Finding, takes_finding
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 
+@takes_finding
 def batch(
     campaigns: Annotated[
         list[str],
@@ -53,14 +38,7 @@ def batch(
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     as_json: AsJson = False,
-    method: MethodOption = METHOD,
-    selection: SelectionOption = SELECTION,
-    threshold: ThresholdOption = None,
-    force: ForceOption = None,
-    forbid: ForbidOption = None,
-    states: StatesOption = STATES,
-    bandwidth: BandwidthOption = None,
-    align: AlignOption = ALIGN,
+    finding: Finding = Finding(),  # noqa: B008
     random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -79,7 +57,8 @@ def batch(
     check_output(out)
     with Progress(quiet, verbose) as progress:
         from sindyjoint.batch.record import CampaignRecord
-        from sindyjoint.reporting.batch import CampaignFiles, show_batch, write_batch
+        from sindyjoint.reporting.output import CampaignFiles, write_results
+        from sindyjoint.reporting.registry import show
         from sindyjoint.workflows.batch import batch as run
 
         def tell(record: CampaignRecord) -> None:
@@ -97,25 +76,18 @@ def batch(
                 progress=progress.say,
                 on_record=tell,
                 **given(library=library),
-                states=states.value,
-                bandwidth=bandwidth,
-                align=align,
                 random_state=random_state,
-                method=method.value,
-                selection=selection.value,
-                threshold=threshold,
-                forced=tuple(force or ()),
-                forbidden=tuple(forbid or ()),
+                **finding.arguments(),
             )
         except KeyboardInterrupt:
             typer.echo("sindyjoint: interrupted; the same command goes on where this one stopped", err=True)
             raise typer.Exit(130) from None
         progress.say("writing the page")
-        write_batch(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        show_batch(result)
+        show(result)
         typer.echo(f"\nreport: {out / 'report.html'}")
     raise typer.Exit(0 if result.complete else 1)

@@ -77,17 +77,17 @@ def compare(
             cluster=cluster,
         )
         if out is not None:
-            from sindyjoint.reporting.comparison import write_comparison
+            from sindyjoint.reporting.output import write_results
 
             progress.say("writing the report")
-            write_comparison(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        from sindyjoint.reporting.comparison import show_comparison
+        from sindyjoint.reporting.registry import show
 
-        show_comparison(result)
+        show(result)
         if out is not None:
             typer.echo(f"\nreport: {out / 'report.html'}")
     raise typer.Exit(0 if result.model.terms else 1)

@@ -97,17 +97,17 @@ def diagnose(
         )
         if out is not None:
             progress.say("writing the report")
-            from sindyjoint.reporting.diagnosis import write_diagnosis
+            from sindyjoint.reporting.output import write_results
 
             files = [path for path in (model, campaign) if path is not None and path.exists()]
-            write_diagnosis(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        from sindyjoint.reporting.diagnosis import show_diagnosis
+        from sindyjoint.reporting.registry import show
 
-        show_diagnosis(result)
+        show(result)
     raise typer.Exit(1 if result.verdict == "unknown" else 0)
 
 

@@ -11,24 +11,14 @@ import typer
 
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
-    ALIGN,
     DISCOVER,
     JOBS,
-    METHOD,
-    SELECTION,
-    STATES,
-    AlignOption,
     AsJson,
-    BandwidthOption,
     CampaignPath,
     CandidatesOption,
-    ForbidOption,
-    ForceOption,
-    MethodOption,
+    Finding,
     Nuisance,
-    SelectionOption,
-    StatesOption,
-    ThresholdOption,
+    takes_finding,
 )
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
@@ -37,6 +27,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
 
 
+@takes_finding
 def discover(
     campaign: CampaignPath = None,
     library: CandidatesOption = None,
@@ -44,14 +35,7 @@ def discover(
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
     as_json: AsJson = False,
-    method: MethodOption = METHOD,
-    selection: SelectionOption = SELECTION,
-    threshold: ThresholdOption = None,
-    force: ForceOption = None,
-    forbid: ForbidOption = None,
-    states: StatesOption = STATES,
-    bandwidth: BandwidthOption = None,
-    align: AlignOption = ALIGN,
+    finding: Finding = Finding(),  # noqa: B008
     correct: Annotated[
         bool,
         typer.Option(
@@ -96,20 +80,13 @@ def discover(
         result = run(
             campaign,
             **given(library=library),
-            states=states.value,
-            bandwidth=bandwidth,
-            align=align,
             correct=correct,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
             workers=workers,
             cluster=cluster,
-            method=method.value,
-            selection=selection.value,
-            threshold=threshold,
-            forced=tuple(force or ()),
-            forbidden=tuple(forbid or ()),
+            **finding.arguments(),
         )
         if refine:
             from sindyjoint.workflows.refine import refined
@@ -131,8 +108,8 @@ def discover(
 
 def _show(result: Discovery, out: Path | None) -> None:
     """Print the result for a person."""
-    from sindyjoint.reporting.terminal import show_discovery
+    from sindyjoint.reporting.registry import show
 
-    show_discovery(result)
+    show(result)
     if out is not None:
         typer.echo(f"\nreport: {out / 'report.html'}")

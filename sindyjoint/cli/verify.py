@@ -87,17 +87,17 @@ def verify(
             progress=progress.say,
         )
         if out is not None:
-            from sindyjoint.reporting.verification import write_verification
+            from sindyjoint.reporting.output import write_results
 
             progress.say("writing the results")
-            write_verification(result, out, ["sindyjoint", *sys.argv[1:]], random_state, (model, against))
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, (model, against))
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        from sindyjoint.reporting.verification import show_verification
+        from sindyjoint.reporting.registry import show
 
-        show_verification(result)
+        show(result)
         if out is not None:
             typer.echo(f"\nresults: {out / 'verification.json'}")
     raise typer.Exit(0 if result.passed else 1)

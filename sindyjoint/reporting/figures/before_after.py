@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from sindyjoint.reporting.figures.kind import Panel
-from sindyjoint.reporting.figures.loops import spread
+from sindyjoint.reporting.figures.kind import Panel, spread
 from sindyjoint.reporting.style import (
     DIVERGING,
     INK,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from sindyjoint.reporting.data import Loop, ReportData, gather
+from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.style import DASHES, INK, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
 
@@ -70,13 +70,6 @@ def loop_groups(data: ReportData) -> dict[str, list[Loop]]:
         key = f"{loop.frequency:.4g} Hz" if loop.frequency is not None else "aperiodic"
         found.setdefault(key, []).append(loop)
     return found
-
-
-def spread(items: Sequence[Any], most: int) -> list[Any]:
-    """Return at most ``most`` of the items, evenly over the sequence, first and last among them."""
-    if len(items) <= most:
-        return list(items)
-    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
 
 
 def _label(loop: Loop, group: str | None) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from sindyjoint.reporting.data import gather, run_labels
-from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups, spread
+from sindyjoint.reporting.figures.kind import spread
+from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sindyjoint.batch.summary import TEMPERATURE
+from sindyjoint.reporting.figures.kind import MOST_PANELS, Kind, by_name
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, prefixed, shortened
 from sindyjoint.text import spelled
 
@@ -24,7 +26,7 @@ NORMAL95 = 1.96
 
 def joints(result: Batch, ax: Axes, term: str) -> Axes:
     """Draw one coefficient of every joint."""
-    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     values, errors = result.values[term], result.errors[term]
     factor, unit = _scale(values, result.units[term])
     out = np.zeros(values.size, dtype=bool)
@@ -67,7 +69,7 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     term = trend.coefficient
     values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
     factor, unit = _scale(values, result.units[term])
-    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     use = np.isfinite(values) & np.isfinite(x)
     shift = KELVIN if trend.covariate == TEMPERATURE else 0.0
     out = np.zeros(values.size, dtype=bool)
@@ -95,3 +97,24 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
 def _scale(values: np.ndarray, unit: str) -> tuple[float, str]:
     here = np.abs(values[np.isfinite(values)])
     return prefixed(float(here.max()) if here.size else 1.0, unit)
+
+
+KINDS = by_name(
+    Kind(
+        "joints",
+        "Coefficients of every joint",
+        "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie. "
+        "Diamonds: joints that stand out.",
+        lambda result: [partial(joints, term=term) for term in result.common[:MOST_PANELS]],
+    ),
+    Kind(
+        "trends",
+        "Trends",
+        "Coefficients over what the manifests declare, where a trend stands at 5 % over all that was looked for. "
+        "Line: the robust fit, with the 95 % interval of its slope.",
+        lambda result: [
+            partial(trend, trend=trend)
+            for trend in [t for t in result.population.trends if t.significant][:MOST_PANELS]
+        ],
+    ),
+)

@@ -1,126 +1,38 @@
-"""A verification for people: its lines on a terminal, its pictures, its folder."""
+"""The figures of a verification: measured and simulated response, swing by swing too."""
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.reporting.style import (
-    INK,
-    MUTED,
-    PALETTE,
-    legend_above,
-    plain,
-    prefixed,
-    shortened,
-)
+from sindyjoint.reporting.figures.kind import Kind, Panel, by_name, spread
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.response.oscillation import hilbert_envelope
-from sindyjoint.text import percent
+from sindyjoint.response.verification import Band, RunVerification, Verification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.response.verification import RunVerification, Verification
-
-WIDTH = 100
 CYCLES_SHOWN = 6
 UNITS = {"angle": "rad", "displacement": "m", "moment": "N*m", "force": "N"}
+# More samples of a response than these no picture shows.
+KEPT_SAMPLES = 6000
 
 
-def show_verification(result: Verification) -> None:
-    """Print verdict, figures and cautions."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
-    where = "the rig" if result.kind == "rig" else "the runs of"
-    console.print(f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}\n")
-    console.print(f"  {escape(result.model.equation())}\n")
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading in ("run", "simulated by", "response NRMSE", "noise", "moment NRMSE", "amplitude", "period"):
-        right = heading not in ("run", "simulated by")
-        table.add_column(heading, justify="right" if right else "left", no_wrap=True)
-    for run in result.runs:
-        table.add_row(
-            escape(shortened(run.name)),
-            run.drive,
-            percent(run.response_nrmse),
-            percent(run.noise_floor),
-            percent(run.moment_nrmse),
-            percent(run.amplitude_rms_error),
-            "–" if run.mean_period_difference is None else f"{1e3 * run.mean_period_difference:.3g} ms",
-        )
-    console.print(table)
-    console.print(f"\n[bold]{result.verdict}[/]: {escape(result.reason)}")
-    for warning in result.warnings:
-        console.print(f"- {escape(warning)}")
+def thinned(result: Verification) -> Verification:
+    """Return a verification with no more samples than a picture shows."""
+    return replace(result, runs=tuple(_thinned(run) for run in result.runs))
 
 
-def write_verification(
-    result: Verification,
-    folder: str | os.PathLike[str],
-    command_line: str | Sequence[str] | None = None,
-    seed: object = None,
-    files: Sequence[str | os.PathLike[str]] = (),
-) -> Path:
-    """Write report.html, verification.json, model.json and figures, all of them or none.
-
-    Parameters
-    ----------
-    result : Verification
-    folder : path
-    command_line, seed, files
-        For the report's last section; see :func:`sindyjoint.reporting.provenance.provenance`.
-    """
-    from sindyjoint.reporting.output import draw_all, json_text, write_folder
-    from sindyjoint.reporting.provenance import provenance
-    from sindyjoint.reporting.result_pages import verification_page
-    from sindyjoint.reporting.saved import DATA_FILE, saved_text, thinned
-
-    pictures = draw_all(result)
-    texts = {
-        DATA_FILE: saved_text(thinned(result)),
-        "report.html": verification_page(result, provenance(None, seed, command_line, files), pictures),
-        "verification.json": json_text(details(result)),
-        "model.json": result.model.to_json() + "\n",
-    }
-    return write_folder(folder, pictures, texts)
-
-
-def details(result: Verification) -> dict[str, Any]:
-    """Return what ``--json`` prints, and beside it what each run shows cycle by cycle."""
-    record = result.to_dict()
-    record["subject"] = {"kind": result.kind, "name": result.subject}
-    record["reason"], record["tolerance"] = result.reason, result.tolerance
-    for entry, run in zip(record["runs"], result.runs, strict=True):
-        entry |= {
-            "drive": run.drive,
-            "channel": run.channel,
-            "noise_floor": run.noise_floor,
-            "amplitude_rms_error": run.amplitude_rms_error,
-            "mean_period_difference": run.mean_period_difference,
-            "failure": run.failure or None,
-            "cycles": {
-                name: None
-                if swings is None
-                else {
-                    "time": swings.amplitude_time.tolist(),
-                    "amplitude": swings.amplitude.tolist(),
-                    "period": swings.period.tolist(),
-                }
-                for name, swings in zip(("measured", "simulated"), run.oscillations, strict=True)
-            },
-            "energy_per_cycle": None
-            if run.energy is None
-            else {"measured": run.energy[0].tolist(), "simulated": run.energy[1].tolist()},
-        }
-    return record
+def _thinned(run: RunVerification) -> RunVerification:
+    step = -(-run.time.size // KEPT_SAMPLES)
+    band = run.band and Band(run.band.low[::step], run.band.high[::step], run.band.draws, run.band.failed)
+    simulated = None if run.simulated is None else run.simulated[::step]
+    return replace(run, time=run.time[::step], measured=run.measured[::step], simulated=simulated, band=band)
 
 
 def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
@@ -238,3 +150,62 @@ def _pair(run: RunVerification) -> tuple[tuple[str, Any, Any], tuple[str, Any, A
         ("measured", run.oscillations[0], run.measured),
         ("simulated", run.oscillations[1], run.simulated),
     )
+
+
+def _of_runs(draw: Callable[[Any, Axes], Axes], has: Callable[[Any], bool]) -> Callable[[Any], list[Panel]]:
+    """Return panels that draw one run each."""
+
+    def panels(result: Any) -> list[Panel]:
+        shown = spread([run for run in result.runs if has(run)])
+        return [partial(_of_run, draw=draw, run=run, named=len(result.runs) > 1) for run in shown]
+
+    return panels
+
+
+def _of_run(result: Any, ax: Axes, draw: Callable[[Any, Axes], Axes], run: Any, named: bool) -> Axes:
+    draw(run, ax)
+    if named:
+        ax.set_title(plain(shortened(run.name)))
+    return ax
+
+
+KINDS = by_name(
+    Kind(
+        "response",
+        "Response",
+        "Measured and simulated response over time, with the band that the uncertainty of the coefficients allows.",
+        _of_runs(response, lambda run: True),
+        wide=True,
+    ),
+    Kind(
+        "cycles",
+        "First cycles",
+        "The first cycles of the measured and the simulated response.",
+        _of_runs(partial(response, zoom=True), lambda run: True),
+    ),
+    Kind(
+        "envelope",
+        "Envelope",
+        "Amplitude of every swing, measured and simulated, with the envelope by Hilbert's transform.",
+        _of_runs(amplitude, lambda run: any(run.oscillations)),
+    ),
+    Kind(
+        "period",
+        "Period",
+        "Period of every cycle, measured and simulated.",
+        _of_runs(period, lambda run: any(run.oscillations)),
+    ),
+    Kind(
+        "error",
+        "Error",
+        "Simulated less measured response over time.",
+        _of_runs(error, lambda run: run.simulated is not None),
+        wide=True,
+    ),
+    Kind(
+        "energy",
+        "Energy",
+        "Energy dissipated in every cycle, measured and simulated.",
+        _of_runs(energy, lambda run: run.energy is not None),
+    ),
+)
