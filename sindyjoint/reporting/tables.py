@@ -123,21 +123,11 @@ def _power(power: str) -> str:
 
 def terms_csv(model: JointModel) -> str:
     """Return the terms as CSV text, numbers in full, SI."""
-    rows = [
-        (
-            term.id,
-            term.symbol,
-            term.name,
-            term.formula,
-            repr(term.coefficient),
-            repr(term.standard_error),
-            repr(term.interval95[0]),
-            repr(term.interval95[1]),
-            term.unit,
-            repr(term.unique_share),
-        )
-        for term in model.terms
-    ]
+    rows = []
+    for term in model.terms:
+        numbers = map(repr, (term.coefficient, term.standard_error, *term.interval95))
+        text = (term.id, term.symbol, term.name, term.formula)
+        rows.append((*text, *numbers, term.unit, repr(term.unique_share)))
     return csv_text(TERM_COLUMNS, rows)
 
 

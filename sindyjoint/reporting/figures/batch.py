@@ -29,17 +29,10 @@ def joints(result: Batch, ax: Axes, term: str) -> Axes:
     (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     values, errors = result.values[term], result.errors[term]
     factor, unit = _scale(values, result.units[term])
-    out = np.zeros(values.size, dtype=bool)
-    out[list(scatter.outliers)] = True
-    here = np.isfinite(values)
     x = np.arange(values.size)
     _distribution(ax, scatter, factor)
-    for keep, colour, marker in ((here & ~out, PALETTE[0], "o"), (here & out, ACCENT, "D")):
-        if keep.any():
-            ax.errorbar(x[keep], factor * values[keep], yerr=factor * NORMAL95 * errors[keep], fmt=marker,
-                        color=colour, markersize=3.5, elinewidth=0.9)  # fmt: skip
     ids = [record.id for record in result.records]
-    for i in np.flatnonzero(here & out):
+    for i in _points(ax, x, factor * values, factor * errors, scatter, np.isfinite(values)):
         # Towards the middle, so that it stays on the paper.
         right = x[i] < 0.6 * values.size
         ax.annotate(
@@ -54,6 +47,19 @@ def joints(result: Batch, ax: Axes, term: str) -> Axes:
     ax.set_title(spelled(term))
     ax.set_ylabel(unit)
     return ax
+
+
+def _points(
+    ax: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, scatter: Scatter, use: np.ndarray
+) -> np.ndarray:
+    """Draw values with 95 % intervals, those that stand out in another colour, whose places are returned."""
+    out = np.zeros(values.size, dtype=bool)
+    out[list(scatter.outliers)] = True
+    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
+        if keep.any():
+            ax.errorbar(x[keep], values[keep], yerr=NORMAL95 * errors[keep], fmt=marker, color=colour,
+                        markersize=3.5, elinewidth=0.9)  # fmt: skip
+    return np.flatnonzero(use & out)
 
 
 def _distribution(ax: Axes, scatter: Scatter, factor: float) -> None:
@@ -72,12 +78,7 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     use = np.isfinite(values) & np.isfinite(x)
     shift = KELVIN if trend.covariate == TEMPERATURE else 0.0
-    out = np.zeros(values.size, dtype=bool)
-    out[list(scatter.outliers)] = True
-    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
-        if keep.any():
-            ax.errorbar(x[keep] - shift, factor * values[keep], yerr=factor * NORMAL95 * errors[keep], fmt=marker,
-                        color=colour, markersize=3.5, elinewidth=0.9)  # fmt: skip
+    _points(ax, x - shift, factor * values, factor * errors, scatter, use)
     centre = float(np.mean(x[use]))
     level = float(np.median(values[use] - trend.slope * (x[use] - centre)))
     line = np.linspace(x[use].min(), x[use].max(), 101)

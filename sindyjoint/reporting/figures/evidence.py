@@ -105,25 +105,17 @@ def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
     index = ids.index(term) if term else 0
     item = data.model.terms[index]
     factor, unit = _scale(item.coefficient, item.unit)
-    centre = item.coefficient * factor
     groups = data.groups
-    ax.axhspan(*sorted((centre * (1 - EQUIVALENCE), centre * (1 + EQUIVALENCE))), color=RULE, alpha=0.6, lw=0)
-    ax.axhline(centre, color=INK, linewidth=0.8)
     x = np.arange(len(groups))
-    values = np.array([group.coefficients[index] for group in groups]) * factor
-    errors = np.array([group.standard_errors[index] for group in groups]) * abs(factor)
-    ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
+    values = np.array([group.coefficients[index] for group in groups])
+    errors = np.array([group.standard_errors[index] for group in groups])
     published = paper_values(data.model.joint.name, item.id)
-    where = [i for i, group in enumerate(groups) if group.group in published]
-    shown: list[float] = []
-    if where:
-        shown = [published[groups[i].group] * factor for i in where]
-        ax.plot(np.array(where) + 0.18, shown, linestyle="none", marker="x", markersize=4, color=ACCENT)
+    shown = [(i + 0.18, published[g.group]) for i, g in enumerate(groups) if g.group in published]
+    _estimates(ax, x, values, errors, (item.coefficient, EQUIVALENCE), shown, factor)
     ax.set_xticks(x, [plain(group.group) for group in groups])
     if len(groups) > 6:
         ax.tick_params(axis="x", rotation=60)
     ax.set_xlim(-0.6, len(groups) - 0.4)
-    _room(ax, values, errors, centre, shown)
     ax.set_ylabel(f"{_math(item.symbol)}" + (f" ({unit})" if unit else ""))
     ax.set_title(plain(item.name))
     return ax
@@ -132,27 +124,38 @@ def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
 def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     """Draw a coefficient by frequency, with 95 % intervals, the margin of equivalence and the answer of its tests."""
     factor, unit = _scale(test.mean, result.units.get(test.name, ""))
-    centre = test.mean * factor
-    band = sorted((centre * (1 - test.margin), centre * (1 + test.margin)))
-    ax.axhspan(band[0], band[1], color=RULE, alpha=0.6, lw=0)
-    ax.axhline(centre, color=INK, linewidth=0.8)
-    frequencies, values = np.array(test.frequencies), np.array(test.estimates) * factor
-    errors = np.array(test.standard_errors) * abs(factor)
-    ax.errorbar(
-        frequencies, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0]
-    )
-    published = paper_values(result.joint, test.name)
-    shown = [(f, published[f"{f:.4g} Hz"] * factor) for f in frequencies if f"{f:.4g} Hz" in published]
-    if shown:
-        x, y = zip(*shown, strict=True)
-        aside = 0.03 * float(np.ptp(frequencies))
-        ax.plot(np.array(x) + aside, y, linestyle="none", marker="x", markersize=4, color=ACCENT)
-    _room(ax, values, errors, centre, [value for _, value in shown])
+    frequencies = np.array(test.frequencies)
+    values, errors = np.array(test.estimates), np.array(test.standard_errors)
+    published, aside = paper_values(result.joint, test.name), 0.03 * float(np.ptp(frequencies))
+    names = [(f, f"{f:.4g} Hz") for f in frequencies]
+    shown = [(f + aside, published[name]) for f, name in names if name in published]
+    _estimates(ax, frequencies, values, errors, (test.mean, test.margin), shown, factor)
     ax.margins(x=0.12)
     ax.set_xlabel("Frequency (Hz)")
     ax.set_ylabel(unit)
     ax.set_title(plain(spelled(test.name)) + "\n" + plain(test.answer))
     return ax
+
+
+def _estimates(
+    ax: Axes,
+    x: Any,
+    values: Any,
+    errors: Any,
+    band: tuple[float, float],
+    published: list[tuple[float, float]],
+    factor: float,
+) -> None:
+    """Draw values with 95 % intervals over a centre and its relative margin, crosses beside them, all scaled."""
+    centre, margin = band[0] * factor, band[1]
+    ax.axhspan(*sorted((centre * (1 - margin), centre * (1 + margin))), color=RULE, alpha=0.6, lw=0)
+    ax.axhline(centre, color=INK, linewidth=0.8)
+    values, errors = values * factor, errors * abs(factor)
+    ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
+    shown = [y * factor for _, y in published]
+    if shown:
+        ax.plot([at for at, _ in published], shown, ls="none", marker="x", markersize=4, color=ACCENT)
+    _room(ax, values, errors, centre, shown)
 
 
 def covariance(result: Any, ax: Axes) -> Axes:

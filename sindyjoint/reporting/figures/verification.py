@@ -68,20 +68,11 @@ def _first_cycles(run: RunVerification) -> int:
 def amplitude(run: RunVerification, ax: Axes) -> Axes:
     """Draw the amplitude of each swing, as a mark, and the envelope by Hilbert's transform as a line."""
     factor, unit = prefixed(float(np.abs(run.measured).max()), UNITS[run.channel])
-    rate = 1 / (run.time[1] - run.time[0])
-    for (label, swings, signal), color, marker in zip(_pair(run), (PALETTE[0], INK), ("o", "x"), strict=True):
-        if swings is None or signal is None:
-            continue
-        ax.plot(
-            swings.amplitude_time + run.time[0], swings.amplitude * factor, color=color, ls="none", marker=marker,
-            ms=2.5, label=label,
-        )  # fmt: skip
-        envelope, _ = hilbert_envelope(signal, rate)
-        # At either end the transform extrapolates.
-        kept = slice(*(int(float(np.median(swings.period)) * rate) * side for side in (1, -1)))
-        ax.plot(run.time[kept], envelope[kept] * factor, color=color, lw=0.7)
+    # At either end the transform extrapolates: over one period here, over two below.
+    _by_swing(
+        run, ax, 1, lambda s: (s.amplitude_time, s.amplitude * factor), lambda height, _: height * factor
+    )
     ax.set_yscale("log")
-    ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"Amplitude ({unit})")
     legend_above(ax, 1, columns=2)
     return ax
@@ -89,21 +80,30 @@ def amplitude(run: RunVerification, ax: Axes) -> Axes:
 
 def period(run: RunVerification, ax: Axes) -> Axes:
     """Draw the period from each turning point to the next but one as a mark, and Hilbert's as a line."""
-    rate = 1 / (run.time[1] - run.time[0])
-    for (label, swings, signal), color, marker in zip(_pair(run), (PALETTE[0], INK), ("o", "x"), strict=True):
-        if swings is None or signal is None:
-            continue
-        ax.plot(
-            swings.time[1:-1] + run.time[0], 1e3 * swings.period, color=color, ls="none", marker=marker,
-            ms=2.5, label=label,
-        )  # fmt: skip
-        _, frequency = hilbert_envelope(signal, rate)
-        kept = slice(*(2 * int(float(np.median(swings.period)) * rate) * side for side in (1, -1)))
-        ax.plot(run.time[kept], 1e3 / frequency[kept], color=color, lw=0.7)
-    ax.set_xlabel("Time (s)")
+    _by_swing(run, ax, 2, lambda s: (s.time[1:-1], 1e3 * s.period), lambda _, frequency: 1e3 / frequency)
     ax.set_ylabel("Period (ms)")
     legend_above(ax, 1, columns=2)
     return ax
+
+
+def _by_swing(
+    run: RunVerification,
+    ax: Axes,
+    cut: int,
+    marks: Callable[[Any], tuple[Any, Any]],
+    line: Callable[[Any, Any], Any],
+) -> None:
+    """Draw what swings say as marks, and as a line what Hilbert's envelope and frequency say, its ends cut off."""
+    rate = 1 / (run.time[1] - run.time[0])
+    signals = zip(("measured", "simulated"), run.oscillations, (run.measured, run.simulated), strict=True)
+    for (label, swings, signal), color, marker in zip(signals, (PALETTE[0], INK), "ox", strict=True):
+        if swings is None or signal is None:
+            continue
+        time, values = marks(swings)
+        ax.plot(time + run.time[0], values, color=color, ls="none", marker=marker, ms=2.5, label=label)
+        kept = slice(*(cut * int(float(np.median(swings.period)) * rate) * side for side in (1, -1)))
+        ax.plot(run.time[kept], line(*hilbert_envelope(signal, rate))[kept], color=color, lw=0.7)
+    ax.set_xlabel("Time (s)")
 
 
 def error(run: RunVerification, ax: Axes) -> Axes:
@@ -143,13 +143,6 @@ def energy(run: RunVerification, ax: Axes) -> Axes:
         legend_above(ax, 1, columns=2)
     ax.set_xlabel("Cycle")
     return ax
-
-
-def _pair(run: RunVerification) -> tuple[tuple[str, Any, Any], tuple[str, Any, Any]]:
-    return (
-        ("measured", run.oscillations[0], run.measured),
-        ("simulated", run.oscillations[1], run.simulated),
-    )
 
 
 def _of_runs(draw: Callable[[Any, Axes], Axes], has: Callable[[Any], bool]) -> Callable[[Any], list[Panel]]:
