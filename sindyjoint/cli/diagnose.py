@@ -16,7 +16,7 @@ from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
 
 MOST = default_of("workflows.diagnose:diagnose", "max_effects")
-MOST_OF_RIG = default_of("workflows.diagnose_structure:diagnose_structure", "max_effects")
+MOST_OF_RIG = default_of("workflows.diagnose:diagnose_structure", "max_effects")
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Diagnosis

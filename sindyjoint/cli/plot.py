@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.defaults import default_of
 
-WIDTH: float = default_of("reporting.figures:draw", "width")
+WIDTH: float = default_of("reporting.registry:draw", "width")
 DPI: int = default_of("reporting.style:figure_bytes", "dpi")
 FORMATS = ("svg", "pdf", "png")
 

@@ -45,7 +45,7 @@ REACHED = {
         "format": ("files.writers:write_campaign", "format"),
     },
     "plot": {
-        "width": ("reporting.figures:draw", "width"),
+        "width": ("reporting.registry:draw", "width"),
         "dpi": ("reporting.style:figure_bytes", "dpi"),
     },
 }
