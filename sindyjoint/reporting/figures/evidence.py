@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
-from sindyjoint.reporting.data import ReportData, gather
+from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.equation import split_symbol
 from sindyjoint.reporting.figures.residuals import nothing
 from sindyjoint.reporting.style import (
@@ -38,9 +38,8 @@ EQUIVALENCE = 0.10
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
-def path(result: Any, ax: Axes) -> Axes:
+def path(data: ReportData, ax: Axes) -> Axes:
     """Draw the residual and the held-out error over the number of terms kept, and the chosen model."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     if not data.path:
         return nothing(ax, data.selection_reason)
@@ -74,9 +73,8 @@ def path(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def threshold(result: Any, ax: Axes) -> Axes:
+def threshold(data: ReportData, ax: Axes) -> Axes:
     """Draw how many terms survive a threshold on what each carries alone."""
-    data = gather(result)
     if not data.path:
         return nothing(ax, data.selection_reason)
     size = np.array([len(step.terms) for step in data.path])
@@ -98,9 +96,8 @@ def threshold(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
+def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
     """Draw one coefficient for each frequency alone, with 95 % intervals, a ±10 % band and the paper's values."""
-    data = gather(result)
     ids = data.model.ids
     index = ids.index(term) if term else 0
     item = data.model.terms[index]
@@ -158,9 +155,8 @@ def _estimates(
     _room(ax, values, errors, centre, shown)
 
 
-def covariance(result: Any, ax: Axes) -> Axes:
+def covariance(data: ReportData, ax: Axes) -> Axes:
     """Draw the correlation of the coefficients' errors."""
-    data = gather(result)
     model = data.model
     if not model.terms:
         return nothing(ax, "no terms, no covariance")
