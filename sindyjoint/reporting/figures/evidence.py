@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
@@ -30,6 +28,8 @@ from sindyjoint.reporting.units import quantities
 from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from sindyjoint.discovery.frequency import FrequencyTest
     from sindyjoint.workflows.comparison import Comparison
 
@@ -66,6 +66,8 @@ def path(data: ReportData, ax: Axes) -> Axes:
     ax.set_yscale("log")
     ax.set_xlabel("Terms kept")
     ax.set_ylabel(f"RMS ({unit})")
+    from matplotlib.ticker import MaxNLocator, NullLocator
+
     ax.yaxis.set_minor_locator(NullLocator())
     ax.set_title("Path of models" + _chosen_note(data, size, "dotted"))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -91,6 +93,8 @@ def threshold(data: ReportData, ax: Axes) -> Axes:
     ax.set_xlabel("Threshold (share of RMS carried alone)")
     ax.set_ylabel("Terms kept")
     ax.set_title("Terms over the threshold" + _chosen_note(data, size, "shaded"))
+    from matplotlib.ticker import LogLocator, NullLocator
+
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(LogLocator(numticks=7))
     return ax

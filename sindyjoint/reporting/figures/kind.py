@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from sindyjoint.reporting.style import new_figure, style
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Panel = Callable[[Any, Axes], Axes]
+Panel: TypeAlias = "Callable[[Any, Axes], Axes]"
 
 MOST_PANELS = 6
 
@@ -101,6 +100,8 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
 
 def _few_ticks(ax: Axes) -> None:
     """Keep to six ticks: easier to read, and ticks are what drawing spends its time on."""
+    from matplotlib.ticker import AutoLocator, MaxNLocator
+
     for axis in (ax.xaxis, ax.yaxis):
         if isinstance(axis.get_major_locator(), AutoLocator):
             axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))

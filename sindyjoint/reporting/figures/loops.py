@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
 
 from sindyjoint.reporting.data import Loop, ReportData
 from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.style import DASHES, INK, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_LOOPS = 6
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.data import ReportData
@@ -18,6 +19,9 @@ from sindyjoint.reporting.style import (
     prefixed,
 )
 from sindyjoint.reporting.units import quantities
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 

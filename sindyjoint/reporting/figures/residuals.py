@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from sindyjoint.reporting.data import ReportData, run_labels
 from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def residual_phase(data: ReportData, ax: Axes) -> Axes:
