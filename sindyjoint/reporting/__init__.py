@@ -11,15 +11,7 @@ if TYPE_CHECKING:
     from sindyjoint.reporting.saved import load_results
     from sindyjoint.reporting.tables import terms_csv, terms_table
 
-__all__ = [
-    "draw",
-    "drawable",
-    "load_results",
-    "terms_csv",
-    "terms_table",
-    "write_discovery",
-    "write_results",
-]
+__all__ = ["draw", "drawable", "load_results", "terms_csv", "terms_table", "write_discovery", "write_results"]
 
 _HOMES = {
     "draw": "registry",

@@ -153,10 +153,8 @@ class ReportData:
         return self.model.joint.motion == "translation"
 
 
-def gather(result: Discovery | ReportData) -> ReportData:
-    """Return what a discovery has to show; data that were gathered before are returned as they are."""
-    if isinstance(result, ReportData):
-        return result
+def gather(result: Discovery) -> ReportData:
+    """Return what a discovery has to show."""
     model, selection = result.model, result.selection
     states, inertia = result.states, model.inertia
     residuals = [_residual(model, state, inertia) for state in states]

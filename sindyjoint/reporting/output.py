@@ -60,11 +60,7 @@ def write_results(
     return write_folder(target, pictures, texts)
 
 
-def write_discovery(
-    result: Discovery, folder: str | os.PathLike[str], command_line: str | Sequence[str] | None = None
-) -> Path:
-    """Write model.json, terms.csv, report.html and the figures; see :func:`write_results`."""
-    return write_results(result, folder, command_line)
+write_discovery = write_results
 
 
 def write_folder(

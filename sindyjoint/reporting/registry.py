@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.policy import Limit, described
-from sindyjoint.reporting.figures.kind import Kind
+from sindyjoint.reporting.figures.kind import Kind, drawn
 from sindyjoint.reporting.results.batch import BatchView
 from sindyjoint.reporting.results.campaign import CampaignView
 from sindyjoint.reporting.results.comparison import ComparisonView
@@ -23,12 +23,7 @@ from sindyjoint.reporting.view import View
 from sindyjoint.workflows.policies import policies
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from matplotlib.figure import Figure
-
-    from sindyjoint.reporting.provenance import Provenance
-    from sindyjoint.reporting.text_table import TextTable
 
 VIEWS: tuple[View[Any, Any], ...] = (
     DiscoveryView(),
@@ -98,8 +93,6 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
     UnknownNameError
         For an unknown kind, or one that the result cannot show.
     """
-    from sindyjoint.reporting.figures.drawing import drawn
-
     view = view_of(result)
     data = view.gather(result)
     kinds = view.figures(data)
@@ -121,17 +114,6 @@ def draw_all(result: Any) -> dict[str, bytes]:
 
     data = view_of(result).gather(result)
     return {kind: figure_bytes(draw(kind, data), "svg") for kind in drawable(data)}
-
-
-def page(result: Any, origin: Provenance, pictures: Mapping[str, bytes], folder: Path | None = None) -> str:
-    """Return the report of a result as one HTML text; see :meth:`View.page`."""
-    view = view_of(result)
-    return view.page(result, view.gather(result), origin, pictures, folder)
-
-
-def tables(result: Any) -> tuple[TextTable, ...]:
-    """Return the tables that people read of a result, each of which gives Markdown and LaTeX."""
-    return view_of(result).tables(result)
 
 
 def show(result: Any) -> None:

@@ -6,14 +6,13 @@ Each text was looked at before it was kept. To renew one after a wanted change: 
 from pathlib import Path
 
 import pytest
-from handmade import ORIGIN, model
+from handmade import ORIGIN, model, page_html
 from handmade_results import comparison, diagnosis, verification
 from test_reporting_page import read
 from test_reporting_results import written
 
 from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
 from sindyjoint.reporting.registry import draw_all, show
-from sindyjoint.reporting.registry import page as page_html
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import typer
+from handmade import page_html
 from handmade_results import diagnosis
 from typer.testing import CliRunner
 
@@ -243,7 +244,6 @@ def test_a_report_of_a_hundred_runs_stays_small(discovery, tmp_path):
 
     from sindyjoint.reporting.provenance import provenance
     from sindyjoint.reporting.registry import draw_all
-    from sindyjoint.reporting.registry import page as page_html
 
     data = gather(discovery)
     many = tuple(

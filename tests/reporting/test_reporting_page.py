@@ -7,13 +7,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from handmade import HOSTILE, ORIGIN, TERMS, model, report_data
+from handmade import HOSTILE, ORIGIN, TERMS, model, page_html, report_data
 
 from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
 from sindyjoint.equation.model import ModelTerm
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.registry import draw_all
-from sindyjoint.reporting.registry import page as page_html
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "report.txt"
 # Elements that fetch, and attributes that name what to fetch.

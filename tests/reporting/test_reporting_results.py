@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import HOSTILE, ORIGIN
+from handmade import HOSTILE, ORIGIN, page_html
 from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
 from test_reporting_page import read
@@ -17,7 +17,6 @@ from sindyjoint.reporting.figures.verification import KEPT_SAMPLES, thinned
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.registry import draw, draw_all, drawable, kinds_of
-from sindyjoint.reporting.registry import page as page_html
 from sindyjoint.reporting.saved import load_results, saved_text
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.workflows.comparison import Comparison

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
-from sindyjoint.reporting.data import ReportData, gather
+from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.equation import split_symbol
 from sindyjoint.reporting.figures.residuals import nothing
 from sindyjoint.reporting.style import (
@@ -30,6 +28,8 @@ from sindyjoint.reporting.units import quantities
 from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from sindyjoint.discovery.frequency import FrequencyTest
     from sindyjoint.workflows.comparison import Comparison
 
@@ -38,9 +38,8 @@ EQUIVALENCE = 0.10
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
-def path(result: Any, ax: Axes) -> Axes:
+def path(data: ReportData, ax: Axes) -> Axes:
     """Draw the residual and the held-out error over the number of terms kept, and the chosen model."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     if not data.path:
         return nothing(ax, data.selection_reason)
@@ -67,6 +66,8 @@ def path(result: Any, ax: Axes) -> Axes:
     ax.set_yscale("log")
     ax.set_xlabel("Terms kept")
     ax.set_ylabel(f"RMS ({unit})")
+    from matplotlib.ticker import MaxNLocator, NullLocator
+
     ax.yaxis.set_minor_locator(NullLocator())
     ax.set_title("Path of models" + _chosen_note(data, size, "dotted"))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -74,9 +75,8 @@ def path(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def threshold(result: Any, ax: Axes) -> Axes:
+def threshold(data: ReportData, ax: Axes) -> Axes:
     """Draw how many terms survive a threshold on what each carries alone."""
-    data = gather(result)
     if not data.path:
         return nothing(ax, data.selection_reason)
     size = np.array([len(step.terms) for step in data.path])
@@ -93,14 +93,15 @@ def threshold(result: Any, ax: Axes) -> Axes:
     ax.set_xlabel("Threshold (share of RMS carried alone)")
     ax.set_ylabel("Terms kept")
     ax.set_title("Terms over the threshold" + _chosen_note(data, size, "shaded"))
+    from matplotlib.ticker import LogLocator, NullLocator
+
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(LogLocator(numticks=7))
     return ax
 
 
-def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
+def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
     """Draw one coefficient for each frequency alone, with 95 % intervals, a ±10 % band and the paper's values."""
-    data = gather(result)
     ids = data.model.ids
     index = ids.index(term) if term else 0
     item = data.model.terms[index]
@@ -158,9 +159,8 @@ def _estimates(
     _room(ax, values, errors, centre, shown)
 
 
-def covariance(result: Any, ax: Axes) -> Axes:
+def covariance(data: ReportData, ax: Axes) -> Axes:
     """Draw the correlation of the coefficients' errors."""
-    data = gather(result)
     model = data.model
     if not model.terms:
         return nothing(ax, "no terms, no covariance")

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
-from sindyjoint.reporting.data import Loop, ReportData, gather
+from sindyjoint.reporting.data import Loop, ReportData
 from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.style import DASHES, INK, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 MOST_LOOPS = 6
 
 
-def loops(result: Any, ax: Axes, group: str | None = None) -> Axes:
+def loops(data: ReportData, ax: Axes, group: str | None = None) -> Axes:
     """Draw measured moment–angle loops (colours) and the model over them (black dots).
 
     Parameters
     ----------
-    result : Discovery or ReportData
+    data : ReportData
     ax : matplotlib Axes
     group : str, optional
         Label of a frequency, as :func:`loop_groups` gives it; ``None``: all runs.
@@ -30,7 +32,6 @@ def loops(result: Any, ax: Axes, group: str | None = None) -> Axes:
     matplotlib Axes
         The same.
     """
-    data = gather(result)
     groups = loop_groups(data)
     chosen = list(data.loops) if group is None else groups[group]
     chosen = spread(chosen, MOST_LOOPS)

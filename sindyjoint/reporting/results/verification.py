@@ -26,6 +26,9 @@ from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import Verification
 from sindyjoint.text import percent
 
+# Of each run, as it is.
+PRINTED = ("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference")
+
 
 class VerificationView(View[Verification, Verification]):
     """A verification."""
@@ -51,11 +54,7 @@ class VerificationView(View[Verification, Verification]):
         record["reason"], record["tolerance"] = result.reason, result.tolerance
         for entry, run in zip(record["runs"], result.runs, strict=True):
             entry |= {
-                "drive": run.drive,
-                "channel": run.channel,
-                "noise_floor": run.noise_floor,
-                "amplitude_rms_error": run.amplitude_rms_error,
-                "mean_period_difference": run.mean_period_difference,
+                **{name: getattr(run, name) for name in PRINTED},
                 "failure": run.failure or None,
                 "cycles": {
                     name: None
