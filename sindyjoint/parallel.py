@@ -252,7 +252,9 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
         with _dask(workers, cluster) as client:
             yield _Dask(client)
     elif jobs == 1:
-        yield _here.get() or _Serial()
+        # Once for all tasks: looking for the libraries takes milliseconds.
+        with single_threaded():
+            yield _here.get() or _Serial()
     else:
         with _processes():
             yield _Joblib(jobs)

@@ -213,6 +213,8 @@ def _sampled_base(tiles: Tiles, run: Sequence[Rows]) -> Base | None:
     share = -(-SAMPLE // len(run))
     spread = [block[:: max(1, block.y.size // share)] for block in run]
     stacked = np.concatenate([tiles.columns(*_signals(rows[:share])) for rows in spread], axis=1).T
+    if not np.isfinite(stacked).all():
+        raise InputError("a term or the target has no finite value")
     return Base.of(Factor.of(stacked[:, :-1], stacked[:, -1]))
 
 
