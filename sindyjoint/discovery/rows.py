@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import check_array
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor
@@ -88,25 +89,61 @@ def gather(
     X_replicate, y_replicate : array_like, optional
         The same rows as each block alone gives them.
     """
-    other = None if X_replicate is None else np.asarray(X_replicate, dtype=np.float64)
+    columns = state_columns(terms, X)
+    other = None if X_replicate is None else state_columns(terms, np.asarray(X_replicate, dtype=np.float64))
+    ids = tuple(term.id for term in terms)
+    return gather_columns(ids, columns, y, labels, weight, other, y_replicate)
+
+
+def gather_columns(
+    ids: Sequence[str],
+    columns: Array,
+    y: Array,
+    labels: RowLabels,
+    weight: Array | None = None,
+    columns_replicate: Array | None = None,
+    y_replicate: ArrayLike | None = None,
+) -> Evidence:
+    """Return the factors of every run and block of columns that are there, shape (n, p); else as :func:`gather`."""
+    replicates = columns if columns_replicate is None else columns_replicate
     replicate_target = y if y_replicate is None else np.asarray(y_replicate, dtype=np.float64)
     runs = []
     for run in labels.run_names:
-        rows = labels.run == run
-        columns, target = state_columns(terms, X[rows]), y[rows]
+        rows = np.flatnonzero(labels.run == run)
         w = None if weight is None else weight[rows]
-        replicate = columns if other is None else state_columns(terms, other[rows])
         block = labels.block[rows]
         parts = tuple(
             Factor.of(
-                replicate[block == b],
-                replicate_target[rows][block == b],
+                replicates[rows[block == b]],
+                replicate_target[rows[block == b]],
                 None if w is None else w[block == b],
             )
             for b in np.unique(block)
         )
-        runs.append(RunEvidence(str(run), str(labels.group[rows][0]), Factor.of(columns, target, w), parts))
-    return Evidence(tuple(term.id for term in terms), tuple(runs))
+        pooled = Factor.of(columns[rows], y[rows], w)
+        runs.append(RunEvidence(str(run), str(labels.group[rows[0]]), pooled, parts))
+    return Evidence(tuple(ids), tuple(runs))
+
+
+def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float64] | None:
+    """Return the weights of rows as an array; a number weighs every row alike."""
+    if sample_weight is None:
+        return None
+    weight = check_array(
+        np.full(count, sample_weight) if isinstance(sample_weight, int | float) else sample_weight,
+        dtype=np.float64,
+        ensure_2d=False,
+        input_name="sample_weight",
+    )
+    if weight.shape != (count,):
+        raise InputError(
+            f"sample_weight has shape {weight.shape}; one weight for each row is expected, ({count},)"
+        )
+    if not np.any(weight):
+        raise InputError("sample_weight is zero for every row; at least one row must count")
+    if np.any(weight < 0):
+        raise InputError(f"sample_weight holds {weight.min():g}; weights that are not negative are expected")
+    return weight
 
 
 def state_columns(terms: Sequence[ResolvedTerm], X: Array) -> Array:
