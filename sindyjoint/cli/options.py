@@ -8,19 +8,10 @@ from typing import Annotated
 
 import typer
 
-
-class Method(StrEnum):
-    """How the path of models is made."""
-
-    stlsq = "stlsq"
-    best_subset = "best_subset"
-    backward = "backward"
-    coefficient_stlsq = "coefficient_stlsq"
-    sr3 = "sr3"
-    ssr = "ssr"
-    frols = "frols"
-    ensemble = "ensemble"
-    lasso_lars = "lasso_lars"
+METHODS = (
+    "stlsq", "best_subset", "backward", "coefficient_stlsq", "sr3", "ssr", "frols", "ensemble", "lasso_lars",
+)  # fmt: skip
+"""Ways to make the path of models, as discovery has them."""
 
 
 class Selection(StrEnum):
@@ -61,7 +52,13 @@ CandidatesOption = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-MethodOption = Annotated[Method, typer.Option(help="How the path of models is made.")]
+MethodOption = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help=f"How the path of models is made: {', '.join(METHODS)}; or pysindy:NAME for an optimizer of pysindy.",
+    ),
+]
 SelectionOption = Annotated[Selection, typer.Option(help="How one model of the path is chosen.")]
 ThresholdOption = Annotated[
     float | None,

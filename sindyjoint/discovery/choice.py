@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sindyjoint.discovery.evidence import Evidence
-from sindyjoint.discovery.methods import METHODS, column_path
+from sindyjoint.discovery.methods import check_method, column_path
 from sindyjoint.discovery.selection import (
     LEAST_SHARE,
     SIGNIFICANT,
@@ -31,8 +31,8 @@ class SelectionRules:
 
     Parameters
     ----------
-    method : str
-        One of :data:`sindyjoint.discovery.methods.METHODS`.
+    method : str or optimizer of pysindy
+        As :func:`sindyjoint.discovery.methods.column_path` takes it.
     selection : {"evidence", "one_standard_error"}
         How the threshold is chosen where ``threshold`` is None.
     threshold : float, optional
@@ -48,7 +48,7 @@ class SelectionRules:
     random_state : int, Generator or None
     """
 
-    method: str = "stlsq"
+    method: Any = "stlsq"
     selection: str = "evidence"
     threshold: float | None = None
     significance: float = SIGNIFICANT
@@ -59,8 +59,7 @@ class SelectionRules:
 
     def check(self) -> None:
         """Refuse a method, a selection or a number that there is not: UnknownNameError, InputError."""
-        if self.method not in METHODS:
-            raise UnknownNameError(f"method is {self.method!r}; one of {', '.join(METHODS)} is expected")
+        check_method(self.method)
         if self.selection not in SELECTIONS:
             raise UnknownNameError(
                 f"selection is {self.selection!r}; one of {', '.join(SELECTIONS)} is expected"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,10 +13,11 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from sindyjoint.discovery.choice import SelectionRules
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
+from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.rows import RowLabels, gather, row_weights, state_columns
 from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT
-from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue, load_catalogue
+from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
@@ -31,11 +31,13 @@ class JointRegressor(RegressorMixin, BaseEstimator):
 
     Parameters
     ----------
-    library : str, Path, Catalogue, or sequence of these
-        Candidate terms: names of shipped catalogues, paths of TOML files, or catalogues.
-    method : str
-        How the path of models is made: ``"stlsq"`` (sequentially thresholded least squares on unique shares) or any
-        other of :data:`sindyjoint.discovery.methods.METHODS`.
+    library : str, Path, Catalogue, feature library of pysindy, or sequence of these
+        Candidate terms: names of shipped catalogues, paths of TOML files, catalogues, or libraries of features of
+        (θ, θ̇).
+    method : str or optimizer of pysindy
+        How the path of models is made: ``"stlsq"`` (sequentially thresholded least squares on unique shares), any
+        other of :data:`sindyjoint.discovery.methods.METHODS`, ``"pysindy:NAME"``, or an optimizer: of these the sets
+        of terms that they pass through.
     selection : {"evidence", "one_standard_error"}
         How the threshold is chosen where ``threshold`` is None.
     threshold : float, optional
@@ -90,8 +92,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
 
     def __init__(
         self,
-        library: str | Path | Catalogue | Sequence[str | Path | Catalogue] = "extended",
-        method: str = "stlsq",
+        library: Any = "extended",
+        method: Any = "stlsq",
         selection: str = "evidence",
         threshold: float | None = None,
         significance: float = SIGNIFICANT,
@@ -246,7 +248,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 raise InputError(f"fixed: {term!r} is {value!r}; a finite coefficient is wanted")
 
     def _catalogue(self, with_inertia: bool) -> Catalogue:
-        catalogue = as_catalogue(self.library)
+        catalogue = catalogue_of(self.library)
         if with_inertia and "inertia" not in catalogue:
             catalogue = catalogue.union(load_catalogue("inertia"))
         elif not with_inertia and "inertia" in catalogue:

@@ -55,8 +55,8 @@ class UniqueShareSTLSQ(BaseOptimizer):
         The rows as each block alone gives them (columns and target); their scatter carries the noise of the state.
     feature_names : sequence of str, optional
         Names of the columns.
-    method : str
-        How the path of models is made: ``"stlsq"`` or any other of :data:`sindyjoint.discovery.methods.METHODS`.
+    method : str or optimizer of pysindy
+        How the path of models is made, as of :class:`~sindyjoint.JointRegressor`.
     random_state : int, Generator or None
         For methods that resample.
 
@@ -103,7 +103,7 @@ class UniqueShareSTLSQ(BaseOptimizer):
         blocks: ArrayLike | None = None,
         replicate: tuple[ArrayLike, ArrayLike] | None = None,
         feature_names: Sequence[str] | None = None,
-        method: str = "stlsq",
+        method: Any = "stlsq",
         random_state: Any = None,
     ):
         super().__init__(unbias=False)
