@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-TERMS = ("linear_stiffness", "quadratic_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction")
+from sindyjoint.paper import TERMS
+
 THRESHOLDS = np.geomspace(1e-3, 1.0, 31)
 
 

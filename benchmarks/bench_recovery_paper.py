@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-TERMS = ("linear_stiffness", "quadratic_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction")
+from sindyjoint.paper import TERMS
 
 
 def one(joint: str, noise: float, seed: int) -> dict[str, Any]:

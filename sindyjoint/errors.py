@@ -58,7 +58,3 @@ class SimulationError(SindyJointError, ArithmeticError):
     def __init__(self, message: str, time: float | None = None):
         super().__init__(message)
         self.time = time
-
-
-class SindyJointWarning(UserWarning):
-    """Base of every warning of this package."""

@@ -15,6 +15,7 @@ TERMS = (
     "coulomb_friction",
 )
 SYMBOLS = ("k1", "k2", "k3", "c1", "M_F")
+PARAMETERS = dict(zip(TERMS, SYMBOLS, strict=True))  # as a PaperLaw has them
 UNITS = ("N*m/rad", "N*m/rad^2", "N*m/rad^3", "N*m*s/rad", "N*m")
 FREQUENCIES = (3.0, 4.0, 5.0, 6.0)  # Hz
 

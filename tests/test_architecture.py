@@ -27,10 +27,10 @@ ALLOWED = {
     "equation": BASE,
     "mechanics": DOOR,  # rigs are read from files
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
-    "response": RESPONDS - {"discovery", "response"},
+    "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "bias": RESPONDS,
     "soundness": RESPONDS,
-    "diagnosis": DIAGNOSES - {"diagnosis"},
+    "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "batch": EXPLAINS,
     "workflows": DIAGNOSES | {"paper", "batch"},
 }

@@ -19,15 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.batch.policy import POLICY
 from sindyjoint.errors import InputError
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.05
-# With fewer joints neither a scatter nor a trend can be told from chance.
-FEWEST_JOINTS = 5
-# Joints that the robust distribution makes less likely than three standard deviations do not join the first estimate.
-REJECTED = 0.0027
 EFFICIENCY = 0.37
 ROUNDING = 1e-12
 ROUNDS = 20
@@ -67,7 +63,7 @@ class Trend:
     @property
     def significant(self) -> bool:
         """Whether it stands at 5 % over all that was looked for."""
-        return self.p_adjusted < LEVEL
+        return self.p_adjusted < POLICY.level
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,7 @@ class Scatter:
     @property
     def outliers(self) -> tuple[int, ...]:
         """Numbers of the joints that stand out at 5 % over all."""
-        return tuple(i for i, p in enumerate(self.p_adjusted) if p < LEVEL)
+        return tuple(i for i, p in enumerate(self.p_adjusted) if p < POLICY.level)
 
 
 @dataclass(frozen=True)
@@ -147,7 +143,7 @@ def population(
             x = known[best.covariate]
             # A joint whose covariate is not known cannot be judged about the trend.
             y = y - best.slope * (x - np.nanmean(x))
-        distribution = _robust(y, s, LEVEL / max(len(data), 1))
+        distribution = _robust(y, s, POLICY.level / max(len(data), 1))
         scatters.append((name, best, distribution))
         left.append(distribution[4])
     adjusted = holm(np.concatenate(left)) if left else np.empty(0)
@@ -174,20 +170,20 @@ def _robust(y: Array, s: Array, level: float) -> tuple[float, float, float, Arra
     """Return mean, its error, τ, modified z-scores and p-values of the joints; ``level`` for all of them together."""
     here = np.flatnonzero(np.isfinite(y))
     scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
-    if here.size < FEWEST_JOINTS:
+    if here.size < POLICY.fewest_joints:
         mean = float(np.mean(y[here])) if here.size else float("nan")
         return mean, float("nan"), float("nan"), scores, p
     v, e = y[here], s[here]
     centre = float(np.median(v))
     first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
     # The median and its deviations know as much of a normal sample as 37 % of it would by mean and variance.
-    kept = _two_sided(first, EFFICIENCY * (v.size - 1)) > REJECTED
+    kept = _two_sided(first, EFFICIENCY * (v.size - 1)) > POLICY.rejected
     for _ in range(ROUNDS):
         mean, error, tau = random_effects(v[kept], e[kept])
         z, p_here = _judged(v, e, kept)
         # Whoever the others' distribution does not rule out joins them: rejecting more would make it too narrow.
         joined = p_here > level / v.size
-        if np.array_equal(joined, kept) or joined.sum() < FEWEST_JOINTS - 1:
+        if np.array_equal(joined, kept) or joined.sum() < POLICY.fewest_joints - 1:
             break
         kept = joined
     scores[here], p[here] = z, p_here
@@ -253,7 +249,7 @@ def _trends(data: Mapping[str, tuple[Array, Array]], covariates: Mapping[str, Ar
     for name, (y, s) in data.items():
         for covariate, x in covariates.items():
             use = np.isfinite(y) & np.isfinite(x)
-            if use.sum() < FEWEST_JOINTS + 1 or np.unique(x[use]).size < 3:
+            if use.sum() < POLICY.fewest_joints + 1 or np.unique(x[use]).size < 3:
                 continue
             slope, error, level, degrees = robust_line(x[use], y[use], s[use])
             p = float(_two_sided(np.array([slope / error]), degrees)[0]) if error > 0 else 1.0

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.batch.population import FEWEST_JOINTS, Population, population
+from sindyjoint.batch.policy import POLICY
+from sindyjoint.batch.population import Population, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
@@ -304,9 +305,9 @@ def _notes(
             f"{len(found) - len(compared)} joint(s) of the other kind of motion are listed, not compared: their "
             "coefficients have other units"
         )
-    if len(compared) < FEWEST_JOINTS:
+    if len(compared) < POLICY.fewest_joints:
         notes.append(
-            f"{len(compared)} joint(s) with a model: outliers are looked for among {FEWEST_JOINTS} or more"
+            f"{len(compared)} joint(s) with a model: outliers are looked for among {POLICY.fewest_joints} or more"
         )
     names = [record.joint["name"] for record in found]
     if len(names) > 1 and len(set(names)) == 1 and all(record.joint["serial"] is None for record in found):

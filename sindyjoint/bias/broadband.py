@@ -7,27 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.bias.policy import POLICY
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
-from sindyjoint.states.broadband import SIGNAL_TO_NOISE, smoothing_kernels
+from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.mask import moving_mask
+from sindyjoint.states.policy import POLICY as STATES
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
-
-# A twin that moves otherwise than the joint did tells nothing about it: RMS of the difference of both angles, smoothed,
-# relative to that of the angle.
-FAR = 0.15
-# The drive's band must end below this share of the angle's.
-DRIVE_BAND = 0.8
-# A mass in front of the joint is looked for above this share of the angle's band; from which correlation it is seen.
-HIGH_BAND, SEEN = 0.5, 0.5
-# The angle's main lines have this share of the largest density; a mass is looked for beyond so many times the highest.
-MAIN_LINES, BEYOND = 0.01, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +106,7 @@ def broadband_twin(law: Law, run: Run, state: ForceStates) -> BroadbandTwin:
     motion = None
     if moved is not None:
         motion = _smoothed([moved[0], moved[1]] if measured else [moved[0]], kernels)
-        if np.std(motion[0] - state.angle[inner]) > FAR * np.std(state.angle[inner]):
+        if np.std(motion[0] - state.angle[inner]) > POLICY.largest_difference * np.std(state.angle[inner]):
             motion = None
     if moved is None or motion is None:
         moment, _ = transfer_moment(
@@ -188,8 +180,8 @@ def inertia_in_front(state: ForceStates, moment: Array) -> float:
     segment = int(min(state.n_samples, max(256, state.n_samples // 4)))
     frequency, density = welch(state.angle, state.sample_rate, window="blackmanharris", nperseg=segment)
     # Where the joint was moved on purpose, stiffness looks like a mass: only what it does beyond that counts.
-    driven = float(frequency[np.flatnonzero(density > MAIN_LINES * density.max())[-1]])
-    edge = max(HIGH_BAND * state.bandwidth, BEYOND * driven)
+    driven = float(frequency[np.flatnonzero(density > POLICY.main_line * density.max())[-1]])
+    edge = max(POLICY.inertia_band * state.bandwidth, POLICY.beyond_lines * driven)
     if edge > 0.9 * state.bandwidth:
         return 0.0
     low = smoothing_kernels(edge, state.sample_rate)[0]
@@ -201,7 +193,7 @@ def inertia_in_front(state: ForceStates, moment: Array) -> float:
         for signal in (state.acceleration, moment)
     )
     both, size = -float(x @ y), float(np.linalg.norm(x) * np.linalg.norm(y))
-    return float(y @ y) / both if size > 0 and both > SEEN * size else 0.0
+    return float(y @ y) / both if size > 0 and both > POLICY.inertia_correlation * size else 0.0
 
 
 def _drive_bandwidth(drive: Array, state: ForceStates, front: float) -> float | None:
@@ -217,8 +209,8 @@ def _drive_bandwidth(drive: Array, state: ForceStates, front: float) -> float | 
     )
     white = 2 / state.sample_rate  # one-sided density of white noise of variance one
     floor = white * (state.noise.moment**2 + (front * (2 * np.pi * frequency) ** 2 * state.noise.angle) ** 2)
-    above = np.flatnonzero(density > SIGNAL_TO_NOISE * floor)
+    above = np.flatnonzero(density > STATES.signal_to_noise * floor)
     last = int(above[-1]) + 1 if above.size else 0
-    if not last or last >= frequency.size or frequency[last] >= DRIVE_BAND * state.bandwidth:
+    if not last or last >= frequency.size or frequency[last] >= POLICY.drive_band * state.bandwidth:
         return None
     return float(frequency[last])

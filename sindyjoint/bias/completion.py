@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.periodic import PeriodicTwin
+from sindyjoint.bias.policy import POLICY
 from sindyjoint.bias.replicates import make_twins
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.record import Run
@@ -22,11 +23,6 @@ from sindyjoint.states import ForceStates, Harmonics
 from sindyjoint.states.harmonics import HarmonicBasis
 
 Array = NDArray[np.float64]
-
-# Share of the moment's RMS that the inertia's moment of these harmonics must have before they are exchanged.
-MATTERS = 0.01
-# Standard errors from which a harmonic is the measured one.
-STRONG = 10.0
 
 
 def completed_states(
@@ -48,7 +44,7 @@ def completed_states(
     """
     whole = sum(float(np.sum(s.moment[s.moving] ** 2)) for s in states)
     inertial = sum(float(np.sum((law.inertia * s.acceleration[s.moving]) ** 2)) for s in states)
-    if inertial < (2 * MATTERS) ** 2 * whole:
+    if inertial < (2 * POLICY.completion_matters) ** 2 * whole:
         # Weak harmonics are no more than half of the acceleration: there is no need to simulate anything.
         return None
     twins = make_twins(law, runs, states)
@@ -62,7 +58,7 @@ def completed_states(
                 np.sum((law.inertia * (better.acceleration - state.acceleration)[moving]) ** 2)
             )
         changed.append(better)
-    return None if exchanged < MATTERS**2 * whole else tuple(changed)
+    return None if exchanged < POLICY.completion_matters**2 * whole else tuple(changed)
 
 
 def _completed(state: ForceStates, twin: PeriodicTwin) -> ForceStates:
@@ -72,7 +68,7 @@ def _completed(state: ForceStates, twin: PeriodicTwin) -> ForceStates:
     kept = state.series[0]
     basis = HarmonicBasis.build(time, frequency, kept.orders)
     _, a, b = basis.fit(state.angle)
-    strong = np.hypot(a, b) > STRONG * kept.standard_error
+    strong = np.hypot(a, b) > POLICY.harmonic_as_measured * kept.standard_error
     strong[0] = True
     measured = Harmonics(kept.orders[strong], kept.standard_error[strong])
     n = twin.moment.size

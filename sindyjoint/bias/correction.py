@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.bias.policy import POLICY
 from sindyjoint.bias.replicates import Twin, make_twins
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.model import JointModel
@@ -30,8 +31,6 @@ from sindyjoint.states.rows import group_labels
 Array = NDArray[np.float64]
 
 PAIRS = 4
-# The bias is itself measured on a twin with the model's coefficients, not the joint's: a part of it stays in doubt.
-DOUBT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,9 +198,9 @@ def corrected_model(
             continue
         at = bias.ids.index(term.id)
         shift = float(bias.pooled[at])
-        extra = float(bias.pooled_error[at]) ** 2 + (DOUBT * shift) ** 2
+        extra = float(bias.pooled_error[at]) ** 2 + (POLICY.uncertain_share * shift) ** 2
         if moved is not None:
-            extra += (DOUBT * float(moved[at])) ** 2
+            extra += (POLICY.uncertain_share * float(moved[at])) ** 2
         error = float(np.sqrt(term.standard_error**2 + extra))
         half = term.interval95[1] - term.coefficient
         half *= error / term.standard_error if term.standard_error > 0 else 0.0

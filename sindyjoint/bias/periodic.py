@@ -13,14 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.bias.policy import POLICY
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, Harmonics
-from sindyjoint.states.harmonics import SIGNIFICANT, significant_harmonics
+from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.mask import moving_mask
+from sindyjoint.states.policy import POLICY as STATES
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -29,12 +31,6 @@ LEAST_POINTS = 256  # per period: a mask of one sample less than a real run has 
 LEAST_DRIVE_POINTS = 512
 # Periods that are simulated at a time, how often at most, and by how much the last two may differ, relative to the RMS.
 PERIODS, ROUNDS, SETTLED = 4, 6, 3e-4
-# A twin that moves otherwise than the joint did tells nothing about it. Its harmonics beyond the first, weighted as in
-# the acceleration, may differ from the measured ones by their errors and a quarter of their size (squared: 0.06).
-LIKENESS, SHARE_OFF, FUNDAMENTAL_OFF = 2.0, 0.06, 0.2
-# Correlation of acceleration and moment, harmonics beyond the first, from which a mass is seen in front of the joint;
-# and in standard errors of a correlation of as many numbers: two or three harmonics agree by chance.
-SEEN, SEEN_ERRORS = 0.5, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,13 +152,15 @@ def kept_shift(ratio: Array) -> Array:
     """
     from scipy.special import ive
 
-    a = np.minimum(np.abs(ratio), SIGNIFICANT + 10.0)[:, None]
-    r = SIGNIFICANT + (np.arange(160) + 0.5) / 16
-    r = np.maximum(r, r + a - SIGNIFICANT - 5.0)
+    a = np.minimum(np.abs(ratio), STATES.harmonic_significance + 10.0)[:, None]
+    r = STATES.harmonic_significance + (np.arange(160) + 0.5) / 16
+    r = np.maximum(r, r + a - STATES.harmonic_significance - 5.0)
     density = r * np.exp(-((r - a) ** 2) / 2) * ive(0, r * a)
     along = r * ive(1, r * a) / ive(0, r * a) - a
     total = density.sum(axis=1)
-    return np.where(np.abs(ratio) > SIGNIFICANT + 5, 0.0, (along * density).sum(axis=1) / total)
+    return np.where(
+        np.abs(ratio) > STATES.harmonic_significance + 5, 0.0, (along * density).sum(axis=1) / total
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +210,9 @@ def inertia_in_front(spectra: Sequence[Spectrum], states: Sequence[ForceStates])
         moments.append(spectrum.moment[orders - 1])
     x, y = np.concatenate(accelerations), np.concatenate(moments)
     both, size = -float(np.real(np.vdot(x, y))), float(np.linalg.norm(x) * np.linalg.norm(y))
-    least = max(SEEN, SEEN_ERRORS / np.sqrt(2 * x.size)) if x.size else 1.0
+    least = (
+        max(POLICY.inertia_correlation, POLICY.inertia_significance / np.sqrt(2 * x.size)) if x.size else 1.0
+    )
     return float(np.linalg.norm(y)) ** 2 / both if size > 0 and both > least * size else 0.0
 
 
@@ -329,9 +329,9 @@ def _alike(twin: Complex, state: ForceStates, spectrum: Spectrum) -> bool:
     measured[: spectrum.angle.size] = spectrum.angle[:most]
     error = np.interp(orders, state.series[0].orders, state.series[0].standard_error)
     # A harmonic that was not kept is known only to have been below the limit.
-    error = np.where(measured[1:] == 0, SIGNIFICANT / np.sqrt(2), 1.0) * error
+    error = np.where(measured[1:] == 0, STATES.harmonic_significance / np.sqrt(2), 1.0) * error
     weight = orders**4
     off = float(weight @ np.abs(twin[2 : most + 1] - measured[1:]) ** 2)
-    allowed = float(weight @ (2 * error**2 + SHARE_OFF * np.abs(twin[2 : most + 1]) ** 2))
-    first = abs(twin[1] - spectrum.angle[0]) <= FUNDAMENTAL_OFF * abs(spectrum.angle[0])
-    return first and off <= LIKENESS * allowed
+    allowed = float(weight @ (2 * error**2 + POLICY.harmonic_model_error * np.abs(twin[2 : most + 1]) ** 2))
+    first = abs(twin[1] - spectrum.angle[0]) <= POLICY.fundamental_difference * abs(spectrum.angle[0])
+    return first and off <= POLICY.likeness * allowed

@@ -19,8 +19,10 @@ def main(arguments: list[str] | None = None) -> None:
     import typer
 
     from sindyjoint.cli.app import app
+    from sindyjoint.cli.encoding import spell_output
     from sindyjoint.errors import SindyJointError
 
+    spell_output()
     # typer may carry a click of its own: its public names lead to the classes that it raises.
     usage_error: type[Exception]
     click_error: type[Exception]

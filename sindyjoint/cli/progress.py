@@ -46,7 +46,10 @@ class Progress:
         if self._spins:
             from rich.console import Console
 
-            self._status = Console(stderr=True).status("starting")
+            console = Console(stderr=True)
+            self._status = console.status(
+                "starting", spinner="line" if console.options.ascii_only else "dots"
+            )
             self._status.start()
         self.say("starting")
         return self

@@ -8,9 +8,8 @@ from typing import Any
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.methods import check_method, column_path
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.selection import (
-    LEAST_SHARE,
-    SIGNIFICANT,
     Selection,
     choose_by_evidence,
     choose_by_one_standard_error,
@@ -19,9 +18,6 @@ from sindyjoint.discovery.selection import (
 )
 from sindyjoint.errors import InputError, UnknownNameError
 
-# What noise of a smoothed motion feigns grows with the noise. In low-passed virtual tests at 5 % noise most terms that
-# were not there carried below 0.13 of the residual alone, and nearly all true ones above 0.2.
-SHARE_OF_RESIDUAL = 0.15
 SELECTIONS = ("evidence", "one_standard_error")
 
 
@@ -51,8 +47,8 @@ class SelectionRules:
     method: Any = "stlsq"
     selection: str = "evidence"
     threshold: float | None = None
-    significance: float = SIGNIFICANT
-    least_share: float = LEAST_SHARE
+    significance: float = POLICY.term_significance
+    least_share: float = POLICY.least_share
     forced: Sequence[str] = ()
     signs: Mapping[str, int] = field(default_factory=dict)
     random_state: Any = None
@@ -101,7 +97,7 @@ def choose(evidence: Evidence, rules: SelectionRules, shared_motion: bool = Fals
         return choose_by_one_standard_error(path, signs), least
     if shared_motion:
         residual = path[0].fit.residual_rms / evidence.target_rms
-        least = max(least, SHARE_OF_RESIDUAL * residual)
+        least = max(least, POLICY.share_of_residual * residual)
     return choose_by_evidence(path, rules.significance, least, forced, signs), least
 
 

@@ -88,10 +88,6 @@ class CrossValidation:
         """Whether every fold keeps the same terms."""
         return len({fold.kept for fold in self.folds}) == 1
 
-    def kept_by(self, term_id: str) -> int:
-        """Return how many folds keep a term."""
-        return sum(term_id in fold.kept for fold in self.folds)
-
 
 def cross_validate(
     evidence: Evidence,

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import Reference, term_columns
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
-LIMIT = 0.02  # s; beyond that it is not a skew of channels
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Skew:
     @property
     def significant(self) -> bool:
         """Whether it stands five standard errors out, and by more than 0.02 ms, the method's own error."""
-        return abs(self.time) > max(5 * self.standard_error, 2e-5)
+        return abs(self.time) > max(POLICY.delay_significance * self.standard_error, POLICY.least_delay)
 
 
 def shifted(states: ForceStates, time: float) -> ForceStates:
@@ -105,7 +105,7 @@ def estimate_skew(
         evidence = _linearised([shifted(s, time) for s in states], terms, inertia, stride)
         fit = fit_columns(evidence, range(len(terms) + 1))
         step, error = float(fit.coefficients[-1]), float(fit.standard_errors[-1])
-        time = float(np.clip(time + step, -LIMIT, LIMIT))
+        time = float(np.clip(time + step, -POLICY.longest_delay, POLICY.longest_delay))
         if abs(step) < 0.05 * error:
             break
     return Skew(time, error)

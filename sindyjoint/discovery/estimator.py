@@ -15,8 +15,8 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, gather, row_weights, state_columns
-from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
@@ -96,8 +96,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         method: Any = "stlsq",
         selection: str = "evidence",
         threshold: float | None = None,
-        significance: float = SIGNIFICANT,
-        least_share: float = LEAST_SHARE,
+        significance: float = POLICY.term_significance,
+        least_share: float = POLICY.least_share,
         forced: Sequence[str] = (),
         forbidden: Sequence[str] = (),
         signs: Mapping[str, int] | None = None,

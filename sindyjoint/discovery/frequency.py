@@ -21,19 +21,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.discovery.evidence import Evidence, fit_columns
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.errors import InputError
 
 Array = NDArray[np.float64]
 Answer = Literal["independent within margin", "depends on frequency", "cannot tell"]
-
-MARGIN = 0.10
-LEVEL = 0.05
-# Risk of calling a change within the margin that is as large as it: a rise by the margin itself passes for less in one
-# of a hundred campaigns. Schuirmann's 5 % would lose one in twenty.
-EQUIVALENCE_LEVEL = 0.01
-# A significant change is told as dependence once it may reach this share of the margin; below, it is told beside the
-# answer: very sharp estimates make changes significant that do not matter.
-NOTABLE = 0.5
 
 
 @dataclass(frozen=True)
@@ -143,7 +135,7 @@ def frequency_test(
     estimates: ArrayLike,
     standard_errors: ArrayLike | None = None,
     degrees: ArrayLike | None = None,
-    margin: float = MARGIN,
+    margin: float = POLICY.frequency_margin,
 ) -> FrequencyTest:
     """Test whether estimates at several frequencies are the same.
 
@@ -213,10 +205,16 @@ def _without_errors(name: str, f: Array, x: Array, margin: float) -> FrequencyTe
     p_trend = _two_sided(slope / error, degrees) if error > 0 else (1.0 if slope == 0 else 0.0)
     change = slope * band / mean if mean else float("nan")
     bound = (
-        (abs(slope) + float(stdtrit(degrees, 1 - LEVEL)) * error) * band / abs(mean) if mean else float("inf")
+        (abs(slope) + float(stdtrit(degrees, 1 - POLICY.frequency_level)) * error) * band / abs(mean)
+        if mean
+        else float("inf")
     )
     spread = float(x.std(ddof=1))
-    doubt = float(stdtrit(degrees, 1 - LEVEL / 2)) * error * band / abs(mean) if mean else float("inf")
+    doubt = (
+        float(stdtrit(degrees, 1 - POLICY.frequency_level / 2)) * error * band / abs(mean)
+        if mean
+        else float("inf")
+    )
     answer, reason = _answer(p_trend, (change, doubt), float("nan"), bound, margin, (f.min(), f.max()))
     nan = float("nan")
     return FrequencyTest(
@@ -256,7 +254,7 @@ def detectable_change(test: FrequencyTest, power: float = 0.8) -> float:
     from scipy.special import stdtrit
 
     degrees = len(test.estimates) - 2 if np.isnan(test.p_homogeneity) else 1e6
-    need = float(stdtrit(degrees, 1 - LEVEL / 2) + stdtrit(degrees, power))
+    need = float(stdtrit(degrees, 1 - POLICY.frequency_level / 2) + stdtrit(degrees, power))
     return need * test.slope_error * (max(test.frequencies) - min(test.frequencies)) / abs(test.mean)
 
 
@@ -278,7 +276,7 @@ def _largest_change(x: Array, s: Array, nu: Array) -> float:
         lower, upper = (ratio * s[i] / x[i]) ** 2, (s[j] / x[i]) ** 2
         variance = lower + upper
         degrees = variance**2 / (lower**2 / nu[i] + upper**2 / nu[j])
-        bounds.append(ratio - 1 + float(stdtrit(degrees, 1 - EQUIVALENCE_LEVEL)) * np.sqrt(variance))
+        bounds.append(ratio - 1 + float(stdtrit(degrees, 1 - POLICY.equivalence_level)) * np.sqrt(variance))
     return float(max(bounds))
 
 
@@ -301,7 +299,7 @@ def _answer(
     trend = f"a trend of {100 * change[0]:+.1f} % ± {100 * change[1]:.1f} %"
     if np.isfinite(spread):
         trend += f", spread beyond the errors {100 * spread:.1f} %"
-    if p < LEVEL and bound >= NOTABLE * margin:
+    if p < POLICY.frequency_level and bound >= POLICY.notable_change * margin:
         within = f"; beyond {100 * bound:.1f} % it is ruled out" if bound < margin else ""
         return "depends on frequency", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:
@@ -309,7 +307,7 @@ def _answer(
             f"every change {tested} beyond {100 * bound:.1f} % is ruled out, which is below the margin of "
             f"{100 * margin:.0f} %"
         )
-        if p < LEVEL:
+        if p < POLICY.frequency_level:
             ruled_out += f"; a smaller one is there, and significant: {trend} (p = {p:.2g})"
         return "independent within margin", ruled_out
     return (

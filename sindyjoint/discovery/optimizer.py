@@ -18,8 +18,9 @@ from sklearn.utils.validation import check_array, check_consistent_length
 from sindyjoint.discovery.choice import SelectionRules, choose
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, gather_columns, row_weights
-from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT, Selection
+from sindyjoint.discovery.selection import Selection
 from sindyjoint.errors import InputError, UnknownNameError
 
 Array = NDArray[np.float64]
@@ -93,8 +94,8 @@ class UniqueShareSTLSQ(BaseOptimizer):
         self,
         threshold: float | None = None,
         selection: str = "evidence",
-        significance: float = SIGNIFICANT,
-        least_share: float = LEAST_SHARE,
+        significance: float = POLICY.term_significance,
+        least_share: float = POLICY.least_share,
         forced: Sequence[Column] = (),
         forbidden: Sequence[Column] = (),
         signs: Mapping[Column, int] | None = None,

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 # Without replicate blocks of its own, a run is cut into this many stretches of consecutive rows.
 STRETCHES = 16
+# What a single run, which has no other to be held out against, is cut into; none of these is the name of a run.
+PARTS = ("part 1", "part 2", "part 3", "part 4")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +52,8 @@ class RowLabels:
             if values is not None and np.shape(values) != (n,):
                 raise InputError(f"{name} has shape {np.shape(values)}; ({n},), one entry per row, is wanted")
         if groups is None and runs is None:
-            # One record: four stretches to hold out, each with its own blocks.
-            stretch = np.arange(n) * 4 // n
-            group = run = stretch
+            # One record: four parts to hold out, each with its own blocks.
+            group = run = np.array(PARTS, dtype=object)[np.arange(n) * len(PARTS) // n]
         else:
             run = np.asarray(groups if runs is None else runs)
             group = np.asarray(runs if groups is None else groups)

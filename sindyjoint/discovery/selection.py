@@ -28,17 +28,10 @@ from sindyjoint.discovery.evidence import (
     left_out_estimates,
 )
 from sindyjoint.discovery.factors import Factor
+from sindyjoint.discovery.policy import POLICY
 
 Array = NDArray[np.float64]
 
-# Five standard errors: among twenty candidates tried at every size, noise alone reaches 4.5 once in some hundred
-# campaigns (measured on simulated joints without them).
-SIGNIFICANT = 5.0
-# A term below two thousandths of the moment's RMS cannot be told from sensor and processing errors.
-LEAST_SHARE = 0.002
-# Between groups a coefficient may vary by half its size (k1 by frequency, say) and still be the same term; with
-# three or four groups the jackknife cannot ask for more.
-CONSISTENT = 2.0
 # Exchanging terms is worth its time only where the model is small enough to be chosen.
 EXCHANGE_BELOW = 13
 # Columns of unit norm whose variances are inflated by more than this are swapped by fits of their own.
@@ -231,8 +224,8 @@ def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ..
 
 def choose_by_evidence(
     path: Sequence[Step],
-    significance: float = SIGNIFICANT,
-    least_share: float = LEAST_SHARE,
+    significance: float = POLICY.term_significance,
+    least_share: float = POLICY.least_share,
     forced: Sequence[int] = (),
     signs: Mapping[int, int] | None = None,
 ) -> Selection:
@@ -279,7 +272,7 @@ def _passes(step: Step, significance: float, least_share: float, forced: Sequenc
     return bool(
         step.fit.t_ratios[judged].min() >= significance
         and step.fit.unique_share[judged].min() >= least_share
-        and step.group_t_ratios[judged].min() >= CONSISTENT
+        and step.group_t_ratios[judged].min() >= POLICY.group_consistency
     )
 
 

@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.best_subset import replicate_subsets
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.selection import LEAST_SHARE, SIGNIFICANT
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.text import spelled
 
 Array = NDArray[np.float64]
 
-# A chosen term that falls below this many standard errors when a candidate joins it cannot be told from it.
-SEPARABLE = 3.0
-# The largest set that replicates may choose: beyond ten terms a law of a joint is no law.
-LARGEST = 9
+# Of unit columns, what is left of one by the others: below the square root of the precision nothing in a Gram matrix.
+ALIKE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +114,9 @@ def bootstrap(
 def inclusion(
     evidence: Evidence,
     replicates: int = 500,
-    significance: float = SIGNIFICANT,
-    least_share: float = LEAST_SHARE,
-    largest: int = LARGEST,
+    significance: float = POLICY.term_significance,
+    least_share: float = POLICY.least_share,
+    largest: int = POLICY.largest_set,
     random_state: Any = None,
 ) -> Inclusion:
     """Return inclusion probabilities of all candidates.
@@ -143,12 +141,12 @@ def inclusion(
     pulls = _score_draws(evidence, [*range(p)], fit, replicates, rng)
     _, norms, target = evidence.pooled.normalised()
     scale = np.append(norms, target)
-    gram = _weighted_grams(evidence, replicates, rng) / np.outer(scale, scale)
+    triangles = _weighted_triangles(evidence, replicates, rng) / scale
+    gram: Array = triangles.transpose(0, 2, 1) @ triangles
     gram[:, :p, p] += pulls / norms / target
     meat = _meat(evidence, [*range(p)], fit) / np.outer(norms, norms) / target**2
-    triangles: Array = np.asarray(np.linalg.cholesky(gram).transpose(0, 2, 1), dtype=np.float64)
     subsets = replicate_subsets(triangles, min(largest, p))
-    chosen = _largest_passing(subsets, gram, meat, fit.degrees, significance, least_share)
+    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, significance, least_share)
     sets: dict[tuple[str, ...], int] = {}
     for row in chosen:
         key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
@@ -169,7 +167,7 @@ def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable
         if candidate in columns:
             continue
         fit = fit_columns(evidence, [*columns, candidate])
-        for position in np.flatnonzero(fit.t_ratios[:-1] < SEPARABLE):
+        for position in np.flatnonzero(fit.t_ratios[:-1] < POLICY.separability):
             others = [c for i, c in enumerate(columns) if i != position]
             correlation = _partial_correlation(evidence, columns[position], candidate, others)
             found.append(
@@ -242,22 +240,25 @@ def _small_sample(fit: Fit) -> float:
     return fit.degrees / max(fit.degrees - len(fit.columns), 1) if fit.degrees else 1.0
 
 
-def _weighted_grams(evidence: Evidence, replicates: int, rng: np.random.Generator) -> Array:
-    """Return [X | y]ᵀ[X | y] of replicates whose runs weigh differently, shape (replicates, p + 1, p + 1).
+def _weighted_triangles(evidence: Evidence, replicates: int, rng: np.random.Generator) -> Array:
+    """Return the factors of replicates whose runs weigh differently, shape (replicates, p + 1, p + 1).
 
-    Exponential weights of mean one, within each group: no replicate loses a level or a frequency altogether.
+    Exponential weights of mean one, within each group: no replicate loses a level or a frequency altogether. The
+    factors are merged as such: candidates that are nearly alike leave a Gram matrix without a Cholesky factor.
     """
-    grams = np.array([run.pooled.triangle.T @ run.pooled.triangle for run in evidence.runs])
     weights = np.empty((replicates, len(evidence.runs)))
     for group in evidence.groups:
         members = [i for i, run in enumerate(evidence.runs) if run.group == group]
         drawn = rng.exponential(size=(replicates, len(members)))
         weights[:, members] = drawn / drawn.mean(axis=1, keepdims=True)
-    return np.einsum("br,rij->bij", weights, grams)
+    parts = np.array([run.pooled.triangle for run in evidence.runs])
+    weighted = (np.vstack(np.sqrt(w)[:, None, None] * parts) for w in weights)
+    return np.array([np.linalg.qr(rows, mode="r") for rows in weighted])
 
 
 def _largest_passing(
     subsets: NDArray[np.bool_],
+    triangles: Array,
     gram: Array,
     meat: Array,
     degrees: int,
@@ -271,7 +272,7 @@ def _largest_passing(
     for size in range(subsets.shape[1] - 1, 0, -1):
         marks = subsets[waiting, size]
         active = np.nonzero(marks)[1].reshape(-1, size)
-        t, share = _t_and_share(gram[waiting], meat, active, degrees)
+        t, share = _t_and_share(triangles[waiting], gram[waiting], meat, active, degrees)
         passes = (t.min(axis=1) >= significance) & (share.min(axis=1) >= least_share)
         chosen[waiting[passes]] = marks[passes]
         waiting = waiting[~passes]
@@ -280,17 +281,28 @@ def _largest_passing(
     return chosen
 
 
-def _t_and_share(gram: Array, meat: Array, active: NDArray[np.intp], degrees: int) -> tuple[Array, Array]:
-    """Return t-ratios and unique shares of one set of columns per replicate, each of shape (replicates, size)."""
+def _t_and_share(
+    triangles: Array, gram: Array, meat: Array, active: NDArray[np.intp], degrees: int
+) -> tuple[Array, Array]:
+    """Return t-ratios and unique shares of one set of columns per replicate, each of shape (replicates, size).
+
+    Both are zero in a set whose columns cannot be told apart to the precision of a Gram matrix.
+    """
     rows, p = np.arange(len(active))[:, None], gram.shape[1] - 1
-    inverse = np.linalg.inv(gram[rows[:, :, None], active[:, :, None], active[:, None, :]])
+    columns = np.take_along_axis(triangles, active[:, None, :], axis=2)
+    factors = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
+    alike = np.abs(np.einsum("bii->bi", factors)).min(axis=1) < ALIKE
+    factors[alike] = np.eye(active.shape[1])
+    root = np.linalg.inv(factors)
+    inverse = root @ root.transpose(0, 2, 1)
     solved = np.einsum("bij,bj->bi", inverse, gram[rows, active, p])
     share = np.abs(solved) / np.sqrt(np.einsum("bii->bi", inverse)) / np.sqrt(gram[:, p, p])[:, None]
     middle = meat[active[:, :, None], active[:, None, :]]
     spread = np.einsum("bij,bjk,bki->bi", inverse, middle, inverse, optimize=True)
     shrink = degrees / max(degrees - active.shape[1], 1) if degrees else 1.0
     with np.errstate(divide="ignore"):
-        return np.abs(solved) / np.sqrt(spread * shrink), share
+        t = np.abs(solved) / np.sqrt(spread * shrink)
+    return np.where(alike[:, None], 0.0, t), np.where(alike[:, None], 0.0, share)
 
 
 def _partial_correlation(evidence: Evidence, first: int, second: int, others: list[int]) -> float:

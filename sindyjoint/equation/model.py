@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 SCHEMA = 1
 INERTIA = "inertia"
-# Beyond the noise, a model may leave this share of the moment's RMS unexplained and still be called a description.
-TOLERATED_MISFIT = 0.05
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.atomic import output_folder, write_bytes
-from sindyjoint.states.periodic import RATE_SHARE
+from sindyjoint.states.policy import POLICY as STATES
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel, ModelTerm
@@ -106,7 +106,7 @@ class Cycles:
     @property
     def moving(self) -> NDArray[np.bool_]:
         """Where the rate is large enough to say on which side friction is: the states that errors are taken over."""
-        return np.abs(self.rate) >= RATE_SHARE * np.abs(self.rate).max(axis=1, keepdims=True)
+        return np.abs(self.rate) >= STATES.periodic_rate_share * np.abs(self.rate).max(axis=1, keepdims=True)
 
     @classmethod
     def of(cls, model: JointModel) -> Cycles:

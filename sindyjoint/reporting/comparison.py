@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.frequency import LEVEL, FrequencyTest
+from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.page import inline_svg, markup, render
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.style import (
@@ -27,7 +29,6 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.text import rounded, spelled
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -170,7 +171,7 @@ def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
         spread = (f"{test.q:.1f}", f"{100 * test.i_squared:.0f} %", _percent(test.tau / abs(test.mean)))
         trend = f"{100 * test.change:+.1f} %".replace("-", "−")
         said: str = test.answer
-        if said == "independent within margin" and test.p_value < LEVEL:
+        if said == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
             said += f"; a change of {trend} is significant"
         answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), said)
         rows.append((spelled(test.name), *values, *spread, *answer))
@@ -191,9 +192,10 @@ def _folds(result: Comparison) -> TextTable:
         for kind, validation in result.left_out.items()
         for fold in validation.folds
     ]
+    single = set(result.left_out) == {"time"}
     return TextTable(
         "left-out",
-        "Without the runs of one frequency or level",
+        "Without one part of the run" if single else "Without the runs of one frequency or level",
         ("left out", "error of its moment", "terms found"),
         tuple(rows),
     )

@@ -319,8 +319,6 @@ def _group_fits(evidence: Evidence, model: JointModel, bias: Bias | None) -> tup
         return ()
     columns = [evidence.ids.index(term) for term in model.ids]
     fits = []
-    # One record is held out in stretches of time that have numbers for names.
-    stretches = all(group.isdigit() for group in evidence.groups)
     for group in evidence.groups:
         alone = Problem(evidence.ids, tuple(run for run in evidence.runs if run.group == group))
         try:
@@ -330,7 +328,7 @@ def _group_fits(evidence: Evidence, model: JointModel, bias: Bias | None) -> tup
             values = errors = np.full(len(columns), np.nan)
         if bias is not None and group in bias.groups:
             values, errors = _unbiased(values, errors, model.ids, bias, bias.groups.index(group))
-        fits.append(GroupFit(f"part {int(group) + 1}" if stretches else group, values, errors))
+        fits.append(GroupFit(group, values, errors))
     return tuple(fits)
 
 
@@ -338,14 +336,16 @@ def _unbiased(
     values: Array, errors: Array, ids: Sequence[str], bias: Bias, group: int
 ) -> tuple[Array, Array]:
     """Take the bias of a group out of its coefficients; their errors grow by what is not known of it."""
-    from sindyjoint.bias.correction import DOUBT
+    from sindyjoint.bias.policy import POLICY as BIAS
 
     known = [i for i, name in enumerate(ids) if name in bias.ids]
     at = [bias.ids.index(ids[i]) for i in known]
     values, errors = values.copy(), errors.copy()
     shift = bias.by_group[group, at]
     values[known] -= shift
-    errors[known] = np.sqrt(errors[known] ** 2 + bias.by_group_error[group, at] ** 2 + (DOUBT * shift) ** 2)
+    errors[known] = np.sqrt(
+        errors[known] ** 2 + bias.by_group_error[group, at] ** 2 + (BIAS.uncertain_share * shift) ** 2
+    )
     return values, errors
 
 

@@ -11,17 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw
+from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 
 Array = NDArray[np.float64]
 
-# The five terms of the paper's law by the names that PaperLaw gives their coefficients.
-PAPER_PARAMETERS = {
-    "linear_stiffness": "k1",
-    "quadratic_stiffness": "k2",
-    "cubic_stiffness": "k3",
-    "linear_damping": "c1",
-    "coulomb_friction": "M_F",
-}
 # The softening limit of a general law is looked for up to this multiple of the largest angle tested.
 LIMIT_REACH = 3.0
 LIMIT_POINTS = 3000

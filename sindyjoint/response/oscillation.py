@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.response.policy import POLICY
+
 Array = NDArray[np.float64]
 
 # Window of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
 WINDOW = 0.35
-# A swing smaller than this many times the noise, or this share of the largest one, is no swing.
-LEAST_SWING = 6.0
-LEAST_SHARE = 0.002
-SUNK_PERIODS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +101,8 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     smooth = savgol_filter(values, width, 3)
     # A cubic over w points leaves 9/(4w) of the noise's variance (its value in the middle).
     least = max(
-        LEAST_SWING * white_noise(values) * np.sqrt(2.25 / width),
-        LEAST_SHARE * float(np.ptp(smooth)),
+        POLICY.half_cycle_significance * white_noise(values) * np.sqrt(2.25 / width),
+        POLICY.least_half_cycle * float(np.ptp(smooth)),
     )
     maxima, _ = find_peaks(smooth, prominence=least)
     minima, _ = find_peaks(-smooth, prominence=least)
@@ -194,7 +192,7 @@ def compare_oscillations(
         return None
     # A vibration that sinks into the noise long before the other has no amplitude from there on; one that merely
     # has fewer swings in the same time is compared swing by swing.
-    sunk = abs(float(a.time[-1] - b.time[-1])) > SUNK_PERIODS * float(np.median(a.period))
+    sunk = abs(float(a.time[-1] - b.time[-1])) > POLICY.sunk_periods * float(np.median(a.period))
     count = max(a.amplitude.size, b.amplitude.size) if sunk else n - 1
     amplitudes = np.zeros((2, count))
     for row, found in zip(amplitudes, (a.amplitude[:count], b.amplitude[:count]), strict=True):

@@ -13,8 +13,9 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw
 from sindyjoint.mechanics.stickslip import Motion, simulate_many, transfer_moment
 from sindyjoint.mechanics.windows import simulate_windows
+from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Run
-from sindyjoint.response.model_law import PAPER_PARAMETERS, law_terms, model_law, with_coefficients
+from sindyjoint.response.model_law import law_terms, model_law, with_coefficients
 from sindyjoint.response.output_error_parts import (
     NUISANCE,
     Nuisance,

@@ -14,6 +14,7 @@ from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.windows import window_starts
 from sindyjoint.record import Run
+from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import Drive, angle_limits, choose_drive, measured_drive, rms, settling
 from sindyjoint.states import ForceStates
 
@@ -33,14 +34,6 @@ NUISANCE: dict[Nuisance, NuisanceKind] = {
     "gain": NuisanceKind(1.0, ""),
     "offset": NuisanceKind(0.0, ""),
 }
-
-# A coefficient may move by so many standard errors, this share of itself, or until its term carries so much more of
-# the moment, whichever is most.
-RANGE_ERRORS, RANGE_SHARE, RANGE_MOMENT = 20.0, 0.5, 0.1
-# Widest gain, delay (share of a period of the fastest motion) and offset (share of the response's RMS) searched.
-GAIN_RANGE, DELAY_SHARE, OFFSET_SHARE = 0.25, 0.1, 0.5
-# Noise below this share of the response would weigh what no simulation can reach.
-LEAST_NOISE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -122,7 +115,9 @@ def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
     scale = abs(value) if value != 0 else max(term.standard_error, 1e-12)
     # The coefficient that would carry the whole moment, as far as the term's share is known.
     whole = scale / term.unique_share if term.unique_share > 0 else 0.0
-    reach = max(RANGE_SHARE * scale, RANGE_ERRORS * term.standard_error, RANGE_MOMENT * whole)
+    reach = max(
+        POLICY.range_share * scale, POLICY.range_errors * term.standard_error, POLICY.range_moment * whole
+    )
     low, high = value - reach, value + reach
     if name == "coulomb_friction" and value < 0:
         return Parameter(name, "coefficient", 0.0, scale, 0.0, moment)
@@ -136,7 +131,11 @@ def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
 def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     """Return a nuisance parameter for a response of this RMS whose fastest motion has this period, s."""
     start = NUISANCE[name].start
-    reach = {"delay": DELAY_SHARE * period, "gain": GAIN_RANGE, "offset": OFFSET_SHARE * size}[name]
+    reach = {
+        "delay": POLICY.delay_range * period,
+        "gain": POLICY.gain_range,
+        "offset": POLICY.offset_range * size,
+    }[name]
     # A gain is one of one, a delay and an offset are small: their scale is a hundredth of the motion's.
     scale = {"delay": 0.01 * period, "gain": 1.0, "offset": 0.01 * size}[name]
     return Parameter(name, "nuisance", start, scale, start - reach, start + reach)
@@ -179,7 +178,7 @@ def record_of(law: Law, run: Run, states: ForceStates, place: int, window: float
         drive=drive,
         moment=moment,
         measured=measured,
-        sigma=max(noise, LEAST_NOISE * float(np.std(measured))),
+        sigma=max(noise, POLICY.least_noise * float(np.std(measured))),
         skip=skip,
         excitation=measured_drive(run, states) if drive == "moment" else None,
         limits=angle_limits(law, states, drive),

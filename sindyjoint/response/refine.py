@@ -14,16 +14,11 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import with_coefficients
 from sindyjoint.response.output_error import OutputError, without_pushing
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
+from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, campaign_states
 
 Array = NDArray[np.float64]
 
-# A parameter is not determined when its standard error exceeds this share of its size. Several are not determined
-# one by one when they can change together by the smaller share, and when each alone would be known so many times
-# better if the others were.
-UNDETERMINED, UNDETERMINED_TOGETHER, ENTANGLED = 0.5, 0.05, 10.0
-# Share of a direction that a parameter must have to be named with it.
-NAMED_SHARE = 0.2
 MOST_EVALUATIONS = 40
 
 
@@ -44,7 +39,6 @@ class Refinement:
         Value and standard error of delay (s), gain and offset, as asked for.
     undetermined : tuple of str
         Directions that the runs do not determine, in words.
-    evaluations : int
     """
 
     model: JointModel
@@ -54,7 +48,6 @@ class Refinement:
     after: dict[str, float]
     nuisance: dict[str, tuple[float, float]]
     undetermined: tuple[str, ...]
-    evaluations: int
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -120,7 +113,7 @@ def refine(
     )
     problem, left_out = problem.that_can_start()
     if not problem.runs:
-        return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, (), 0)
+        return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())
     start = np.array([parameter.start for parameter in problem.parameters])
     before = problem.nrmse(start)
     scale = np.array([parameter.scale for parameter in problem.parameters])
@@ -135,7 +128,7 @@ def refine(
     found = solution.x * scale
     lasting = scale[: problem.lasting]
     covariance = problem.covariance(found) / np.outer(lasting, lasting)
-    return _refinement(model, problem, found, covariance, scale, before, solution, states, left_out)
+    return _refinement(model, problem, found, covariance, scale, before, states, left_out)
 
 
 def _refinement(
@@ -145,7 +138,6 @@ def _refinement(
     covariance: Array,
     scale: Array,
     before: dict[str, float],
-    solution: object,
     states: Sequence[ForceStates],
     left_out: Sequence[str],
 ) -> Refinement:
@@ -187,7 +179,6 @@ def _refinement(
         after=after,
         nuisance=values,
         undetermined=undetermined_directions(lasting, covariance),
-        evaluations=int(solution.nfev),  # type: ignore[attr-defined]
     )
 
 
@@ -215,14 +206,18 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
         In units of the parameters' scales.
     """
     variances, directions = np.linalg.eigh(covariance)
-    entangled = np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > ENTANGLED
+    entangled = (
+        np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > POLICY.entangled
+    )
     sentences = []
     for variance, direction in zip(variances[::-1], directions.T[::-1], strict=True):
         size = float(np.sqrt(variance))
         order = np.argsort(-np.abs(direction))
-        named = [parameters[i].name for i in order if abs(direction[i]) >= NAMED_SHARE]
+        named = [parameters[i].name for i in order if abs(direction[i]) >= POLICY.named_share]
         alone = len(named) == 1
-        if size <= (UNDETERMINED if alone else UNDETERMINED_TOGETHER) or not (alone or entangled[order[1]]):
+        if size <= (POLICY.undetermined if alone else POLICY.undetermined_together) or not (
+            alone or entangled[order[1]]
+        ):
             continue
         if alone:
             sentences.append(

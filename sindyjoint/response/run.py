@@ -15,6 +15,7 @@ from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.mechanics.windows import simulate_windows
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import elastic_moment
+from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 
 Array = NDArray[np.float64]
@@ -22,8 +23,6 @@ Drive = Literal["moment", "windows", "motion"]
 
 # Time between restarts where nothing pulls the joint back, s.
 WINDOW = 1.0
-# Share of the moment that the elastic moment must have for a joint to find its way back by itself.
-RESTORING_SHARE = 0.1
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -115,19 +114,6 @@ class SimulatedRun:
         noise = self.states.noise
         return float(np.hypot(noise.moment, self.inertia * noise.acceleration)) / self.moment_scale
 
-    @property
-    def energy_per_cycle(self) -> tuple[float, float] | None:
-        """Work done on the joint per period, measured and simulated, J; ``None`` for a run without a frequency."""
-        if self.frequency is None:
-            return None
-        rate = self.states.rate
-        measured = float(np.mean(self.moment * rate)) / self.frequency
-        if self.drive == "motion":
-            return measured, float(np.mean(self.simulated_moment * rate)) / self.frequency
-        if self.simulated_rate is None:
-            return None
-        return measured, float(np.mean(self.moment * self.simulated_rate)) / self.frequency
-
 
 def rms(values: ArrayLike) -> float:
     """Root mean square."""
@@ -145,7 +131,11 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
     restoring = (high - low) / 2
-    return "moment" if restoring > RESTORING_SHARE * rms(states.transfer_moment(law.inertia)) else "windows"
+    return (
+        "moment"
+        if restoring > POLICY.restoring_share * rms(states.transfer_moment(law.inertia))
+        else "windows"
+    )
 
 
 def simulate_run(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.oscillation import Oscillation
+from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import rms
 
 Array = NDArray[np.float64]
@@ -147,9 +148,9 @@ class Verification:
 
 
 def band_of(responses: Sequence[Array | None]) -> Band | None:
-    """Return the band of simulated responses; ``None`` with fewer than five of them."""
+    """Return the band of simulated responses; ``None`` with too few of them."""
     good = [response for response in responses if response is not None]
-    if len(good) < 5:
+    if len(good) < POLICY.fewest_draws:
         return None
     middle, spread = np.mean(good, axis=0), np.std(good, axis=0, ddof=1)
     return Band(middle - 1.96 * spread, middle + 1.96 * spread, len(responses), len(responses) - len(good))

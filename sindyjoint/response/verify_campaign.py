@@ -12,14 +12,12 @@ from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import draw_models, model_law
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
+from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import SimulatedRun, simulate_run
 from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
 from sindyjoint.states import force_states
 
 Array = NDArray[np.float64]
-
-# A joint swings freely while the moment stays below this share of its own, for all but this share of the time.
-FREE_SHARE = 0.1
 
 
 def verify_campaign(
@@ -70,7 +68,7 @@ def _joint_warnings(model: JointModel, campaign: Campaign) -> list[str]:
             f"the model is of the joint {model.joint.name!r}, the campaign of {campaign.joint.name!r}"
         )
     declared = campaign.joint.inertia
-    if declared is not None and not np.isclose(declared, model.inertia, rtol=1e-3):
+    if declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia):
         warnings.append(f"the campaign declares the inertia {declared:g}, the model has {model.inertia:g}")
     return warnings
 
@@ -99,7 +97,7 @@ def _run_result(simulated: SimulatedRun, campaign: Campaign, band: Band | None) 
         amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
         mean_period_difference=None if gap is None else gap.mean_period_difference,
         oscillations=swings,
-        energy=_cycle_energy(simulated),
+        energy=cycle_energy(simulated),
         failure=simulated.failure,
     )
 
@@ -111,11 +109,11 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
     """
     if simulated.drive != "moment":
         return False
-    driven = np.abs(simulated.moment) > FREE_SHARE * simulated.moment_scale
-    return simulated.states.method == "periodic" or float(np.mean(driven)) < FREE_SHARE
+    driven = np.abs(simulated.moment) > POLICY.free_share * simulated.moment_scale
+    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.free_share
 
 
-def _cycle_energy(simulated: SimulatedRun) -> Array | None:
+def cycle_energy(simulated: SimulatedRun) -> Array | None:
     """Work done on the joint in each whole period, measured and simulated, J, shape (2, cycles)."""
     if simulated.frequency is None:
         return None

@@ -7,13 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
-
-# Swings within this factor are one level; frequencies within this factor are one frequency.
-SAME_LEVEL = 1.15
-SAME_FREQUENCY = 1.02
-LARGE_DROP = 0.25
-FEW_PERIODS = 8
 
 
 def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
@@ -36,23 +31,25 @@ def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
         )
         lines.append(f"one run only: {held}")
     frequencies = [s.frequency for s in states if s.frequency is not None]
-    if len(frequencies) == len(states) and max(frequencies) < SAME_FREQUENCY * min(frequencies):
+    if len(frequencies) == len(states) and max(frequencies) < POLICY.same_frequency * min(frequencies):
         lines.append("one frequency only: effects of frequency, of rate and of inertia cannot be told apart")
     swings = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
-    if len(periodic) == len(states) and max(swings) < SAME_LEVEL * min(swings):
+    if len(periodic) == len(states) and max(swings) < POLICY.same_level * min(swings):
         lines.append("one level only: effects of amplitude cannot be told apart")
     if not periodic:
         lines.append("no run repeats: noise was judged from the spectrum, not from repetition")
     short = [
-        s.run for s in periodic if s.frequency and s.n_samples * s.frequency < FEW_PERIODS * s.sample_rate
+        s.run
+        for s in periodic
+        if s.frequency and s.n_samples * s.frequency < POLICY.few_periods * s.sample_rate
     ]
     if short:
         lines.append(
-            f"fewer than {FEW_PERIODS} periods in {_some(short)}: what changes in time cannot be seen"
+            f"fewer than {POLICY.few_periods} periods in {_some(short)}: what changes in time cannot be seen"
         )
     ends = {run.name: run.duration for run in campaign.runs}
-    late = [s.run for s in periodic if s.dropped > LARGE_DROP * ends[s.run]]
+    late = [s.run for s in periodic if s.dropped > POLICY.large_drop * ends[s.run]]
     if late:
         lines.append(
             f"{100 * max(s.dropped / ends[s.run] for s in periodic):.0f} % of the record was left out as start-up in "

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.delay import Skew
-from sindyjoint.equation.model import TOLERATED_MISFIT, JointModel
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
 
 Array = NDArray[np.float64]
@@ -29,7 +31,7 @@ def cautions(
     if campaign.simulated:
         yield "the campaign is simulated (a virtual test), not measured"
     yield from campaign.notes
-    if model.fitted.misfit <= TOLERATED_MISFIT:
+    if model.fitted.misfit <= EQUATION.tolerated_misfit:
         # Where the law does not fit, the best skew makes up for what the law lacks.
         yield from _skew(skew, model, aligned)
     yield from _signs(states, model)
@@ -81,7 +83,7 @@ def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
         power.append(float(np.mean(moment * rate)))
     # An elastic moment that is a small part of the whole may well fall: only a main part has a sign to speak of.
     mean_stiffness = _mean_stiffness(model)
-    elastic = abs(mean_stiffness) * model.fitted.angle > 0.2 * model.fitted.moment_rms
+    elastic = abs(mean_stiffness) * model.fitted.angle > POLICY.elastic_share * model.fitted.moment_rms
     backwards = elastic and mean_stiffness < 0 and max(stiffness) < 0
     feeding = bool(model.terms) and max(power) < 0
     if backwards and feeding:
@@ -164,13 +166,13 @@ def _variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]
 
 def _sticking(states: Sequence[ForceStates]) -> Iterator[str]:
     least = min(states, key=lambda s: s.moving_fraction)
-    if least.moving_fraction < 0.2:
+    if least.moving_fraction < POLICY.hardly_moving:
         yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
 
 
 def _misfit(model: JointModel) -> Iterator[str]:
     fitted = model.fitted
-    if model.terms and fitted.misfit > TOLERATED_MISFIT:
+    if model.terms and fitted.misfit > EQUATION.tolerated_misfit:
         explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
         moment, _ = channel_words(model)
         yield (

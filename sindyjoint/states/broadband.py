@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 
 Array = NDArray[np.float64]
@@ -16,15 +17,9 @@ BLOCKS = 32
 # Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
 WIDEST = 0.38
 ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
-SIGNAL_TO_NOISE = 4.0  # of spectral densities
-# A signal this far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls
+# A signal far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls
 # from 0.8 to 1.2 of the cut-off, must fall beyond it. One that fades has as much noise as signal there.
-CUT_OFF_ABRUPTLY, JUST_BELOW, ROOM = 40.0, 0.9, 1.2
-# Reversals: share of the peak rate, and guard in periods of the cut-off. A joint that sticks rings, once smoothed,
-# about its rest; one that only passes through zero does not, and its slow samples tell friction from damping.
-STICKING = (0.1, 0.5)
-PASSING = (0.02, 0.25)
-GUARD_LIMIT = 0.1  # of the usual spacing of reversals, at most
+JUST_BELOW, ROOM = 0.9, 1.2
 
 
 def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, Array]:
@@ -95,11 +90,11 @@ def signal_end(signal: Array, sample_rate: float) -> tuple[float, float, bool]:
     floor = float(np.median(density[2 * density.size // 3 :]))
     smooth = median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
     peak = int(np.argmax(density))
-    sunk = np.flatnonzero(smooth[peak:] <= SIGNAL_TO_NOISE * floor)
+    sunk = np.flatnonzero(smooth[peak:] <= POLICY.signal_to_noise * floor)
     edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
     lowest = 8 * sample_rate / signal.size
     just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))
-    abrupt = just_below > CUT_OFF_ABRUPTLY * floor
+    abrupt = just_below > POLICY.cut_off_abruptly * floor
     noise = float(np.sqrt(floor * sample_rate / 2))
     return float(np.clip(edge, lowest, WIDEST * sample_rate)), noise, abrupt
 
@@ -133,7 +128,7 @@ def dwells(rate: Array) -> bool:
     if peak == 0:
         return True
     slow = np.abs(rate) / peak
-    return bool(np.count_nonzero(slow < 0.05) > 0.47 * np.count_nonzero(slow < 0.15))
+    return bool(np.count_nonzero(slow < 0.05) > POLICY.dwelling * np.count_nonzero(slow < 0.15))
 
 
 def _reversal_spacing(rate: Array) -> float:
@@ -202,9 +197,13 @@ def broadband_states(
         rate, acceleration = smooth(run.rate, low), smooth(run.rate, first)
         measured = signal_bandwidth(run.rate, run.sample_rate)[1]
         rate_noise, acceleration_noise = (measured * float(np.linalg.norm(k)) for k in (low, first))
-    share, guard_periods = STICKING if dwells(rate) else PASSING
+    if dwells(rate):
+        share, guard_periods = POLICY.sticking_rate_share, POLICY.sticking_guard
+    else:
+        share, guard_periods = POLICY.passing_rate_share, POLICY.passing_guard
     guard = min(
-        int(np.ceil(guard_periods * run.sample_rate / cutoff)), int(GUARD_LIMIT * _reversal_spacing(rate))
+        int(np.ceil(guard_periods * run.sample_rate / cutoff)),
+        int(POLICY.broadband_guard_limit * _reversal_spacing(rate)),
     )
     slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)

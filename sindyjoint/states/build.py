@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states
-from sindyjoint.states.periodic import MINIMUM_PERIODS, periodic_states
+from sindyjoint.states.periodic import periodic_states
+from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 from sindyjoint.states.repetition import mean_period, repetition
 
 Array = NDArray[np.float64]
 Choice = Literal["auto", "periodic", "broadband"]
-
-# A run is periodic when what does not repeat stays below this share of its RMS. Five per cent noise passes
-# with room to spare; a free decay, a sweep or a multisine does not.
-REPEATS = 0.2
 
 
 def force_states(
@@ -107,7 +104,7 @@ def repeats(run: Run) -> bool:
     """
     frequency = run.frequency if run.frequency is not None else estimate_frequency(run)
     per = run.sample_rate / frequency
-    if per < 10 or run.n_samples < (MINIMUM_PERIODS + 0.5) * per:
+    if per < 10 or run.n_samples < (POLICY.fewest_periods + 0.5) * per:
         return False
     late = run.angle[run.n_samples // 3 :]
     grid = np.arange(late.size)
@@ -117,7 +114,7 @@ def repeats(run: Run) -> bool:
     shifted = np.interp(grid[:usable] + per, grid, late)
     change = shifted - late[:usable]
     spread = float(np.std(late))
-    if spread == 0 or np.sqrt(np.mean(change**2)) > REPEATS * np.sqrt(2) * spread:
+    if spread == 0 or np.sqrt(np.mean(change**2)) > POLICY.repeats_within * np.sqrt(2) * spread:
         return False
     if run.frequency is not None:
         return True
@@ -129,4 +126,4 @@ def repeats(run: Run) -> bool:
         np.interp(grid[: int(late.size - np.ceil(lag))] + lag, grid, late)
         - late[: int(late.size - np.ceil(lag))]
     )
-    return bool(np.sqrt(np.mean(far**2)) <= REPEATS * np.sqrt(2) * spread)
+    return bool(np.sqrt(np.mean(far**2)) <= POLICY.repeats_within * np.sqrt(2) * spread)

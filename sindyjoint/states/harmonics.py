@@ -7,13 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.states.policy import POLICY
+
 Array = NDArray[np.float64]
 
-# A harmonic counts where its amplitude passes this many standard errors; after MISSES in a row that do not, the
-# spectrum is taken to have ended. Measured on simulated stick–slip runs (EFFECT on c1 at 5 % noise): keeping
-# isolated high harmonics multiplies noise by their order and costs 1.8 % in c1, ending at a gap costs 0.5 %.
-SIGNIFICANT = 2.5
-MISSES = 4
 CHUNK = 4096
 
 
@@ -154,12 +151,12 @@ def significant_harmonics(amplitude: Array, standard_error: Array) -> NDArray[np
     amplitude, standard_error : ndarray, shape (h,)
         Amplitude of each harmonic and the standard error of one of its two coefficients.
     """
-    keep = amplitude > SIGNIFICANT * standard_error
+    keep = amplitude > POLICY.harmonic_significance * standard_error
     keep[0] = True
     missed = 0
     for index, kept in enumerate(keep):
         missed = 0 if kept else missed + 1
-        if missed == MISSES:
+        if missed == POLICY.harmonic_misses:
             keep[index:] = False
             break
     return keep
@@ -183,7 +180,7 @@ def refine_frequency(signal: Array, sample_rate: float, frequency: float) -> flo
     centre = np.arange(periods) - (periods - 1) / 2
     slope = centre @ phase / (centre @ centre)
     scatter = np.std(phase - np.mean(phase) - slope * centre, ddof=2) / np.sqrt(centre @ centre)
-    if abs(slope) <= 4 * scatter:
+    if abs(slope) <= POLICY.frequency_significance * scatter:
         return frequency
     return float(frequency * (1 + slope / (2 * np.pi)))
 
@@ -214,6 +211,8 @@ def steady_start(signal: Array, sample_rate: float, frequency: float, harmonics:
     late = phasor[periods // 2 :]
     target = np.median(late.real, axis=0) + 1j * np.median(late.imag, axis=0)
     distance = np.sqrt(np.sum(np.abs(phasor - target) ** 2, axis=1))
-    scatter = max(float(np.median(distance[periods // 2 :])), 0.002 * float(np.abs(target[0])))
-    unsteady = np.flatnonzero(distance[: periods // 2] > 5 * scatter)
+    scatter = max(
+        float(np.median(distance[periods // 2 :])), POLICY.steady_scatter * float(np.abs(target[0]))
+    )
+    unsteady = np.flatnonzero(distance[: periods // 2] > POLICY.unsteady * scatter)
     return int(unsteady[-1]) + 1 if unsteady.size else 0

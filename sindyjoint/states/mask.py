@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sindyjoint.states.policy import POLICY
 
-# Multiple of the rate's noise below which its sign is not known.
-RATE_SIGMAS = 4.0
+Array = NDArray[np.float64]
 
 
 def rate_limit(rate: Array, noise: float, share: float) -> float:
@@ -17,7 +16,7 @@ def rate_limit(rate: Array, noise: float, share: float) -> float:
     The larger of ``share`` of the peak rate and four standard errors of the rate: below it the sign of θ̇, and
     with it the side of the Coulomb friction, is not known.
     """
-    return max(share * float(np.max(np.abs(rate))), RATE_SIGMAS * noise)
+    return max(share * float(np.max(np.abs(rate))), POLICY.rate_sigmas * noise)
 
 
 def moving_mask(rate: Array, limit: float, guard: int) -> NDArray[np.bool_]:

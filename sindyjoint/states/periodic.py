@@ -17,20 +17,16 @@ from sindyjoint.states.harmonics import (
     steady_start,
 )
 from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 
 Array = NDArray[np.float64]
 
-MINIMUM_PERIODS = 3
 REPLICATES = 8
 # Harmonics above this share of the sampling rate are never used: anti-alias filters live there.
 BAND_SHARE = 0.4
 # Largest number of harmonics tried. A stick–slip angle has decayed below any real noise long before.
 MAXIMUM_HARMONICS = 120
-# Guard beside a reversal, in periods of the highest kept harmonic: the length over which a truncated series rings.
-GUARD_PERIODS = 0.5
-RATE_SHARE = 0.05  # of the peak rate: slower samples count as reversal
-GUARD_LIMIT = 0.03  # of the excitation period, at most
 
 
 def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float | None = None) -> ForceStates:
@@ -72,7 +68,9 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         rate_noise, acceleration_noise = rate.derivative_noise(0), rate.derivative_noise(1)
         series = (angle.harmonics, rate.harmonics)
     guard = reversal_guard(run.sample_rate, frequency, angle.highest)
-    slowest = rate_limit(motion[1], rate_noise, RATE_SHARE if rate_share is None else rate_share)
+    slowest = rate_limit(
+        motion[1], rate_noise, POLICY.periodic_rate_share if rate_share is None else rate_share
+    )
     moving = moving_mask(motion[1], slowest, guard)
     moment = run.moment[start:stop]
     moment_noise = repeat_noise(moment, run.sample_rate, frequency, moving)
@@ -101,9 +99,9 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
 
 def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
     """Return the samples left out on either side of a reversal; the motion has harmonics up to ``highest`` Hz."""
-    guard = max(2, int(np.ceil(GUARD_PERIODS * sample_rate / highest)))
+    guard = max(2, int(np.ceil(POLICY.periodic_guard * sample_rate / highest)))
     # Displacement-driven runs have one harmonic; half its period would leave nothing.
-    return min(guard, max(2, int(GUARD_LIMIT * sample_rate / frequency)))
+    return min(guard, max(2, int(POLICY.periodic_guard_limit * sample_rate / frequency)))
 
 
 def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
@@ -118,10 +116,10 @@ def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
     start = int(round(steady_start(run.angle, run.sample_rate, frequency) * per))
     # One part in a thousand of a period may be missing at the end: rounding of the record's length.
     periods = int(np.floor((run.n_samples - start) / per + 1e-3))
-    if periods < MINIMUM_PERIODS:
+    if periods < POLICY.fewest_periods:
         raise InputError(
             f"{run.label}: {periods} steady period(s) of {frequency:g} Hz; the periodic method needs "
-            f"{MINIMUM_PERIODS}, use method='broadband' or a longer record"
+            f"{POLICY.fewest_periods}, use method='broadband' or a longer record"
         )
     return start, min(start + int(round(periods * per)), run.n_samples), periods
 

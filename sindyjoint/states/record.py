@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -135,7 +135,3 @@ class ForceStates:
     def transfer_moment(self, inertia: float) -> Array:
         """Transfer moment M_T = M − I·θ̈, N·m (the paper, Eq. 5). ``inertia`` in kg·m²."""
         return self.moment - inertia * self.acceleration
-
-    def with_moving(self, moving: NDArray[np.bool_]) -> ForceStates:
-        """Return the same states under another moving mask."""
-        return replace(self, moving=moving)

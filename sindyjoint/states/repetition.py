@@ -8,17 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.record import Run
+from sindyjoint.states.policy import POLICY
 
 Array = NDArray[np.float64]
-
-# Two stretches are the same excitation when they differ by less than this share of their RMS (twice 5 % noise, and √2).
-SAME = 0.15
-FEWEST_PERIODS = 3
-# Samples after the last whole period are lost to the mean; where they are more than this, the record counts as it is.
-MOST_WASTED = 0.1
-SHORTEST = 256  # samples of a period
-# A first period that differs from the others by this much more than they do among one another holds a transient.
-TRANSIENT = 1.5
 
 
 def repetition(run: Run) -> int | None:
@@ -31,27 +23,27 @@ def repetition(run: Run) -> int | None:
     ----------
     run : Run
     """
-    late = run.n_samples // FEWEST_PERIODS
-    if late < SHORTEST:
+    late = run.n_samples // POLICY.fewest_repetitions
+    if late < POLICY.shortest_repetition:
         return None
     angle, moment = (signal - np.mean(signal) for signal in (run.angle, run.moment))
     if not np.any(moment) or not np.any(angle):
         return None
     likeness = np.minimum(_autocorrelation(angle), _autocorrelation(moment))
-    near = likeness[SHORTEST : late + 1]
-    passing = np.flatnonzero(near > 1 - SAME**2)
+    near = likeness[POLICY.shortest_repetition : late + 1]
+    passing = np.flatnonzero(near > 1 - POLICY.same_stretch**2)
     if not passing.size:
         return None
     top = int(passing[0])
     while top + 1 < near.size and near[top + 1] > near[top]:
         top += 1
-    lag = SHORTEST + top
+    lag = POLICY.shortest_repetition + top
     alike = all(
-        np.std(late_part[lag:] - late_part[:-lag]) <= SAME * np.sqrt(2) * np.std(late_part)
+        np.std(late_part[lag:] - late_part[:-lag]) <= POLICY.same_stretch * np.sqrt(2) * np.std(late_part)
         for late_part in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
     )
     wasted = run.n_samples % lag
-    return lag if alike and wasted <= MOST_WASTED * run.n_samples else None
+    return lag if alike and wasted <= POLICY.most_wasted * run.n_samples else None
 
 
 def mean_period(run: Run, period: int) -> tuple[Run, int]:
@@ -73,7 +65,9 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
     }
     angle = stacks["angle"]
     away = np.sqrt(np.mean((angle[:-1] - angle[-1]) ** 2, axis=1))
-    skipped = 1 if count > FEWEST_PERIODS - 1 and away[0] > TRANSIENT * np.median(away[1:]) else 0
+    skipped = (
+        1 if count > POLICY.fewest_repetitions - 1 and away[0] > POLICY.transient * np.median(away[1:]) else 0
+    )
     mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
     return replace(run, source=None, **mean), skipped * period
 

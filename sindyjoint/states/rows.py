@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
-
-SAME = 0.01  # relative difference of two frequencies that count as one
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ def group_labels(states: Sequence[ForceStates]) -> list[str]:
         if state.frequency is None:
             labels.append(state.run)
             continue
-        same = [f for f in known if abs(state.frequency - f) <= SAME * f]
+        same = [f for f in known if abs(state.frequency - f) <= POLICY.same_frequency * f]
         if not same:
             known.append(state.frequency)
         labels.append(f"{same[0] if same else state.frequency:.4g} Hz")

@@ -18,15 +18,6 @@ from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
 
-#: Ids of the coefficients of :func:`fit_surface`, in order.
-SURFACE_TERMS = (
-    "linear_stiffness",
-    "quadratic_stiffness",
-    "cubic_stiffness",
-    "linear_damping",
-    "coulomb_friction",
-)
-
 
 @dataclass(frozen=True, eq=False)
 class ForceStateMap:
@@ -80,7 +71,7 @@ class SurfaceFit:
     Parameters
     ----------
     coefficients : tuple of float
-        k1, k2, k3, c1, M_F in the order of :data:`SURFACE_TERMS`, SI.
+        k1, k2, k3, c1, M_F, SI.
     residual_rms : float
         Over the filled cells, N·m.
     cells : int

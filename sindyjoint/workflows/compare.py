@@ -11,18 +11,18 @@ import numpy as np
 
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.frequency import MARGIN
 from sindyjoint.discovery.methods import METHODS
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
 from sindyjoint.workflows.independence import frequency_tests
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 # Each name may join several catalogues: without the paper's terms beside them, special ones stand in for those.
 LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")
@@ -38,7 +38,7 @@ def compare(
     methods: Sequence[str] | None = None,
     libraries: Sequence[str] = LIBRARIES,
     replicates: int = REPLICATES,
-    margin: float = MARGIN,
+    margin: float = DISCOVERY.frequency_margin,
     random_state: Any = 0,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -118,7 +118,7 @@ def _compared(
     by_method = tuple(
         clock.run("methods", side_by_side, _method, names, [evidence, random_state, rule], threads=False)
     )
-    by_frequency = clock.run("frequencies alone", _frequencies, evidence, names[0], random_state, rule)
+    by_frequency = clock.run("frequencies alone", _frequencies, found, evidence, names[0], random_state, rule)
     by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
     left_out = clock.run(
         "leaving frequencies and levels out", _left_out, found, evidence, names[0], random_state, rule
@@ -214,10 +214,10 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
 
 
 def _frequencies(
-    evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
+    found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> tuple[Choice, ...]:
-    """Put the question to the runs of each group alone."""
-    if len(evidence.groups) < 2:
+    """Put the question to the runs of each group alone; the parts of a single run are no frequencies."""
+    if len(found.states) < 2:
         return ()
     choices = []
     for group in evidence.groups:
@@ -258,10 +258,11 @@ def _libraries(
 def _left_out(
     found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> dict[str, CrossValidation]:
-    """Leave out frequencies, and levels where there are several of them."""
+    """Leave out frequencies, and levels where there are several of them; of a single run its parts, one by one."""
     result = {}
     if len(evidence.groups) > 1:
-        result["frequency"] = cross_validate(evidence, method=method, random_state=random_state, **rule)
+        kind = "frequency" if len(found.states) > 1 else "time"
+        result[kind] = cross_validate(evidence, method=method, random_state=random_state, **rule)
     levels = [state.level or state.run for state in found.states]
     if len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
         result["level"] = cross_validate(evidence, levels, method=method, random_state=random_state, **rule)
@@ -287,8 +288,9 @@ def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) 
     from sindyjoint.response.model_law import model_law
     from sindyjoint.response.run import simulate_run
 
-    if len(evidence.groups) < 2:
-        return float("nan"), "one group only: nothing can be left out"
+    # The groups of a single run are parts of it, and a part has no steady response of its own to be held against.
+    if len(found.states) < 2:
+        return float("nan"), "one run only: no other one can be left out"
     columns = [evidence.ids.index(name) for name in ids]
     runs = {run.name: run for run in found.campaign.identification_runs}
     states = {state.run: state for state in found.states}

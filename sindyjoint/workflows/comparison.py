@@ -7,8 +7,8 @@ from typing import Any
 
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.workflows.discover import Discovery
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 SCHEMA = 1
 
@@ -127,7 +127,7 @@ class Comparison:
     sets : tuple of (tuple of str, float)
         The most frequent sets of the replicates and their shares.
     left_out : dict of CrossValidation
-        By "frequency" and "level".
+        By "frequency" and "level"; by "time" the parts of a single run.
     tests : tuple of FrequencyTest
         Of the model's coefficients.
     bias : dict of float

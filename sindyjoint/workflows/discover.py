@@ -14,12 +14,13 @@ from sindyjoint.discovery.segments import LONGEST, Tally, fit_long, has_long_run
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import cautions
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.text import spelled
-from sindyjoint.workflows.verdict import PAPER_TERMS, Verdict, judge
+from sindyjoint.workflows.verdict import Verdict, judge
 
 # The model that completes the states is itself found on incomplete ones: as often as its terms change, at most.
 COMPLETIONS = 4
@@ -303,7 +304,8 @@ def _artefacts(
     states: Sequence[ForceStates],
 ) -> bool:
     """Return whether the found terms beyond the paper's are what the processing makes of the paper's law."""
-    from sindyjoint.bias.correction import DOUBT, measure_bias
+    from sindyjoint.bias.correction import measure_bias
+    from sindyjoint.bias.policy import POLICY as BIAS
 
     paper = paper_model(regressor, model)
     if paper is None or not verdict.extra:
@@ -315,7 +317,9 @@ def _artefacts(
         return False
     for term in verdict.extra:
         at, found = bias.ids.index(term), model[term]
-        error = np.hypot(found.standard_error, np.hypot(bias.pooled_error[at], DOUBT * bias.pooled[at]))
+        error = np.hypot(
+            found.standard_error, np.hypot(bias.pooled_error[at], BIAS.uncertain_share * bias.pooled[at])
+        )
         if abs(found.coefficient - bias.pooled[at]) > regressor.significance * error:
             return False
     return True

@@ -6,15 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sindyjoint.bias.correction import DOUBT, Bias
-from sindyjoint.discovery.frequency import MARGIN, FrequencyTest, frequency_test, group_estimates
+from sindyjoint.bias.correction import Bias
+from sindyjoint.bias.policy import POLICY as BIAS
+from sindyjoint.discovery.frequency import FrequencyTest, frequency_test, group_estimates
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.states import ForceStates
 from sindyjoint.states.rows import group_labels
 from sindyjoint.workflows.discover import Discovery
 
 
 def frequency_tests(
-    discovery: Discovery, bias: Bias | None = None, margin: float = MARGIN
+    discovery: Discovery, bias: Bias | None = None, margin: float = DISCOVERY.frequency_margin
 ) -> tuple[FrequencyTest, ...]:
     """Test every term of a discovered model.
 
@@ -39,7 +41,7 @@ def frequency_tests(
         order = [bias.ids.index(term) for term in found.ids]
         shift = bias.by_group[:, order]
         values = values - shift
-        variance = variance + bias.by_group_error[:, order] ** 2 + (DOUBT * shift) ** 2
+        variance = variance + bias.by_group_error[:, order] ** 2 + (BIAS.uncertain_share * shift) ** 2
     hertz = [frequency[group] for group in found.groups]
     return tuple(
         frequency_test(term, hertz, values[:, i], np.sqrt(variance[:, i]), found.degrees, margin)

@@ -9,24 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sindyjoint.discovery.evidence import fit_columns
-from sindyjoint.equation.model import INERTIA, TOLERATED_MISFIT, JointModel
+from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.policy import POLICY as EQUATION
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.text import spelled
+from sindyjoint.workflows.policy import POLICY
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
-
-PAPER_TERMS = (
-    "linear_stiffness",
-    "quadratic_stiffness",
-    "cubic_stiffness",
-    "linear_damping",
-    "coulomb_friction",
-)
-# A paper term is ruled out when even the end of its 95 % interval carries less than this share of the moment.
-NEGLIGIBLE_SHARE = 0.01
-# The noise floor is known to a few per cent; a misfit below this share of the noise may be its error.
-NOISE_DOUBT = 0.3
 
 
 @dataclass(frozen=True)
@@ -73,7 +64,7 @@ def judge(regressor: JointRegressor, model: JointModel, completed: bool = False)
             ),
         )
     gap, (word, _) = model.fitted.misfit, channel_words(model)
-    if found and gap > TOLERATED_MISFIT and "nor noise" not in reason:
+    if found and gap > EQUATION.tolerated_misfit and "nor noise" not in reason:
         reason += f"; {100 * gap:.1f} % of the {word} is neither model nor noise"
     return Verdict(verdict, missing, extra, reason)
 
@@ -103,12 +94,12 @@ def _answer(
     if extra:
         reason = f"the data need {_names(extra)}, which the paper's law lacks"
         return "refuted", reason + (f", and do not show {_names(missing)}" if missing else "")
-    hidden = [term for term in missing if _largest_share(regressor, model, term) > NEGLIGIBLE_SHARE]
+    hidden = [term for term in missing if _largest_share(regressor, model, term) > POLICY.negligible_share]
     absent = [term for term in missing if term not in hidden]
     if absent:
         return (
             "refuted",
-            f"{_names(absent)} would carry less than {100 * NEGLIGIBLE_SHARE:.0f} % of the {word}",
+            f"{_names(absent)} would carry less than {100 * POLICY.negligible_share:.0f} % of the {word}",
         )
     if hidden:
         return "undecided", f"{_names(hidden)} was not found, and these runs could not have shown it"
@@ -118,8 +109,8 @@ def _answer(
 def _judge_fit(regressor: JointRegressor, model: JointModel, word: str) -> tuple[str, str]:
     """Return the verdict where exactly the five terms were found: it hangs on what they leave unexplained."""
     gap, least = model.fitted.misfit, min(term.unique_share for term in model.terms if term.id != INERTIA)
-    doubt = NOISE_DOUBT * model.fitted.noise_floor / model.fitted.moment_rms
-    if gap > min(max(least, doubt), TOLERATED_MISFIT):
+    doubt = POLICY.noise_uncertainty * model.fitted.noise_floor / model.fitted.moment_rms
+    if gap > min(max(least, doubt), EQUATION.tolerated_misfit):
         # What is missing is larger than the weakest of the five: it may be a term, or change that one.
         return "undecided", (
             f"the five terms are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
@@ -148,7 +139,7 @@ def _paper_suffices(regressor: JointRegressor, model: JointModel) -> bool:
         return False
     fit = fit_columns(regressor.evidence_, [ids.index(term) for term in wanted])
     left = max(model.fitted.noise_floor, model.fitted.residual_rms)
-    return bool(fit.residual_rms**2 < (1 + NOISE_DOUBT**2) * left**2)
+    return bool(fit.residual_rms**2 < (1 + POLICY.noise_uncertainty**2) * left**2)
 
 
 def _names(terms: Sequence[str]) -> str:

@@ -16,8 +16,8 @@ from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
 from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.response.verify_rig import MODEL_PLACE, verify_rig
+from sindyjoint.workflows.policy import POLICY
 
-TOLERANCE = 0.05
 DRAWS = 20
 
 
@@ -25,7 +25,7 @@ def verify(
     model: JointModel | str | Path,
     against: Rig | Campaign | str | Path,
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float = POLICY.verification_tolerance,
     draws: int = DRAWS,
     window: float = WINDOW,
     noise: float | None = None,

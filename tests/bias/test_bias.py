@@ -13,7 +13,7 @@ from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.virtual import BEAM_INERTIA, virtual_campaign
 from sindyjoint.states import campaign_states
-from sindyjoint.states.harmonics import SIGNIFICANT
+from sindyjoint.states.policy import POLICY
 from sindyjoint.workflows.discover import discover
 
 TRUTH = INTER_PANEL.parameters
@@ -41,7 +41,7 @@ def test_series_and_amplitudes_are_inverse():
 def test_what_a_kept_harmonic_tells_of_its_noise(true):
     # 400 000 draws of two normal numbers: mean of those that pass, to three of its standard errors
     draws = np.random.default_rng(0).normal(size=(400_000, 2))
-    along = draws[np.hypot(true + draws[:, 0], draws[:, 1]) > SIGNIFICANT, 0]
+    along = draws[np.hypot(true + draws[:, 0], draws[:, 1]) > POLICY.harmonic_significance, 0]
     shift = kept_shift(np.array([true]))[0]
     assert abs(shift - along.mean()) < 3 * along.std() / np.sqrt(along.size) + 2e-3
 

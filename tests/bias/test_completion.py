@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import sympy
 
-from sindyjoint.bias.completion import STRONG, completed_states
+from sindyjoint.bias.completion import completed_states
+from sindyjoint.bias.policy import POLICY
 from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states
@@ -49,7 +50,7 @@ def test_the_completed_acceleration_is_nearer_to_the_truth(campaign):
     for state, old in zip(better, measured, strict=True):
         assert state.completed and set(state.series[0].orders) <= set(old.series[0].orders)
         assert np.all(state.moving == old.moving) and state.noise.acceleration <= old.noise.acceleration
-    assert STRONG > 5
+    assert POLICY.harmonic_as_measured > 5
 
 
 @pytest.mark.slow

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
+from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.uncertainty import Inseparable, bootstrap, in_words, inclusion, inseparable
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.workflows.discover import discover
@@ -46,6 +47,21 @@ def test_inclusion_is_certain_where_the_choice_is(evidence):
     assert result.probability[5:].max() < 0.05
     assert set(result.sets[0][0]) == set(evidence.ids[:5]) and result.sets[0][1] > 0.9
     assert sum(share for _, share in result.sets) == pytest.approx(1.0)
+
+
+def test_inclusion_takes_candidates_that_are_nearly_alike():
+    # The third column is the first to nine digits: their Gram matrix has no Cholesky factor in double precision.
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(1600, 3))
+    x[:, 2] = x[:, 0] + 1e-9 * x[:, 2]
+    y = 2 * x[:, 0] + x[:, 1] + 0.1 * rng.normal(size=1600)
+    runs = []
+    for name, rows in zip("abcd", np.split(np.arange(1600), 4), strict=True):
+        blocks = tuple(Factor.of(x[part], y[part]) for part in np.split(rows, 8))
+        runs.append(RunEvidence(name, name, Factor.of(x[rows], y[rows]), blocks))
+    result = inclusion(Evidence(("first", "second", "alike"), tuple(runs)), 100, random_state=0)
+    first, second, alike = result.probability
+    assert second > 0.95 and 0.95 < first + alike < 1.05
 
 
 def test_inclusion_is_split_where_runs_do_not_tell(poor):

@@ -167,6 +167,28 @@ def test_one_frequency_has_no_test_of_dependence():
     assert len(comparison_tables(result)) >= 3
 
 
+def test_a_single_run_is_compared_by_its_parts(tmp_path, sindyjoint):
+    whole = virtual_campaign(frequencies=[4], levels=[0.9, 0.5], duration=4.0, random_state=0)
+    one = replace(whole, runs=(whole.runs[0], replace(whole.runs[1], use="validate")))
+    from sindyjoint.files import write_campaign
+
+    manifest = write_campaign(one, tmp_path / "one", "npz")
+    options = ("--method", "stlsq", "--method", "best_subset", "--replicates", "20", "--library", "paper")
+    answer = sindyjoint("compare", manifest, *options, "--out", tmp_path / "out")
+    assert answer.status == 0 and answer.stderr == ""
+    assert "frequencies alone" not in answer.stdout
+    data = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
+    assert data["frequencies"] == [] and set(data["left_out"]) == {"time"}
+    parts = [fold["left_out"] for fold in data["left_out"]["time"]["folds"]]
+    assert parts == [["part 1"], ["part 2"], ["part 3"], ["part 4"]]
+    for choice in data["methods"]:
+        # 1 % noise of the moment, 1 % of the angle felt through the stiffness.
+        assert choice["held_out"] < 0.02 and choice["response"] is None
+        assert choice["not_simulated"] == "one run only: no other one can be left out"
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Without one part of the run" in page and "time: part 1" in page
+
+
 def test_bias_needs_two_pairs(result):
     found = result.discovery
     terms = [t for t in found.regressor.terms_ if t.id in found.model]

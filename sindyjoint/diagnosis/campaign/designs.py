@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.diagnosis.campaign.simulated_run import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
-from sindyjoint.states.periodic import RATE_SHARE, reversal_guard
+from sindyjoint.states.periodic import reversal_guard
+from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import NoiseFloor
 
 Array = NDArray[np.float64]
@@ -119,7 +120,7 @@ def _series(states: ForceStates) -> tuple[tuple[int, float, float], ...]:
 
 
 def expected_states(
-    design: Design, states: Sequence[ForceStates], rate_share: float = RATE_SHARE
+    design: Design, states: Sequence[ForceStates], rate_share: float = STATES.periodic_rate_share
 ) -> ForceStates:
     """Return the force states that a run would have, its moment left at zero.
 

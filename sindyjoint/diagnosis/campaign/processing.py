@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.bias.broadband import FAR
+from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.diagnosis.campaign.ranking import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import all_columns
 from sindyjoint.diagnosis.campaign.rows import along_twin
@@ -79,7 +79,7 @@ def _twin(
     result = simulated(driven, states, model, effects)
     if result is None or result.drive != "moment" or result.failure or result.simulated_angle is None:
         return None
-    if not np.std(result.simulated_angle - result.angle) < FAR * np.std(result.angle):
+    if not np.std(result.simulated_angle - result.angle) < BIAS.largest_difference * np.std(result.angle):
         return None
     angle = run.angle.copy()
     first = round(float(states.time[0]) * run.sample_rate)

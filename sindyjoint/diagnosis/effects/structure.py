@@ -21,7 +21,7 @@ from sindyjoint.diagnosis.effects.catalogue import fault_line
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.beam import Beam
-from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass
+from sindyjoint.mechanics.structure import Item, LumpedMass
 
 Array = NDArray[np.float64]
 ActsOn = Literal[
@@ -284,8 +284,3 @@ def _add_mass(place: int, whole: float) -> Callable[[Setup, float], Setup]:
 
 def _soften(unit: float) -> Callable[[Setup, float], Setup]:
     return lambda setup, x: replace(setup, compliance=max(setup.compliance + x * unit, 0.0))
-
-
-def joints_of(items: Sequence[Item]) -> tuple[Hinge, ...]:
-    """Return the joints among the parts of a chain."""
-    return tuple(item for item in items if isinstance(item, Hinge))

@@ -14,8 +14,9 @@ from sindyjoint.mechanics.pulse_test import hinges, presliding_law, with_laws, w
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import LumpedMass
+from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
-from sindyjoint.response.model_law import PAPER_PARAMETERS, draw_models, model_law
+from sindyjoint.response.model_law import draw_models, model_law
 
 CHOICES = ("beam_loss", "lumped_mass", "clamp_stiffness", "dahl_friction", "nothing")
 NOISE = 0.01

@@ -1,0 +1,78 @@
+"""Limits of discovery: when a term is significant, material and the same in every group of runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sindyjoint.policy import limit
+
+JUDGEMENT = "chosen by judgement"
+
+
+@dataclass(frozen=True)
+class DiscoveryPolicy:
+    """Limits that decide which terms are found; the meaning of each is in its metadata."""
+
+    term_significance: float = limit(
+        5.0,
+        "least ratio of a coefficient to its standard error",
+        source="simulated joints: among twenty candidates tried at every size, noise alone reaches 4.5 once in some "
+        "hundred campaigns",
+    )
+    least_share: float = limit(
+        0.002,
+        "least unique share of a term in the RMS of the moment; below, it cannot be told from sensor and processing "
+        "errors",
+        source=JUDGEMENT,
+    )
+    share_of_residual: float = limit(
+        0.15,
+        "least unique share of a term in the RMS of the residual where the blocks of a run share one estimate of the "
+        "motion",
+        source="low-passed virtual tests at 5 % noise: most terms that were not there carried below 0.13, nearly all "
+        "true ones above 0.2",
+    )
+    group_consistency: float = limit(
+        2.0,
+        "least ratio of a coefficient to its jackknife standard error over groups: it may vary by half its size and "
+        "still be the same term",
+        source="with three or four groups the jackknife cannot ask for more",
+    )
+    separability: float = limit(
+        3.0,
+        "a chosen term that falls below so many standard errors when a candidate joins it cannot be told from it",
+        source=JUDGEMENT,
+    )
+    largest_set: int = limit(
+        9,
+        "largest set of terms that resampled campaigns may choose",
+        source="beyond ten terms a law is no law",
+    )
+    frequency_margin: float = limit(
+        0.10, "relative change of a coefficient over the band that would not matter", source=JUDGEMENT
+    )
+    frequency_level: float = limit(
+        0.05, "level of the tests of homogeneity and trend over frequency", source="convention"
+    )
+    equivalence_level: float = limit(
+        0.01,
+        "risk of calling a change within the margin that is as large as it",
+        source="Schuirmann's 5 % would lose one campaign in twenty",
+    )
+    notable_change: float = limit(
+        0.5,
+        "share of the margin from which a significant change is called dependence; below, it is told beside the answer",
+        source="very sharp estimates make changes significant that do not matter",
+    )
+    longest_delay: float = limit(
+        0.02, "largest time delay between the channels that is searched", unit="s", source=JUDGEMENT
+    )
+    delay_significance: float = limit(
+        5.0, "least ratio of a time delay to its standard error", source=JUDGEMENT
+    )
+    least_delay: float = limit(
+        2e-5, "least time delay that is reported", unit="s", source="the method's error on simulated joints"
+    )
+
+
+POLICY = DiscoveryPolicy()

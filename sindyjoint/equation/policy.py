@@ -1,0 +1,22 @@
+"""Limits of the equation of a joint: when it describes the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sindyjoint.policy import limit
+
+
+@dataclass(frozen=True)
+class EquationPolicy:
+    """Limits that decide what a model may be called; the meaning of each is in its metadata."""
+
+    tolerated_misfit: float = limit(
+        0.05,
+        "share of the moment's RMS, beyond the noise, that a model may leave unexplained and still be called a "
+        "description",
+        source="chosen by judgement",
+    )
+
+
+POLICY = EquationPolicy()

@@ -1,0 +1,121 @@
+"""Limits of the force states: when a run repeats, which harmonics are signal, and when the joint moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sindyjoint.policy import limit
+
+SIMULATED = "measured on simulated stick–slip runs"
+JUDGEMENT = "chosen by judgement"
+
+
+@dataclass(frozen=True)
+class StatesPolicy:
+    """Limits that decide what the force states are; the meaning of each is in its metadata."""
+
+    repeats_within: float = limit(
+        0.2,
+        "a run is periodic when what does not repeat stays below this share of its RMS: 5 % noise passes with room "
+        "to spare; a free decay, a sweep or a multisine does not",
+        source=JUDGEMENT,
+    )
+    fewest_periods: int = limit(3, "fewest steady periods of a periodic run", source=JUDGEMENT)
+    frequency_significance: float = limit(
+        4.0,
+        "standard errors by which the drift of the phase must contradict the declared frequency to replace it",
+        source=JUDGEMENT,
+    )
+    unsteady: float = limit(
+        5.0,
+        "a period further from the later ones than so many of their median distances belongs to the start-up",
+        source=JUDGEMENT,
+    )
+    steady_scatter: float = limit(
+        0.002, "least such distance, as a share of the fundamental", source=JUDGEMENT
+    )
+    same_frequency: float = limit(
+        0.01, "relative difference up to which two runs have one frequency", source=JUDGEMENT
+    )
+    harmonic_significance: float = limit(
+        2.5,
+        "standard errors beyond which the amplitude of a harmonic is signal",
+        source=f"{SIMULATED}: isolated high harmonics multiply noise by their order and cost 1.8 % in c1 at 5 % noise",
+    )
+    harmonic_misses: int = limit(
+        4,
+        "harmonics in a row that are not significant, at which the spectrum has ended in noise",
+        source=f"{SIMULATED}: ending there costs 0.5 % in c1 at 5 % noise",
+    )
+    same_stretch: float = limit(
+        0.15,
+        "two stretches are the same excitation when they differ by less than this share of their RMS",
+        source="twice 5 % noise, and √2",
+    )
+    fewest_repetitions: int = limit(
+        3, "fewest periods of an excitation that is no sinusoid to be averaged", source=JUDGEMENT
+    )
+    shortest_repetition: int = limit(256, "fewest samples of such a period", unit="samples", source=JUDGEMENT)
+    most_wasted: float = limit(
+        0.1,
+        "largest share of a record that may be lost after the last whole period; else it is not averaged",
+        source=JUDGEMENT,
+    )
+    transient: float = limit(
+        1.5,
+        "a first period that differs from the others by so many times what they do among one another is left out",
+        source=JUDGEMENT,
+    )
+    signal_to_noise: float = limit(
+        4.0, "ratio of spectral densities at which a signal sinks into its noise floor", source=JUDGEMENT
+    )
+    cut_off_abruptly: float = limit(
+        40.0,
+        "density just below a signal's end, in noise floors, beyond which it does not fade but was cut there",
+        source=JUDGEMENT,
+    )
+    rate_sigmas: float = limit(
+        4.0, "standard errors of the rate below which its sign is not known", source=JUDGEMENT
+    )
+    periodic_rate_share: float = limit(
+        0.05, "share of the peak rate below which a sample of a periodic run is reversal", source=JUDGEMENT
+    )
+    periodic_guard: float = limit(
+        0.5,
+        "guard beside a reversal: the length over which a truncated series rings",
+        unit="periods of the highest kept harmonic",
+        source=JUDGEMENT,
+    )
+    periodic_guard_limit: float = limit(
+        0.03, "the same at most", unit="periods of the excitation", source=JUDGEMENT
+    )
+    dwelling: float = limit(
+        0.47,
+        "samples within 5 % of the peak rate, as a share of those within 15 %, beyond which the joint sticks instead "
+        "of passing through zero rate",
+        source="a third at constant acceleration; 0.5 to 0.9 of simulated joints that stick",
+    )
+    sticking_rate_share: float = limit(
+        0.1,
+        "share of the peak rate below which a sample is reversal, in a run that does not repeat and sticks: smoothed, "
+        "it rings about its standstill",
+        source=JUDGEMENT,
+    )
+    sticking_guard: float = limit(
+        0.5, "guard beside a reversal of such a run", unit="periods of the cut-off", source=JUDGEMENT
+    )
+    passing_rate_share: float = limit(
+        0.02,
+        "share of the peak rate below which a sample is reversal, where the joint only passes through zero: its slow "
+        "samples tell friction from damping",
+        source=JUDGEMENT,
+    )
+    passing_guard: float = limit(
+        0.25, "guard beside a reversal of such a run", unit="periods of the cut-off", source=JUDGEMENT
+    )
+    broadband_guard_limit: float = limit(
+        0.1, "either guard at most, as a share of the usual spacing of reversals", source=JUDGEMENT
+    )
+
+
+POLICY = StatesPolicy()

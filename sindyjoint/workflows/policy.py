@@ -1,0 +1,30 @@
+"""Limits of the verdicts: on the paper's five terms, and of a verification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sindyjoint.policy import limit
+
+
+@dataclass(frozen=True)
+class VerdictPolicy:
+    """Limits that decide a verdict; the meaning of each is in its metadata."""
+
+    negligible_share: float = limit(
+        0.01,
+        "a term of the paper is ruled out when even the end of its 95 % interval carries less than this share of the "
+        "moment",
+        source="chosen by judgement",
+    )
+    noise_uncertainty: float = limit(
+        0.3,
+        "a misfit below this share of the noise floor may be the floor's error",
+        source="the floor is known to a few per cent, the misfit is a root of a difference of squares",
+    )
+    verification_tolerance: float = limit(
+        0.05, "largest response NRMSE beyond the noise floor that passes", source="chosen by judgement"
+    )
+
+
+POLICY = VerdictPolicy()

@@ -1,0 +1,81 @@
+"""A console that cannot show a sign gets another one for it, in order, and the status that it would have had."""
+
+import io
+import os
+import subprocess
+import sys
+
+import pytest
+
+from sindyjoint.cli import encoding
+
+# A name with letters of several scripts, in a campaign whose units and symbols are not ASCII anyway.
+NAME = "Gelenk θ₁ ü 漢"
+
+
+def run(encoding, *arguments):
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    command = [sys.executable, "-m", "sindyjoint", *map(str, arguments)]
+    answer = subprocess.run(command, env=environment, capture_output=True)
+    # Strict: what is written is of this encoding and of no other.
+    stdout, stderr = (part.decode(encoding.partition(":")[0]) for part in (answer.stdout, answer.stderr))
+    assert "Traceback" not in stderr
+    return answer.returncode, stdout, stderr
+
+
+@pytest.fixture
+def named(folder):
+    folder.replace("bench joint", NAME)
+    return folder.path
+
+
+@pytest.mark.parametrize("console", ["ascii", "cp1252", "ascii:surrogateescape"])
+def test_a_result_is_spelled(named, console):
+    status, stdout, stderr = run(console, "discover", named, "--library", "paper", "--verbose")
+    assert status == 0 and "done" in stderr
+    assert stdout.startswith(r"Gelenk theta1 ")
+    assert r"\u6f22" in stdout
+    if console == "cp1252":
+        assert "k1·theta" in stdout and "N·m/rad " in stdout and " ± " in stdout and "ü" in stdout
+    else:
+        assert "k1*theta" in stdout and "N*m/rad " in stdout and " +/- " in stdout and r"\xfc" in stdout
+
+
+@pytest.mark.parametrize("console", ["ascii", "cp1252"])
+def test_other_commands_end_as_they_would(named, tmp_path, console):
+    quick = ("--method", "stlsq", "--replicates", "10", "-l", "paper")
+    assert run(console, "compare", named, *quick, "--out", tmp_path / "θ")[0] == 0
+    (tmp_path / "in" / "ψ").mkdir(parents=True)
+    (tmp_path / "in" / "ψ" / "campaign.toml").write_text("joint = [", encoding="utf-8")
+    named.rename(tmp_path / "in" / "joint θ")
+    status, stdout, stderr = run(console, "batch", tmp_path / "in", "--out", tmp_path / "out", "-l", "paper")
+    assert status == 1 and "psi" in stdout and stderr.startswith("sindyjoint: psi: ")
+    # Prints and echoes come in the order in which they were made.
+    assert stdout.index("2 campaigns: 1 with a model, 1 broken") < stdout.index("report: ")
+    status, stdout, _ = run(console, "libraries", "show", "paper")
+    assert status == 0 and "theta" in stdout
+    status, stdout, stderr = run(console, "discover", tmp_path / "no θ here")
+    assert status == 2 and stdout == "" and "no theta here" in stderr and stderr.count("\n") == 1
+    assert run(console, "diagnose", "--help")[0] == 0
+
+
+def spelled(text: str, name: str) -> str:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=name)
+    encoding._spell_stream(stream)
+    stream.write(text)
+    stream.flush()
+    return stream.buffer.getvalue().decode("ascii" if name == "ascii" else name)
+
+
+def test_spellings(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)  # as under pythonw: nothing to do, and no error
+    encoding.spell_output()
+    assert spelled("−2.7·10⁻⁹ N·m/rad², θ̇ Φ λ", "ascii") == "-2.7*10^-9 N*m/rad^2, theta' Phi lambda"
+    assert spelled("−2.7·10⁻⁹", "cp1252") == "-2.7·10^-9"
+    assert spelled("θ – 漢", "utf-8") == "θ – 漢"
+    # A file's name that is no text: its code, on every console.
+    assert spelled("a\udcffb", "utf-8") == spelled("a\udcffb", "ascii") == r"a\udcffb"
+    # Whoever asked for question marks gets them.
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors="replace")
+    encoding._spell_stream(stream)
+    assert stream.errors == "replace" and stream.encoding == "ascii"

@@ -1,0 +1,57 @@
+"""The guide's page of limits says what the package decides by, and no limit hides elsewhere in these folders."""
+
+import ast
+import dataclasses
+import importlib.util
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from sindyjoint.policy import described
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def writer():
+    spec = importlib.util.spec_from_file_location("write_policies", ROOT / "docs" / "write_policies.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+FOLDERS = writer().folders()
+
+
+def test_the_page_is_what_the_records_say():
+    # After a change of a limit: python docs/write_policies.py
+    text = (ROOT / "docs" / "guide" / "policies.md").read_text(encoding="utf-8")
+    assert text == writer().page()
+    assert "guide/policies\n" in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+
+
+def test_every_folder_that_decides_has_a_policy():
+    needed = {"batch", "bias", "discovery", "equation", "response", "soundness", "states", "workflows"}
+    assert needed <= {name.split(".")[1] for name in FOLDERS}
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_limit_is_explained_and_cannot_be_changed(name):
+    policy = import_module(name).POLICY
+    for item in described(policy):
+        assert item.meaning and item.unit and item.source, item.name
+        assert "|" not in item.meaning + item.source, item.name
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(policy, described(policy)[0].name, 0)
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_every_limit_is_used(name):
+    used = set()
+    for path in (ROOT / "sindyjoint").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Attribute):
+                used.add(node.attr)
+    fields = {item.name for item in described(sys.modules[name].POLICY)}
+    assert fields - used == set()
