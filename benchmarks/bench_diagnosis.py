@@ -50,12 +50,12 @@ TESTS = {
 
 
 def one(name: str, seed: int, size: float, noise: float, test: str = "usual", advice: bool = True) -> dict:
-    from sindyjoint.workflows import diagnose as workflow
+    from sindyjoint.diagnosis import engine
+    from sindyjoint.workflows.diagnose import diagnose
     from tests.diagnosis.hidden_effects import hide, hide_in_noise
 
     if not advice:
-        workflow.advise = lambda *arguments: ()
-    diagnose = workflow.diagnose
+        engine.advise = lambda *arguments: ()
 
     record = dict(name=name, seed=seed, size=size, noise=noise, test=test)
     fixed = TESTS[test]

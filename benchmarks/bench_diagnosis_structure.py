@@ -27,7 +27,7 @@ from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E4
 
 
 def one(name: str, seed: int, noise: float, duration: float) -> dict:
-    from sindyjoint.workflows.diagnose_structure import diagnose_structure
+    from sindyjoint.workflows.diagnose import diagnose_structure
     from tests.diagnosis.hidden_structures import hide
 
     record = dict(name=name, seed=seed, noise=noise, duration=duration)

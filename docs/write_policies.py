@@ -5,12 +5,10 @@ python docs/write_policies.py
 
 from __future__ import annotations
 
-import pkgutil
-from importlib import import_module
 from pathlib import Path
 
-import sindyjoint
 from sindyjoint.policy import described
+from sindyjoint.workflows.policies import policies
 
 PAGE = Path(__file__).parent / "guide" / "policies.md"
 
@@ -24,24 +22,25 @@ no calibration is recorded.
 """
 
 
-def folders() -> list[str]:
-    """Return the parts of the package that have a policy, by their dotted names."""
-    modules = pkgutil.walk_packages(sindyjoint.__path__, "sindyjoint.")
-    return sorted(m.name for m in modules if m.name.endswith(".policy") and m.name.count(".") > 1)
-
-
 def page() -> str:
-    """Return the page."""
+    """Return the page: of a folder's second policy only what differs from its first."""
     parts = [HEAD]
-    for name in folders():
-        module = import_module(name)
-        folder = name.removeprefix("sindyjoint.").removesuffix(".policy").replace(".", "/")
+    known = policies()
+    for name, policy in known.items():
+        folder = name.split()[0]
+        limits, intro = described(policy), (type(policy).__doc__ or "").strip()
+        first = next(each for each in known.values() if type(each) is type(policy))
+        if first is not policy:
+            limits = tuple(
+                item for item, other in zip(limits, described(first), strict=True) if item != other
+            )
+            intro = f"What differs from the first policy of `{folder}`."
         rows = [
             f"| `{item.name}` | {item.value!r} | {item.unit} | {item.meaning} | {item.source} |"
-            for item in described(module.POLICY)
+            for item in limits
         ]
         head = ["| limit | value | unit | decides | source |", "|---|---|---|---|---|"]
-        parts.append("\n".join([f"## {folder}\n", f"{module.__doc__.strip()}\n", *head, *rows]) + "\n")
+        parts.append("\n".join([f"## {name}\n", f"{intro}\n", *head, *rows]) + "\n")
     return "\n".join(parts)
 
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.figures import draw
+from sindyjoint.reporting.registry import draw
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.workflows.compare import compare
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from sindyjoint.reporting.diagnosis import gap_by_step, rivals
+from sindyjoint.reporting.figures.diagnosis import gap_by_step, rivals
 from sindyjoint.workflows.diagnose import diagnose
 
 # The same in one line of a shell: sindyjoint diagnose --random-state 2 --out diagnosis

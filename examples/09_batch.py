@@ -11,7 +11,7 @@ from pathlib import Path
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.figures import draw
+from sindyjoint.reporting.registry import draw
 from sindyjoint.workflows.batch import batch
 
 

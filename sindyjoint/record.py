@@ -244,6 +244,12 @@ class Campaign:
         """Runs kept for validation, never used for fitting."""
         return tuple(run for run in self.runs if run.use == "validate")
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What every report on the campaign says first."""
+        virtual = ("the campaign is simulated (a virtual test), not measured",) if self.simulated else ()
+        return (*virtual, *self.notes)
+
     def with_runs(self, runs: tuple[Run, ...]) -> Campaign:
         """Return the same campaign with other runs."""
         return replace(self, runs=tuple(runs))

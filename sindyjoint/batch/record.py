@@ -15,7 +15,10 @@ from sindyjoint.files.manifest import read_manifest
 
 SCHEMA = 1
 RECORD_FILE = "record.json"
+MODEL_FILE = "model.json"
 FACTORS_FILE = "factors.npz"
+# Without these a campaign is not done, whatever its record says.
+REQUIRED = frozenset({MODEL_FILE, FACTORS_FILE})
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,10 @@ class CampaignRecord:
         Hash of manifest, run files, options and version; empty where they cannot be read.
     outputs : dict of str to str
         SHA-256 of every other file in the folder.
+    extras : list of str
+        What was written beyond model and factors.
+    earlier : dict or None
+        Of a broken campaign: the record of the last result, whose files are still in the folder.
     """
 
     id: str
@@ -50,6 +57,8 @@ class CampaignRecord:
     result: dict[str, Any] | None = None
     inputs: str = ""
     outputs: dict[str, str] = field(default_factory=dict)
+    extras: list[str] = field(default_factory=list)
+    earlier: dict[str, Any] | None = None
 
     @property
     def terms(self) -> dict[str, dict[str, Any]]:
@@ -96,18 +105,25 @@ def _catalogue_text(catalogue: Catalogue) -> list[str]:
     return [repr((t.id, t.symbol, t.formula, t.unit, t.name, t.family, t.parameters)) for t in catalogue]
 
 
-def kept_record(folder: Path, inputs: str) -> CampaignRecord | None:
-    """Return the record of an earlier batch if it still holds: same inputs, and every file as it was written."""
+def last_result(folder: Path) -> CampaignRecord | None:
+    """Return the record of the last result in a campaign's folder, also where later attempts at it were broken."""
     try:
         data = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
         if data.pop("schema") != SCHEMA:
             return None
         record = CampaignRecord(**data)
-        whole = all(_sha256(folder / name) == digest for name, digest in record.outputs.items())
+        if record.status == "broken":
+            record = CampaignRecord(**(record.earlier or {}))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return None
-    # A broken campaign is not done: the disk may be back, the file repaired.
-    return record if whole and record.inputs == inputs and record.status != "broken" else None
+    return record if isinstance(record.outputs, dict) and isinstance(record.extras, list) else None
+
+
+def is_valid(record: CampaignRecord, folder: Path, inputs: str) -> bool:
+    """Return whether a result still holds: of the same inputs, nothing missing, and every file as it was written."""
+    if record.inputs != inputs or not set(record.outputs) >= REQUIRED:
+        return False
+    return all(_sha256(folder / name) == digest for name, digest in record.outputs.items())
 
 
 def hashes(folder: Path) -> dict[str, str]:

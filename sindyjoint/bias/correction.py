@@ -23,6 +23,7 @@ from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import model_law
 from sindyjoint.states import ForceStates
@@ -143,9 +144,7 @@ def _fits(
 
 def _solve(factor: Factor) -> Array:
     """Solve by columns of unit norm; a group that does not excite a column gives it no coefficient."""
-    scaled, norms, target = factor.normalised()
-    triangle = scaled.triangle
-    return np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-12)[0] * target / norms
+    return scaled_least_squares(factor.triangle[:, :-1], factor.triangle[:, -1], 1e-12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,5 +208,4 @@ def corrected_model(
         changed.append(
             replace(term, coefficient=value, standard_error=error, interval95=(value - half, value + half))
         )
-    rows = tuple(tuple(float(v) for v in row) for row in covariance)
-    return Corrected(replace(model, terms=tuple(changed), covariance=rows), bias)
+    return Corrected(model.with_terms(changed, covariance), bias)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import nullcontext
 
-# Every matrix here is small: threads of the linear algebra would only wait for one another.
+# Every matrix here is small: threads of the linear algebra would only wait for one another. Blocks of rows take them.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -14,6 +15,7 @@ def main(arguments: list[str] | None = None) -> None:
 
     0: done. 1: ran, and the answer is a reasoned "no". 2: the input is at fault; one line on stderr says how.
     """
+    limited = any(name in os.environ for name in THREADS)
     for name in THREADS:
         os.environ.setdefault(name, "1")
     import typer
@@ -21,6 +23,7 @@ def main(arguments: list[str] | None = None) -> None:
     from sindyjoint.cli.app import app
     from sindyjoint.cli.encoding import spell_output
     from sindyjoint.errors import SindyJointError
+    from sindyjoint.parallel import all_cores
 
     spell_output()
     # typer may carry a click of its own: its public names lead to the classes that it raises.
@@ -28,7 +31,8 @@ def main(arguments: list[str] | None = None) -> None:
     click_error: type[Exception]
     _, usage_error, click_error = typer.BadParameter.__mro__[:3]
     try:
-        status = app(args=arguments, prog_name="sindyjoint", standalone_mode=False)
+        with nullcontext() if limited else all_cores():
+            status = app(args=arguments, prog_name="sindyjoint", standalone_mode=False)
     except typer.Exit as error:
         status = error.exit_code
     except usage_error as error:

@@ -9,24 +9,13 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.options import (
-    AlignOption,
-    AsJson,
-    BandwidthOption,
-    CandidatesOption,
-    ForbidOption,
-    ForceOption,
-    MethodOption,
-    Selection,
-    SelectionOption,
-    States,
-    StatesOption,
-    ThresholdOption,
-)
+from sindyjoint.cli.defaults import given
+from sindyjoint.cli.options import JOBS, AsJson, CandidatesOption, Finding, takes_finding
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 
+@takes_finding
 def batch(
     campaigns: Annotated[
         list[str],
@@ -45,18 +34,11 @@ def batch(
     diagnose: Annotated[
         bool, typer.Option("--diagnose", help="What each joint's model lacks, too, in the folder diagnosis.")
     ] = False,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     as_json: AsJson = False,
-    method: MethodOption = "stlsq",
-    selection: SelectionOption = Selection.evidence,
-    threshold: ThresholdOption = None,
-    force: ForceOption = None,
-    forbid: ForbidOption = None,
-    states: StatesOption = States.auto,
-    bandwidth: BandwidthOption = None,
-    align: AlignOption = False,
+    finding: Finding = Finding(),  # noqa: B008
     random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -75,7 +57,8 @@ def batch(
     check_output(out)
     with Progress(quiet, verbose) as progress:
         from sindyjoint.batch.record import CampaignRecord
-        from sindyjoint.reporting.batch import CampaignFiles, show_batch, write_batch
+        from sindyjoint.reporting.output import CampaignFiles, write_results
+        from sindyjoint.reporting.registry import show
         from sindyjoint.workflows.batch import batch as run
 
         def tell(record: CampaignRecord) -> None:
@@ -86,32 +69,25 @@ def batch(
             result = run(
                 campaigns,
                 out,
-                library or "extended",
                 jobs=jobs,
                 workers=workers,
                 cluster=cluster,
                 write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
                 progress=progress.say,
                 on_record=tell,
-                states=states.value,
-                bandwidth=bandwidth,
-                align=align,
+                **given(library=library),
                 random_state=random_state,
-                method=method,
-                selection=selection.value,
-                threshold=threshold,
-                forced=tuple(force or ()),
-                forbidden=tuple(forbid or ()),
+                **finding.arguments(),
             )
         except KeyboardInterrupt:
             typer.echo("sindyjoint: interrupted; the same command goes on where this one stopped", err=True)
             raise typer.Exit(130) from None
         progress.say("writing the page")
-        write_batch(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        show_batch(result)
+        show(result)
         typer.echo(f"\nreport: {out / 'report.html'}")
     raise typer.Exit(0 if result.complete else 1)

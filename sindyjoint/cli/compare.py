@@ -9,9 +9,12 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.options import AsJson, CampaignPath
+from sindyjoint.cli.defaults import default_of, given
+from sindyjoint.cli.options import JOBS, AsJson, CampaignPath
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
+
+COMPARE = "workflows.compare:compare"
 
 
 def compare(
@@ -34,14 +37,16 @@ def compare(
     ] = None,
     replicates: Annotated[
         int, typer.Option(help="Resampled campaigns behind the inclusion probabilities.")
-    ] = 500,
+    ] = default_of(COMPARE, "replicates"),
     margin: Annotated[
         float,
         typer.Option(help="Relative change of a coefficient over the tested band that would not matter."),
-    ] = 0.10,
+    ] = default_of(COMPARE, "margin"),
     as_json: AsJson = False,
-    random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
-    jobs: JobsOption = 1,
+    random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = default_of(
+        COMPARE, "random_state"
+    ),
+    jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     quiet: Quiet = False,
@@ -62,8 +67,7 @@ def compare(
 
         result = run(
             campaign,
-            library or "extended",
-            methods=method or None,
+            **given(library=library, methods=method),
             replicates=replicates,
             margin=margin,
             random_state=random_state,
@@ -73,17 +77,17 @@ def compare(
             cluster=cluster,
         )
         if out is not None:
-            from sindyjoint.reporting.comparison import write_comparison
+            from sindyjoint.reporting.output import write_results
 
             progress.say("writing the report")
-            write_comparison(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        from sindyjoint.reporting.comparison import show_comparison
+        from sindyjoint.reporting.registry import show
 
-        show_comparison(result)
+        show(result)
         if out is not None:
             typer.echo(f"\nreport: {out / 'report.html'}")
     raise typer.Exit(0 if result.model.terms else 1)

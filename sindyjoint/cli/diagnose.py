@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.options import AsJson
+from sindyjoint.cli.defaults import default_of, given
+from sindyjoint.cli.options import JOBS, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
+
+MOST = default_of("workflows.diagnose:diagnose", "max_effects")
+MOST_OF_RIG = default_of("workflows.diagnose:diagnose_structure", "max_effects")
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Diagnosis
@@ -43,7 +47,9 @@ def diagnose(
     library: Annotated[
         list[Path] | None, typer.Option("--library", "-l", help="A TOML file of further effects. Repeatable.")
     ] = None,
-    max_effects: Annotated[int, typer.Option(min=1, help="Most effects to add.")] = 3,
+    max_effects: Annotated[
+        int | None, typer.Option(min=1, help=f"Most effects to add. [{MOST}; of a rig {MOST_OF_RIG}]")
+    ] = None,
     hold_out: Annotated[
         list[str] | None,
         typer.Option(
@@ -56,7 +62,7 @@ def diagnose(
     ] = None,
     as_json: AsJson = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     quiet: Quiet = False,
@@ -81,27 +87,27 @@ def diagnose(
             model,
             base,
             library=tuple(library or ()),
-            max_effects=max_effects,
             hold_out=tuple(hold_out or ()),
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
             workers=workers,
             cluster=cluster,
+            **given(max_effects=max_effects),
         )
         if out is not None:
             progress.say("writing the report")
-            from sindyjoint.reporting.diagnosis import write_diagnosis
+            from sindyjoint.reporting.output import write_results
 
             files = [path for path in (model, campaign) if path is not None and path.exists()]
-            write_diagnosis(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        from sindyjoint.reporting.diagnosis import show_diagnosis
+        from sindyjoint.reporting.registry import show
 
-        show_diagnosis(result)
+        show(result)
     raise typer.Exit(1 if result.verdict == "unknown" else 0)
 
 
@@ -116,11 +122,11 @@ def _diagnosed(
     if campaign is None or not is_structure(campaign):
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
-        return of_campaign(campaign, start, base=base or "paper", **options)
+        return of_campaign(campaign, start, **given(base=base), **options)
     if base:
         raise InputError(
             f"--base is for campaigns; {campaign} is a rig, whose joint has its own law, or --model"
         )
-    from sindyjoint.workflows.diagnose_structure import diagnose_structure as of_structure
+    from sindyjoint.workflows.diagnose import diagnose_structure as of_structure
 
     return of_structure(campaign, start, **options)

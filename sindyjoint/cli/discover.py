@@ -9,21 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
-    AlignOption,
+    DISCOVER,
+    JOBS,
     AsJson,
-    BandwidthOption,
     CampaignPath,
     CandidatesOption,
-    ForbidOption,
-    ForceOption,
-    MethodOption,
+    Finding,
     Nuisance,
-    Selection,
-    SelectionOption,
-    States,
-    StatesOption,
-    ThresholdOption,
+    takes_finding,
 )
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
@@ -32,6 +27,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
 
 
+@takes_finding
 def discover(
     campaign: CampaignPath = None,
     library: CandidatesOption = None,
@@ -39,21 +35,14 @@ def discover(
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
     as_json: AsJson = False,
-    method: MethodOption = "stlsq",
-    selection: SelectionOption = Selection.evidence,
-    threshold: ThresholdOption = None,
-    force: ForceOption = None,
-    forbid: ForbidOption = None,
-    states: StatesOption = States.auto,
-    bandwidth: BandwidthOption = None,
-    align: AlignOption = False,
+    finding: Finding = Finding(),  # noqa: B008
     correct: Annotated[
         bool,
         typer.Option(
             "--correct/--no-correct",
             help="Take out of the coefficients what noise and processing do to them, as simulated twins show.",
         ),
-    ] = True,
+    ] = default_of(DISCOVER, "correct"),
     refine: Annotated[
         bool, typer.Option("--refine", help="Refine the coefficients on the simulated response of the runs.")
     ] = False,
@@ -64,7 +53,7 @@ def discover(
         ),
     ] = None,
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     quiet: Quiet = False,
@@ -90,21 +79,14 @@ def discover(
 
         result = run(
             campaign,
-            library or "extended",
-            states=states.value,
-            bandwidth=bandwidth,
-            align=align,
+            **given(library=library),
             correct=correct,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
             workers=workers,
             cluster=cluster,
-            method=method,
-            selection=selection.value,
-            threshold=threshold,
-            forced=tuple(force or ()),
-            forbidden=tuple(forbid or ()),
+            **finding.arguments(),
         )
         if refine:
             from sindyjoint.workflows.refine import refined
@@ -126,8 +108,8 @@ def discover(
 
 def _show(result: Discovery, out: Path | None) -> None:
     """Print the result for a person."""
-    from sindyjoint.reporting.terminal import show_discovery
+    from sindyjoint.reporting.registry import show
 
-    show_discovery(result)
+    show(result)
     if out is not None:
         typer.echo(f"\nreport: {out / 'report.html'}")

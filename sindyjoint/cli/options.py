@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from sindyjoint.cli.defaults import default_of
 
 METHODS = (
     "stlsq", "best_subset", "backward", "coefficient_stlsq", "sr3", "ssr", "frols", "ensemble", "lasso_lars",
@@ -37,6 +42,14 @@ class States(StrEnum):
     broadband = "broadband"
 
 
+REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
+METHOD: str = default_of(REGRESSOR, "method")
+SELECTION = Selection(default_of(REGRESSOR, "selection"))
+STATES = States(default_of(DISCOVER, "states"))
+ALIGN: bool = default_of(DISCOVER, "align")
+JOBS: int = default_of(DISCOVER, "jobs")
+LIBRARY: str = default_of(DISCOVER, "library")
+
 CampaignPath = Annotated[
     Path | None,
     typer.Argument(
@@ -48,30 +61,72 @@ CampaignPath = Annotated[
 CandidatesOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--library", "-l", help="Candidate terms: name or path of a catalogue. Repeatable. [extended]"
+        "--library",
+        "-l",
+        help=f"Candidate terms: name or path of a catalogue. Repeatable. [{LIBRARY}]",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-MethodOption = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        help=f"How the path of models is made: {', '.join(METHODS)}; or pysindy:NAME for an optimizer of pysindy.",
-    ),
-]
-SelectionOption = Annotated[Selection, typer.Option(help="How one model of the path is chosen.")]
-ThresholdOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Least share of the moment that a term carries alone, instead of choosing by evidence."
-    ),
-]
-ForceOption = Annotated[list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")]
-ForbidOption = Annotated[
-    list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
-]
-StatesOption = Annotated[States, typer.Option(help="How rates are made of angles.")]
-BandwidthOption = Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")]
-AlignOption = Annotated[
-    bool, typer.Option("--align", help="Remove the time skew found between the channels.")
-]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """How terms are found: the options of every command that finds them."""
+
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help=f"How the path of models is made: {', '.join(METHODS)}; or pysindy:NAME for an optimizer of pysindy.",
+        ),
+    ] = METHOD
+    selection: Annotated[Selection, typer.Option(help="How one model of the path is chosen.")] = SELECTION
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help="Least share of the moment that a term carries alone, instead of choosing by evidence."
+        ),
+    ] = None
+    force: Annotated[list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")] = (
+        None
+    )
+    forbid: Annotated[
+        list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
+    ] = None
+    states: Annotated[States, typer.Option(help="How rates are made of angles.")] = STATES
+    bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None
+    align: Annotated[
+        bool, typer.Option("--align", help="Remove the time skew found between the channels.")
+    ] = ALIGN
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what :func:`sindyjoint.discover` takes."""
+        return {
+            "method": self.method,
+            "selection": self.selection.value,
+            "threshold": self.threshold,
+            "forced": tuple(self.force or ()),
+            "forbidden": tuple(self.forbid or ()),
+            "states": self.states.value,
+            "bandwidth": self.bandwidth,
+            "align": self.align,
+        }
+
+
+def takes_finding(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the fields of :class:`Finding` as options of its own, where its parameter ``finding`` stands."""
+    options = inspect.signature(Finding, eval_str=True).parameters
+    parameters = []
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        parameters += list(options.values()) if parameter.name == "finding" else [parameter]
+
+    def with_options(**given: Any) -> None:
+        finding = Finding(**{name: given.pop(name) for name in options})
+        command(finding=finding, **given)
+
+    with_options.__name__, with_options.__doc__ = command.__name__, command.__doc__
+    with_options.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    # An option without a default may follow one that has one: typer passes all by name.
+    by_name = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
+    with_options.__signature__ = inspect.Signature(by_name)  # type: ignore[attr-defined]
+    return with_options

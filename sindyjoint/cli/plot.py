@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of
+
+WIDTH: float = default_of("reporting.registry:draw", "width")
+DPI: int = default_of("reporting.style:figure_bytes", "dpi")
 FORMATS = ("svg", "pdf", "png")
 
 
@@ -27,8 +31,8 @@ def plot(
     width: Annotated[
         float,
         typer.Option(min=2.5, max=20, help="Width in inches: 3.5 for one column of a paper, 7 for two."),
-    ] = 7.0,
-    dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = 300,
+    ] = WIDTH,
+    dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = DPI,
 ) -> None:
     """Draw one figure of a saved result, for a paper.
 
@@ -36,7 +40,7 @@ def plot(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.files.atomic import write_bytes
-    from sindyjoint.reporting.saved import load_results
+    from sindyjoint.reporting.saved import drawing, load_results
 
     target = out if out is not None else Path(f"{kind}.svg")
     suffix = target.suffix.lower().removeprefix(".")
@@ -44,13 +48,15 @@ def plot(
         raise InputError(f"--out is {str(target)!r}; a name that ends in .svg, .pdf or .png is wanted")
     data = load_results(results)
 
-    from sindyjoint.reporting.figures import draw, drawable, kinds_of
+    from sindyjoint.reporting.registry import draw, drawable, kinds_of
     from sindyjoint.reporting.style import figure_bytes
 
-    if kind is None:
+    with drawing(results):
         names = drawable(data, parts=True)
+        figure = None if kind is None else figure_bytes(draw(kind, data, width), suffix, dpi)
+    if figure is None:
         longest = max(map(len, names))
         for name in names:
             typer.echo(f"{name:<{longest}}  {kinds_of(data)[name].caption}")
         return
-    typer.echo(f"wrote {write_bytes(target, figure_bytes(draw(kind, data, width), suffix, dpi))}", err=True)
+    typer.echo(f"wrote {write_bytes(target, figure)}", err=True)

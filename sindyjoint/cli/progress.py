@@ -64,7 +64,7 @@ class Progress:
     def tell(self, result: Any) -> None:
         """Show the numbers behind a result, where that was asked for."""
         if self._verbose:
-            from sindyjoint.reporting.details import details
+            from sindyjoint.reporting.registry import details
 
             self.say("done; what lies behind it:")
             for line in details(result):

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
@@ -23,7 +24,9 @@ def reproduce(
         typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures."),
     ] = None,
     as_json: AsJson = False,
-    random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
+    random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = default_of(
+        "workflows.reproduce:reproduce", "random_state"
+    ),
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -40,18 +43,19 @@ def reproduce(
     if out is not None:
         check_output(out)
     with Progress(quiet, verbose) as progress:
-        from sindyjoint.reporting.reproduction import show_reproduction, write_reproduction
+        from sindyjoint.reporting.output import write_results
+        from sindyjoint.reporting.registry import show
         from sindyjoint.workflows.reproduce import reproduce as run
 
         result = run(random_state, progress.say)
         if out is not None:
             progress.say("drawing")
-            write_reproduction(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        show_reproduction(result)
+        show(result)
         if out is not None:
             typer.echo(f"\nreport: {out / 'report.html'}")
 
@@ -64,7 +68,7 @@ def tables(
 
     Example: sindyjoint reproduce tables
     """
-    from sindyjoint.reporting.reproduction import show_checks
+    from sindyjoint.reporting.results.reproduction import show_checks
     from sindyjoint.workflows.paper_tables import check_tables, table_findings
 
     checks = check_tables()

@@ -43,17 +43,17 @@ def rig(
 
         result = rig_motion(rig, model, progress=progress.say)
         if out is not None:
-            from sindyjoint.reporting.rig_motion import write_rig_motion
+            from sindyjoint.reporting.output import write_results
 
             progress.say("writing the results")
             files = [path for path in (model, Path(rig)) if path is not None]
-            write_rig_motion(result, out, ["sindyjoint", *sys.argv[1:]], files)
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], files=files)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        from sindyjoint.reporting.rig_motion import show_rig_motion
+        from sindyjoint.reporting.registry import show
 
-        show_rig_motion(result)
+        show(result)
         if out is not None:
             typer.echo(f"\nreport: {out / 'report.html'}")

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 
@@ -42,28 +43,46 @@ def _numbers(text: str, option: str) -> tuple[float, ...]:
         raise InputError(f"{option} is {text!r}; numbers with commas between them are wanted") from None
 
 
+def _text(numbers: tuple[float, ...]) -> str:
+    return ",".join(f"{number:g}" for number in numbers)
+
+
+TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
+FREQUENCIES = _text(default_of(TEST, "frequencies"))
+LEVELS = _text(default_of(TEST, "levels"))
+NOISE: float = default_of(TEST, "noise")
+SKEW: float = default_of(PLAN, "skew")
+FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
+
+
 def simulate(
     out: Annotated[Path, typer.Option("--out", help="Folder to write campaign.toml and the run files to.")],
-    joint: Annotated[_Joint, typer.Option(help="The paper's joint to test.")] = _Joint.inter_panel,
-    frequencies: Annotated[str, typer.Option(help="Excitation frequencies in Hz, with commas.")] = "3,4,5,6",
+    joint: Annotated[_Joint, typer.Option(help="The paper's joint to test.")] = _Joint(
+        default_of(TEST, "joint")
+    ),
+    frequencies: Annotated[
+        str, typer.Option(help="Excitation frequencies in Hz, with commas.")
+    ] = FREQUENCIES,
     levels: Annotated[
         str, typer.Option(help="Peak angles as fractions of the softening limit, with commas.")
-    ] = "0.92,0.63,0.35",
+    ] = LEVELS,
     drive: Annotated[
         _Drive, typer.Option(help="Sinusoidal moment at the sensor, moment through a beam, or angle.")
-    ] = _Drive.moment,
-    noise: Annotated[float, typer.Option(help="White noise as a fraction of each channel's RMS.")] = 0.01,
+    ] = _Drive(default_of(PLAN, "drive")),
+    noise: Annotated[float, typer.Option(help="White noise as a fraction of each channel's RMS.")] = NOISE,
     bits: Annotated[int | None, typer.Option(help="Resolution of the converter.")] = None,
-    sample_rate: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = 1000.0,
-    duration: Annotated[float, typer.Option(help="Length of each run in s.")] = 10.0,
+    sample_rate: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = default_of(
+        PLAN, "sample_rate"
+    ),
+    duration: Annotated[float, typer.Option(help="Length of each run in s.")] = default_of(PLAN, "duration"),
     settling: Annotated[
         float, typer.Option(help="Time in s that passes before the record begins; 0 keeps the start-up.")
-    ] = 0.0,
-    skew: Annotated[float, typer.Option(help="Time in s by which the moment lags the angle.")] = 0.0,
+    ] = default_of(PLAN, "settling"),
+    skew: Annotated[float, typer.Option(help="Time in s by which the moment lags the angle.")] = SKEW,
     raw: Annotated[
         bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
-    ] = False,
-    format: Annotated[_Format, typer.Option(help="Format of the run files.")] = _Format.csv,
+    ] = default_of(TEST, "raw_channels"),
+    format: Annotated[_Format, typer.Option(help="Format of the run files.")] = FORMAT,
     random_state: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
     quiet: Quiet = False,

@@ -9,8 +9,11 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+
+VERIFY = "workflows.verify:verify"
 
 
 def verify(
@@ -24,14 +27,14 @@ def verify(
     ],
     tolerance: Annotated[
         float, typer.Option(help="Largest response NRMSE beyond the noise floor that passes.")
-    ] = 0.05,
+    ] = default_of(VERIFY, "tolerance"),
     draws: Annotated[
         int,
         typer.Option(help="Sets of coefficients drawn for the band of the simulated response; 0: no band."),
-    ] = 20,
+    ] = default_of(VERIFY, "draws"),
     window: Annotated[
         float, typer.Option(help="Time in s between restarts of a joint that nothing pulls back.")
-    ] = 1.0,
+    ] = default_of(VERIFY, "window"),
     noise: Annotated[
         float | None,
         typer.Option(help="Virtual pulse test: sensor noise as a fraction of the response's RMS. [0.01]"),
@@ -49,7 +52,9 @@ def verify(
         Path | None, typer.Option("--out", help="Folder for verification.json and figures.")
     ] = None,
     as_json: AsJson = False,
-    random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = 0,
+    random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = default_of(
+        VERIFY, "random_state"
+    ),
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -82,17 +87,17 @@ def verify(
             progress=progress.say,
         )
         if out is not None:
-            from sindyjoint.reporting.verification import write_verification
+            from sindyjoint.reporting.output import write_results
 
             progress.say("writing the results")
-            write_verification(result, out, ["sindyjoint", *sys.argv[1:]], random_state, (model, against))
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, (model, against))
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
-        from sindyjoint.reporting.verification import show_verification
+        from sindyjoint.reporting.registry import show
 
-        show_verification(result)
+        show(result)
         if out is not None:
             typer.echo(f"\nresults: {out / 'verification.json'}")
     raise typer.Exit(0 if result.passed else 1)

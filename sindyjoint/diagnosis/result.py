@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from sindyjoint.diagnosis.campaign.budget import Budget
-from sindyjoint.diagnosis.campaign.localisation import Place
+from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.pictures import RunGap
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import is_term
+from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
 
 
@@ -46,7 +46,7 @@ class Step:
     rivals : tuple of (str, float)
         Other effects with their probabilities, the likeliest first.
     parameters : dict of str to float
-        Coefficients and inner parameters, SI.
+        Coefficients and nonlinear parameters, SI.
     terms_dropped : tuple of str
     gap_before, gap_after : Gap
     units : dict of str to str
@@ -135,7 +135,7 @@ class Diagnosis:
 
     @property
     def moments(self) -> tuple[FittedEffect, ...]:
-        """The effects that add a moment and are no term of :attr:`whole`: with a memory, or of a run."""
+        """The effects that add a moment and are no term of :attr:`whole`: with an internal state, or of a run."""
         return tuple(
             e for e in self.effects if e.effect.enters == "moment" and not is_term(e.effect, e.variant)
         )

@@ -12,6 +12,7 @@ Comput. 42(1), 2020, with the factor of the first rows in the place of a shifted
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,18 +26,119 @@ Array = NDArray[np.float64]
 
 # Rows worked on at once: twenty columns of these are two thirds of a megabyte.
 TILE = 4096
-# Rounding of the Gram matrix, relative to its weakest direction, beyond which rows are decomposed instead.
-TOLERANCE = 1e-10
+# Rounding of the Gram matrix, relative to its weakest direction, beyond which rows are decomposed instead. It bounds
+# the relative error of a coefficient; noise of a thousandth leaves that of ten million rows at 3e-7.
+TOLERANCE = 1e-9
 # By which the rows so far are to keep away from that, if their columns are to be multiplied as they are.
 MARGIN = 2.0
-# The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-10.
-RESIDUAL = 1e5
+# The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
+RESIDUAL = 1e4
 # A column that is so dependent on those before it is told from them by nobody.
 DEPENDENT = 1e-9
 
 
+@dataclass(frozen=True, eq=False)
+class Base:
+    """Coordinates in which columns are so little alike that their products may be summed.
+
+    Parameters
+    ----------
+    triangle : ndarray, shape (p + 1, p + 1)
+        P, upper triangular.
+    diagonal : bool
+        Whether P only scales the columns.
+    free : ndarray, shape (p + 1,)
+        1 in directions in which the rows that P was made of say nothing, and which set no standard; otherwise 0.
+    """
+
+    triangle: Array
+    diagonal: bool
+    free: Array
+
+    @classmethod
+    def of(cls, factor: Factor) -> Base | None:
+        """Return the coordinates that suit rows like those of a factor; ``None`` where these are too few."""
+        size = factor.triangle.shape[0]
+        if factor.rows < 2 * size:
+            return None
+        triangle, root = factor.triangle, np.sqrt(factor.rows)
+        norms = np.linalg.norm(triangle, axis=0)
+        least = np.where(norms > 0, DEPENDENT * norms, 1.0)
+        weak = np.abs(np.diag(triangle)) < least
+        scales = cls(np.diag(np.where(norms > 0, norms, 1.0)) / root, True, weak.astype(float))
+        gram = scales.products_of(triangle)
+        if not weak.any() and accurate(MARGIN * np.trace(gram), _weakest(gram)):
+            return scales
+        # The columns by themselves are too much alike; a dependent one is known as such to more digits so.
+        base = triangle / root
+        base[weak, weak.nonzero()[0]] = least[weak] / root
+        return cls(np.ascontiguousarray(base), False, weak.astype(float))
+
+    def products_of(self, triangle: Array) -> Array:
+        """Return H of rows of which a triangular factor is known."""
+        root = _divided(triangle, self.triangle)
+        return np.asarray(root.T @ root)
+
+    def products(self, block: Array, scratch: Array) -> Array:
+        """Return the upper half of H of a block, shape (p + 1, n), whose rows are the columns."""
+        # numba is imported where it is first needed.
+        from sindyjoint.discovery import products
+
+        gram = np.zeros_like(self.triangle)
+        if not self.diagonal:
+            products.solved(block, self.triangle, scratch, gram)
+            return gram
+        products.plain(block, gram)
+        scale = np.diag(self.triangle)
+        return np.asarray(gram / np.outer(scale, scale))
+
+    def weakest(self, gram: Array, rows: float) -> float:
+        """Return the least of H of so many rows, counted as :func:`_weakest` does."""
+        return _weakest(_symmetric(gram) + rows * np.diag(self.free))
+
+    def factor_of(self, gram: Array) -> Array:
+        """Return the triangular factor of rows of which the upper half of H is known."""
+        from scipy.linalg.lapack import dpotrf
+
+        # A column of zeros stays one: of what rounding makes of it nobody could tell that it is nothing.
+        nothing = np.diag(gram) == 0
+        full = _symmetric(gram) + np.diag(nothing.astype(float))
+        root, failed = dpotrf(full, lower=0, clean=1)
+        if failed:
+            values, vectors = np.linalg.eigh(full)
+            root = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")
+        root[:, nothing] = 0.0
+        return np.asarray(np.triu(root @ self.triangle))
+
+
+def accurate(weight: float, weakest: float) -> bool:
+    """Return whether the rounding of sums of products leaves their weakest direction its digits."""
+    return bool(np.finfo(float).eps * weight <= TOLERANCE * weakest)
+
+
+class GramSum:
+    """Adds rows to their products in given coordinates; who adds them sees to it that these suit.
+
+    Parameters
+    ----------
+    base : Base
+    """
+
+    def __init__(self, base: Base):
+        self.base = base
+        self.gram = np.zeros_like(base.triangle)
+        self._scratch = np.empty((base.triangle.shape[0], TILE))
+
+    def add(self, block: Array) -> None:
+        """Add rows, as :meth:`FactorSum.add` does."""
+        gram = self.base.products(block, self._scratch)
+        if not np.isfinite(gram.trace()):
+            raise _not_finite(block)
+        self.gram += gram
+
+
 class FactorSum:
-    """Adds rows to a factor.
+    """Adds rows to a factor, in coordinates that it renews as the rows ask for it.
 
     Parameters
     ----------
@@ -48,14 +150,10 @@ class FactorSum:
         self.size = columns + 1
         self.rows = 0
         self._triangle = np.zeros((self.size, self.size))  # of all rows up to the last renewal
-        self._base: Array | None = None  # P
-        self._plain, self._norms = (
-            True,
-            np.ones((self.size, self.size)),
-        )  # whether P is diagonal, and its products
-        self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows, in the coordinates of P
+        self._base: Base | None = None
+        self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows
         self._weakest, self._weight = 0.0, 0.0
-        self._free = np.zeros(self.size)
+        self._standing = 0.0  # rows of the last renewal
         self._scratch = np.empty((self.size, TILE))
 
     def add(self, block: Array) -> None:
@@ -75,22 +173,14 @@ class FactorSum:
         if self._base is None or n < self.size:
             self._renew(block)
             return
-        # numba is imported where it is first needed.
-        from sindyjoint.discovery import products
-
-        gram = np.zeros((self.size, self.size))
-        if self._plain:
-            products.plain(block, gram)
-            gram /= self._norms
-        else:
-            products.solved(block, self._base, self._scratch, gram)
+        gram = self._base.products(block, self._scratch)
         weight = self._weight + float(gram.trace())
         if not np.isfinite(weight):
             raise _not_finite(block)
-        if not self._accurate(weight):
+        if not accurate(weight, self._weakest):
             # More rows have come since: the weakest direction can only have grown.
-            self._weakest = _weakest(_symmetric(self._gram + gram) + np.diag(self._free))
-            if not self._accurate(weight):
+            self._weakest = self._base.weakest(self._gram + gram, self._standing)
+            if not accurate(weight, self._weakest):
                 self._renew(block)
                 return
         self.rows += n
@@ -99,54 +189,25 @@ class FactorSum:
 
     def factor(self) -> Factor:
         """Return the factor of all rows so far."""
-        return Factor(self._current(), float(self.rows))
-
-    def _accurate(self, weight: float) -> bool:
-        return bool(np.finfo(float).eps * weight <= TOLERANCE * self._weakest)
-
-    def _current(self) -> Array:
-        if self._base is None:
-            return self._triangle
-        values, vectors = np.linalg.eigh(_symmetric(self._gram))
-        root = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")
-        return np.triu(root @ self._base)
+        triangle = self._triangle if self._base is None else self._base.factor_of(self._gram)
+        return Factor(triangle, float(self.rows))
 
     def _renew(self, block: Array) -> None:
         """Decompose rows by themselves, and take what is known now for the base."""
         if not np.isfinite(block).all():
             raise _not_finite(block)
-        known = Factor(self._current(), 1.0)
+        self._triangle = merge([self.factor(), Factor.of(block[:-1].T, block[-1])]).triangle
         self.rows += block.shape[1]
-        self._triangle = merge([known, Factor.of(block[:-1].T, block[-1])]).triangle
-        if self.rows < 2 * self.size:
-            return
-        norms = np.linalg.norm(self._triangle, axis=0)
-        least = np.where(norms > 0, DEPENDENT * norms, 1.0)
-        diagonal = np.diag(self._triangle)
-        weak = np.abs(diagonal) < least
-        # Directions in which the rows say nothing set no standard.
-        self._free = np.where(weak, float(self.rows), 0.0)
-        scale = np.maximum(norms, np.where(norms > 0, 0.0, 1.0)) / np.sqrt(self.rows)
-        self._plain = True
-        self._take(np.diag(scale))
-        self._norms = np.outer(scale, scale)
-        if weak.any() or not self._accurate(MARGIN * self._weight):
-            # The columns by themselves are too much alike; a dependent one is known as such to more digits so.
-            base = self._triangle / np.sqrt(self.rows)
-            base[weak, weak.nonzero()[0]] = least[weak] / np.sqrt(self.rows)
-            self._plain = False
-            self._take(base)
-
-    def _take(self, base: Array) -> None:
-        """Take a triangle for P."""
-        root = _divided(self._triangle, base)
-        self._base, self._gram = np.ascontiguousarray(base), root.T @ root
-        self._weakest = _weakest(self._gram + np.diag(self._free))
-        self._weight = float(np.trace(self._gram))
+        self._standing = float(self.rows)
+        self._base = Base.of(Factor(self._triangle, self._standing))
+        if self._base is not None:
+            self._gram = self._base.products_of(self._triangle)
+            self._weakest = self._base.weakest(self._gram, self._standing)
+            self._weight = float(np.trace(self._gram))
 
 
-class TermSum:
-    """Adds force states to the factor of some terms and a target: evaluation and accumulation, tile by tile.
+class Tiles:
+    """Evaluates terms at force states a tile of rows at a time, in memory that is used again.
 
     Parameters
     ----------
@@ -156,12 +217,55 @@ class TermSum:
 
     def __init__(self, function: TermFunction):
         self.function = function
-        p = len(function.outputs)
-        self._sum = FactorSum(p)
         self._scratch = np.empty((len(function.operations), TILE))
-        self._block = np.empty((p + 1, TILE))
+        self._block = np.empty((len(function.outputs) + 1, TILE))
 
-    def add(self, states: Sequence[Array], target: Array) -> None:
+    def add_to(
+        self,
+        total: FactorSum | GramSum,
+        states: Sequence[Array],
+        target: Array,
+        weight: Array | None = None,
+    ) -> None:
+        """Add rows to a sum; parameters and errors are those of :meth:`TermSum.add`."""
+        for start in range(0, target.size, TILE):
+            part = slice(start, start + TILE)
+            block = self.columns(
+                [s[part] for s in states], target[part], None if weight is None else weight[part]
+            )
+            try:
+                total.add(block)
+            except InputError as error:
+                raise InputError(f"rows from {start} of this stretch: {error}") from None
+
+    def columns(self, states: Sequence[Array], target: Array, weight: Array | None = None) -> Array:
+        """Return terms and target at a tile of rows, or fewer, shape (p + 1, n); of a tile until the next call."""
+        n = target.size
+        block = self._block if n == TILE else np.empty((self._block.shape[0], n))
+        extra: list[Any] = [np.nan] * (len(self.function.arguments) - len(states))
+        inputs = [np.ascontiguousarray(s, dtype=np.float64) for s in states]
+        self.function.tile([*inputs, *extra], self._scratch[:, :n], block)
+        block[-1] = target
+        if weight is not None:
+            block *= np.sqrt(weight)
+        return block
+
+
+class TermSum:
+    """Adds force states to the factor of some terms and a target.
+
+    Parameters
+    ----------
+    function : TermFunction
+        Of (θ, θ̇, θ̈).
+    """
+
+    def __init__(self, function: TermFunction):
+        self._tiles = Tiles(function)
+        self._sum = FactorSum(len(function.outputs))
+        self._rows = 0.0
+
+    def add(self, states: Sequence[Array], target: Array, weight: Array | None = None) -> None:
         """Add rows.
 
         Parameters
@@ -169,29 +273,20 @@ class TermSum:
         states : sequence of ndarray, shape (n,)
             θ, θ̇ and, where a term needs it, θ̈.
         target : ndarray, shape (n,)
+        weight : ndarray, shape (n,), optional
+            How often each row counts.
 
         Raises
         ------
         InputError
             If a term or the target has no finite value somewhere.
         """
-        inputs = [np.ascontiguousarray(s, dtype=np.float64) for s in states]
-        extra: list[Any] = [np.nan] * (len(self.function.arguments) - len(inputs))
-        for start in range(0, target.size, TILE):
-            stop = min(start + TILE, target.size)
-            block = self._block if stop - start == TILE else np.empty((self._block.shape[0], stop - start))
-            self.function.tile(
-                [*(s[start:stop] for s in inputs), *extra], self._scratch[:, : stop - start], block
-            )
-            block[-1] = target[start:stop]
-            try:
-                self._sum.add(block)
-            except InputError as error:
-                raise InputError(f"rows from {start} of this stretch: {error}") from None
+        self._tiles.add_to(self._sum, states, target, weight)
+        self._rows += target.size if weight is None else float(weight.sum())
 
     def factor(self) -> Factor:
         """Return the factor of all rows so far."""
-        return self._sum.factor()
+        return Factor(self._sum.factor().triangle, self._rows)
 
 
 def _weakest(gram: Array) -> float:

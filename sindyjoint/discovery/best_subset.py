@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import chunks
 from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
@@ -108,8 +109,8 @@ def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:
         Marks of the best set of each size; row 0 is empty.
     """
     order = _search_order(Factor(np.array(triangles[0]), 1.0), [])
-    chunks = [triangles[start : start + REPLICATES] for start in range(0, len(triangles), REPLICATES)]
-    return np.concatenate(side_by_side(_subsets_of, chunks, [order, largest]))
+    parts = [triangles[some] for some in chunks(len(triangles), REPLICATES)]
+    return np.concatenate(side_by_side(_subsets_of, parts, [order, largest]))
 
 
 def _subsets_of(order: list[int], largest: int, triangles: Array) -> NDArray[np.bool_]:

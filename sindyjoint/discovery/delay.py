@@ -19,9 +19,12 @@ from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import Reference, term_columns
 from sindyjoint.equation.terms import ResolvedTerm
+from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
+# Samples by which a signal is prolonged, for its spline to forget the end.
+EDGE = 12
 
 
 @dataclass(frozen=True)
@@ -50,12 +53,10 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     """
     if time == 0.0:
         return states
-    from scipy.ndimage import shift
-
     samples = time * states.sample_rate
 
     def moved(signal: Array) -> Array:
-        return shift(signal, samples, order=3, mode="nearest")
+        return _delayed(signal, samples)
 
     moving = states.moving.copy()
     edge = int(np.ceil(abs(samples))) + 1
@@ -76,6 +77,29 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
         if replicate is None
         else (moved(replicate[0]), moved(replicate[1]), moved(replicate[2])),
     )
+
+
+def _delayed(signal: Array, samples: float) -> Array:
+    """Return a signal that comes so many samples later, by cubic splines; at its ends its first and last value goes on.
+
+    All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
+    Σ_k β³(f + k) c(i + k), k = −2 … 1.
+    """
+    from scipy.ndimage import spline_filter1d
+
+    whole = int(np.floor(samples))
+    part = samples - whole
+    margin = EDGE + abs(whole) + 2
+    coefficients = spline_filter1d(np.pad(signal, margin, mode="edge"), order=3)
+    weights = [
+        (1 - part) ** 3,
+        4 - 6 * part**2 + 3 * part**3,
+        1 + 3 * part + 3 * part**2 - 3 * part**3,
+        part**3,
+    ]
+    first = margin - whole + 1
+    terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
+    return np.asarray(sum(terms))
 
 
 def estimate_skew(
@@ -99,6 +123,7 @@ def estimate_skew(
     most_rows : int
         Rows used; evenly spaced ones suffice.
     """
+    states = [replace(s, replicate=None) for s in states]
     stride = max(1, sum(s.n_samples for s in states) // most_rows)
     time, error = 0.0, float("inf")
     for _ in range(iterations):
@@ -117,10 +142,7 @@ def _linearised(
     """Return the evidence of [terms | ∂M/∂τ], the derivative taken with the terms' present coefficients."""
     rows = [_columns(s, terms, inertia, stride) for s in states]
     stacked = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
-    scaled, norms, target = stacked.normalised()
-    coefficients = (
-        np.linalg.lstsq(scaled.triangle[:, :-1], scaled.triangle[:, -1], rcond=1e-12)[0] * target / norms
-    )
+    coefficients = scaled_least_squares(stacked.triangle[:, :-1], stacked.triangle[:, -1], 1e-12)
     runs = []
     for state, (columns, moment, later, known, block) in zip(states, rows, strict=True):
         # dM/dt from the columns half a sample on either side: exact for the law, no noise of the moment in it.

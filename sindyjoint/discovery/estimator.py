@@ -21,6 +21,7 @@ from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.parallel import single_threaded
 from sindyjoint.record import Joint, Motion
 
 Array = NDArray[np.float64]
@@ -165,9 +166,10 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
         reference = Reference.of(X[:, 0], X[:, 1], y)
         terms = self.candidates(reference, X.shape[1] == 3)
-        evidence = gather(terms, X, y, labels, weight, X_replicate, y_replicate)
         shared = X_replicate is not None and np.array_equal(X_replicate, X)
-        return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
+        with single_threaded():
+            evidence = gather(terms, X, y, labels, weight, X_replicate, y_replicate)
+            return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
 
     def candidates(self, reference: Reference, with_acceleration: bool = False) -> tuple[ResolvedTerm, ...]:
         """Return the candidate terms, their inner parameters at the scales of the data."""
@@ -201,9 +203,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         """
         self.check_parameters()
         features = 3 if any(term.term.needs_acceleration for term in terms) else 2
-        return self._fit(
-            tuple(terms), evidence, reference, int(evidence.pooled.rows), features, shared_motion
-        )
+        rows = int(evidence.pooled.rows)
+        with single_threaded():
+            return self._fit(tuple(terms), evidence, reference, rows, features, shared_motion)
 
     def _fit(
         self,

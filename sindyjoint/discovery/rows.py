@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,31 +10,42 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_array
 
+from sindyjoint.discovery.accumulate import Base, FactorSum, GramSum, Tiles, accurate
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
-from sindyjoint.discovery.factors import Factor
+from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.equation.evaluation import TermFunction
+from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
+from sindyjoint.parallel import on_threads
 
 Array = NDArray[np.float64]
+Index = slice | NDArray[np.intp]
 
 # Without replicate blocks of its own, a run is cut into this many stretches of consecutive rows.
 STRETCHES = 16
 # What a single run, which has no other to be held out against, is cut into; none of these is the name of a run.
 PARTS = ("part 1", "part 2", "part 3", "part 4")
+# Rows of a run that tell how alike its columns are.
+SAMPLE = 2048
+# Rows below which a second thread takes longer to start than it saves.
+THREADED = 50_000
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledRun:
+    """A run, and the rows of each of its replicate blocks."""
+
+    name: str
+    group: str
+    blocks: tuple[Index, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class RowLabels:
-    """Group, run and replicate block of every row, each of shape (n,)."""
+    """The runs that rows belong to, in order of appearance."""
 
-    group: NDArray[Any]
-    run: NDArray[Any]
-    block: NDArray[Any]
-
-    @property
-    def run_names(self) -> list[Any]:
-        """Runs in order of appearance."""
-        return list(dict.fromkeys(self.run.tolist()))
+    runs: tuple[LabelledRun, ...]
 
     @classmethod
     def of(
@@ -51,20 +62,54 @@ class RowLabels:
         for name, values in given.items():
             if values is not None and np.shape(values) != (n,):
                 raise InputError(f"{name} has shape {np.shape(values)}; ({n},), one entry per row, is wanted")
-        if groups is None and runs is None:
-            # One record: four parts to hold out, each with its own blocks.
-            group = run = np.array(PARTS, dtype=object)[np.arange(n) * len(PARTS) // n]
+        of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
+        if of_runs is None or of_groups is None:
+            # One record: stretches to hold out, each with its own blocks.
+            stretches = zip(PARTS, _stretches(slice(0, n), len(PARTS)), strict=True)
+            of_blocks = None if blocks is None else np.asarray(blocks)
+            found = cls(
+                tuple(LabelledRun(part, part, _blocks_of(rows, of_blocks)) for part, rows in stretches)
+            )
         else:
-            run = np.asarray(groups if runs is None else runs)
-            group = np.asarray(runs if groups is None else groups)
-        block = np.asarray(blocks) if blocks is not None else _stretches(run)
-        if blocks is not None and len(set(zip(run.tolist(), block.tolist(), strict=True))) == len(
-            set(run.tolist())
-        ):
+            found = cls.labelled(of_groups, of_runs, blocks)
+        if blocks is not None and all(len(run.blocks) == 1 for run in found.runs):
             raise InputError(
                 "blocks has one block in each run; standard errors need the scatter of two or more"
             )
-        return cls(group, run, block)
+        return found
+
+    @classmethod
+    def labelled(cls, groups: ArrayLike, runs: ArrayLike, blocks: ArrayLike | None) -> RowLabels:
+        """Return the labels of rows of which group and run are known."""
+        group, block = np.asarray(groups), None if blocks is None else np.asarray(blocks)
+        return cls(
+            tuple(
+                LabelledRun(str(run), str(group[rows][0]), _blocks_of(rows, block))
+                for run, rows in _rows_of(np.asarray(runs)).items()
+            )
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Force states and the moment to explain.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n, 2) or (n, 3)
+        θ, θ̇ and perhaps θ̈; SI.
+    y : ndarray, shape (n,)
+        N·m.
+    weight : ndarray, shape (n,), optional
+        How often each row counts.
+    """
+
+    X: Array
+    y: Array
+    weight: Array | None = None
+
+    def __getitem__(self, index: Index) -> Rows:
+        return Rows(self.X[index], self.y[index], None if self.weight is None else self.weight[index])
 
 
 def gather(
@@ -89,11 +134,35 @@ def gather(
     weight : ndarray, shape (n,), optional
     X_replicate, y_replicate : array_like, optional
         The same rows as each block alone gives them.
+
+    Raises
+    ------
+    InputError
+        If a term has no finite value somewhere.
     """
-    columns = state_columns(terms, X)
-    other = None if X_replicate is None else state_columns(terms, np.asarray(X_replicate, dtype=np.float64))
-    ids = tuple(term.id for term in terms)
-    return gather_columns(ids, columns, y, labels, weight, other, y_replicate)
+    whole = Rows(X, y, weight)
+    other = Rows(
+        X if X_replicate is None else np.asarray(X_replicate, dtype=np.float64),
+        y if y_replicate is None else np.asarray(y_replicate, dtype=np.float64),
+        weight,
+    )
+    same = np.array_equal(other.X, X) and np.array_equal(other.y, y)
+    sources = (other,) if same else (other, whole)
+    problems = [[rows[block] for block in run.blocks] for rows in sources for run in labels.runs]
+    try:
+        factors = run_factors(compile_terms([term.expression for term in terms]), problems)
+    except InputError:
+        # Once more, slowly, for a message that names the term.
+        for problem in problems:
+            for rows in problem:
+                state_columns(terms, rows.X)
+        raise
+    n = len(labels.runs)
+    runs = [
+        RunEvidence(run.name, run.group, merge(pooled), tuple(blocks))
+        for run, blocks, pooled in zip(labels.runs, factors[:n], factors[-n:], strict=True)
+    ]
+    return Evidence(tuple(term.id for term in terms), tuple(runs))
 
 
 def gather_columns(
@@ -103,26 +172,22 @@ def gather_columns(
     labels: RowLabels,
     weight: Array | None = None,
     columns_replicate: Array | None = None,
-    y_replicate: ArrayLike | None = None,
+    y_replicate: Array | None = None,
 ) -> Evidence:
     """Return the factors of every run and block of columns that are there, shape (n, p); else as :func:`gather`."""
-    replicates = columns if columns_replicate is None else columns_replicate
-    replicate_target = y if y_replicate is None else np.asarray(y_replicate, dtype=np.float64)
+    given = (columns, y)
+    replicate = (
+        given if columns_replicate is None else (columns_replicate, y if y_replicate is None else y_replicate)
+    )
+
+    def factor(rows: Index, matrix: Array, target: Array) -> Factor:
+        return Factor.of(matrix[rows], target[rows], None if weight is None else weight[rows])
+
     runs = []
-    for run in labels.run_names:
-        rows = np.flatnonzero(labels.run == run)
-        w = None if weight is None else weight[rows]
-        block = labels.block[rows]
-        parts = tuple(
-            Factor.of(
-                replicates[rows[block == b]],
-                replicate_target[rows[block == b]],
-                None if w is None else w[block == b],
-            )
-            for b in np.unique(block)
-        )
-        pooled = Factor.of(columns[rows], y[rows], w)
-        runs.append(RunEvidence(str(run), str(labels.group[rows[0]]), pooled, parts))
+    for run in labels.runs:
+        blocks = tuple(factor(rows, *replicate) for rows in run.blocks)
+        pooled = merge(blocks if replicate is given else [factor(rows, *given) for rows in run.blocks])
+        runs.append(RunEvidence(run.name, run.group, pooled, blocks))
     return Evidence(tuple(ids), tuple(runs))
 
 
@@ -147,15 +212,122 @@ def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float
     return weight
 
 
+def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[list[Factor]]:
+    """Return the factor of every block of every run.
+
+    The blocks of a run are summed in coordinates that are told from a sample of its rows. If these do not suit all of
+    its rows, they are summed once more in better ones, and if even these do not, one block after the other.
+
+    Parameters
+    ----------
+    function : TermFunction
+        Of the terms.
+    runs : sequence of sequences of Rows
+        The blocks of each run.
+
+    Raises
+    ------
+    InputError
+        If a term or a target has no finite value somewhere.
+    """
+    threaded = sum(block.y.size for run in runs for block in run) >= THREADED
+
+    def each(work: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> Iterator[Any]:
+        def start() -> Callable[[tuple[Any, ...]], Any]:
+            tiles = Tiles(function)
+            return lambda task: work(tiles, *task)
+
+        return iter(on_threads(start, tasks) if threaded else map(start(), tasks))
+
+    bases = list(each(_sampled_base, [(run,) for run in runs]))
+    found: dict[int, list[Factor]] = {}
+    for _ in range(2):
+        left = [i for i, base in enumerate(bases) if base is not None and i not in found]
+        grams = each(_gram, [(bases[i], block) for i in left for block in runs[i]])
+        for i in left:
+            factors, suited = _factors(bases[i], runs[i], [next(grams) for _ in runs[i]])
+            if suited:
+                found[i] = factors
+            else:
+                bases[i] = Base.of(merge(factors))
+    left = [i for i in range(len(runs)) if i not in found]
+    singly = each(_factor, [(block,) for i in left for block in runs[i]])
+    found |= {i: [next(singly) for _ in runs[i]] for i in left}
+    return [found[i] for i in range(len(runs))]
+
+
+def _sampled_base(tiles: Tiles, run: Sequence[Rows]) -> Base | None:
+    """Return coordinates for the rows of a run, from a sample that is spread over its blocks."""
+    share = -(-SAMPLE // len(run))
+    spread = [block[:: max(1, block.y.size // share)] for block in run]
+    stacked = np.concatenate([tiles.columns(*_signals(rows[:share])) for rows in spread], axis=1).T
+    return Base.of(Factor.of(stacked[:, :-1], stacked[:, -1]))
+
+
+def _gram(tiles: Tiles, base: Base, rows: Rows) -> Array:
+    total = GramSum(base)
+    tiles.add_to(total, *_signals(rows))
+    return total.gram
+
+
+def _factors(base: Base, run: Sequence[Rows], grams: Sequence[Array]) -> tuple[list[Factor], bool]:
+    """Return the factors of blocks from their products, and whether the coordinates suited all of their rows."""
+    factors = [Factor(base.factor_of(gram), _count(rows)) for gram, rows in zip(grams, run, strict=True)]
+    total = np.sum(grams, axis=0)
+    weakest = base.weakest(total, float(sum(rows.y.size for rows in run)))
+    return factors, accurate(float(np.trace(total)), weakest)
+
+
+def _factor(tiles: Tiles, rows: Rows) -> Factor:
+    total = FactorSum(len(tiles.function.outputs))
+    tiles.add_to(total, *_signals(rows))
+    return Factor(total.factor().triangle, _count(rows))
+
+
+def _signals(rows: Rows) -> tuple[list[Array], Array, Array | None]:
+    return [*rows.X.T], rows.y, rows.weight
+
+
+def _count(rows: Rows) -> float:
+    return float(rows.y.size if rows.weight is None else rows.weight.sum())
+
+
 def state_columns(terms: Sequence[ResolvedTerm], X: Array) -> Array:
     """Return the terms' columns at force states, shape (n, p)."""
     return term_columns(list(terms), X[:, 0], X[:, 1], X[:, 2] if X.shape[1] == 3 else None)
 
 
-def _stretches(run: NDArray[Any]) -> NDArray[np.intp]:
-    """Cut each run into stretches of consecutive rows."""
-    block = np.zeros(run.size, dtype=np.intp)
-    for name in dict.fromkeys(run.tolist()):
-        rows = np.flatnonzero(run == name)
-        block[rows] = np.arange(rows.size) * STRETCHES // rows.size
-    return block
+def _rows_of(labels: NDArray[Any]) -> dict[Any, Index]:
+    """Return the rows that have each label, labels in order of appearance; a slice where they follow one another."""
+    edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1).tolist(), labels.size]
+    names = labels[edges[:-1]].tolist()
+    if len(set(names)) == len(names):
+        return {name: slice(a, b) for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)}
+    code = {name: i for i, name in enumerate(dict.fromkeys(names))}
+    codes = np.repeat([code[name] for name in names], np.diff(edges))
+    order = np.argsort(codes, kind="stable")
+    return dict(zip(code, np.split(order, np.cumsum(np.bincount(codes))[:-1]), strict=True))
+
+
+def _blocks_of(rows: Index, blocks: NDArray[Any] | None) -> tuple[Index, ...]:
+    """Return the rows of each replicate block of a run, blocks in the order of their labels."""
+    if blocks is None:
+        return _stretches(rows, STRETCHES)
+    found = _rows_of(blocks[rows])
+    return tuple(_within(rows, found[label]) for label in sorted(found))
+
+
+def _stretches(rows: Index, parts: int) -> tuple[Index, ...]:
+    """Cut rows into stretches of consecutive ones: the i-th of n goes to stretch i · parts // n."""
+    n = rows.stop - rows.start if isinstance(rows, slice) else rows.size
+    edges = [-(-part * n // parts) for part in range(parts + 1)]
+    return tuple(_within(rows, slice(a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a)
+
+
+def _within(rows: Index, part: Index) -> Index:
+    """Return which rows a part of some rows is."""
+    if not isinstance(rows, slice):
+        return rows[part]
+    if isinstance(part, slice):
+        return slice(rows.start + part.start, rows.start + part.stop)
+    return rows.start + part

@@ -8,23 +8,21 @@ blocks from whose scatter the errors are told, and merged they are the run's.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.discovery.accumulate import TermSum
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.discovery.rows import RowLabels, gather
-from sindyjoint.discovery.tables import exceeded
-from sindyjoint.equation.catalogue import Reference, as_catalogue
+from sindyjoint.discovery.passes import Stretch, largest_of, pass_over
+from sindyjoint.discovery.rows import RowLabels, Rows, gather, run_factors
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.files.campaign import FEWEST, load_stretch
-from sindyjoint.parallel import Executor, ordered_map
+from sindyjoint.parallel import Executor
 from sindyjoint.record import Campaign, LongRecord
 from sindyjoint.states import ForceStates, force_states, regression_rows
 from sindyjoint.states.rows import group_labels
@@ -68,28 +66,6 @@ class Task:
     inertia: float | None
     parts: int = 1
     function: TermFunction | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """What one stretch leaves.
-
-    Parameters
-    ----------
-    factors : tuple of Factor
-        One for each of its blocks.
-    largest : tuple of float
-        Largest angle, rate and moment among its moving samples.
-    moving, samples : int
-    failure : str
-        Why there is nothing to use in it; empty otherwise.
-    """
-
-    factors: tuple[Factor, ...]
-    largest: tuple[float, float, float]
-    moving: int
-    samples: int
-    failure: str = ""
 
 
 @dataclass(frozen=True)
@@ -149,18 +125,18 @@ def fit_long(
     every = [task for group in tasks.values() for task in group]
     say(f"{len(every)} stretches of long runs")
 
-    def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[Stretch]]:
-        terms = regressor.candidates(scale, inertia is None)
-        function = _compiled(terms)
-        return terms, ordered_map(here, work, [replace(task, function=function) for task in every])
-
-    # The first stretches tell the scale of the others, as a rule.
-    looked = _reference(states, [])
-    terms, done = one_pass(looked)
-    reference = _reference(states, done)
-    if exceeded(looked, reference, as_catalogue(regressor.library)):
-        say("larger motion than in the first stretches: once more under its scale")
-        terms, done = one_pass(reference)
+    passed = pass_over(
+        regressor,
+        work,
+        every,
+        here,
+        # The first stretches tell the scale of the others, as a rule.
+        looked=largest_of(map(_extremes, states)),
+        largest=lambda done: largest_of([*map(_extremes, states), *(s.largest for s in done)]),
+        with_acceleration=inertia is None,
+        say=say,
+    )
+    terms, done, reference = passed.terms, passed.stretches, passed.reference
     labels, results = group_labels(states), iter(done)
     runs, tallies = [], []
     for i, (state, label) in enumerate(zip(states, labels, strict=True)):
@@ -185,15 +161,13 @@ def work(task: Task) -> Stretch:
         # A joint that rests for a while, a channel that is dead there: the other stretches still tell.
         return Stretch((), (0.0, 0.0, 0.0), 0, run.n_samples, str(error))
     rows = regression_rows([shifted(states, task.lag)], task.inertia)
-    columns = [np.ascontiguousarray(column) for column in rows.X.T]
-    largest = tuple(float(np.max(np.abs(x))) for x in (columns[0], columns[1], rows.y))
-    factors = []
+    factors: list[Factor] = []
     if task.function is not None:
         edges = np.linspace(0, rows.y.size, task.parts + 1).astype(int)
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
-            total = TermSum(task.function)
-            total.add([column[start:stop] for column in columns], rows.y[start:stop])
-            factors.append(total.factor())
+        every = Rows(rows.X, rows.y)
+        blocks = [every[start:stop] for start, stop in zip(edges[:-1], edges[1:], strict=True)]
+        (factors,) = run_factors(task.function, [blocks])
+    largest = tuple(float(np.max(np.abs(x))) for x in (rows.X[:, 0], rows.X[:, 1], rows.y))
     return Stretch(tuple(factors), largest, rows.y.size, states.n_samples)  # type: ignore[arg-type]
 
 
@@ -207,18 +181,9 @@ def _tasks(
     return [Task(whole, i, state.method, band, margin, lag, inertia, parts) for i in range(whole.n_stretches)]
 
 
-def _compiled(terms: Sequence[ResolvedTerm]) -> TermFunction:
-    from sindyjoint.equation.formula import compile_terms
-
-    return compile_terms([term.expression for term in terms])
-
-
-def _reference(states: Sequence[ForceStates], stretches: Sequence[Stretch]) -> Reference:
-    """Return the largest angle, rate and moment over all that is known."""
-    known = [[float(np.max(np.abs(x[s.moving]))) for x in (s.angle, s.rate, s.moment)] for s in states] + [
-        list(s.largest) for s in stretches
-    ]
-    return Reference(*(max(column) for column in zip(*known, strict=True)))
+def _extremes(state: ForceStates) -> list[float]:
+    """Return the largest angle, rate and moment of the moving samples."""
+    return [float(np.max(np.abs(x[state.moving]))) for x in (state.angle, state.rate, state.moment)]
 
 
 def _long_evidence(state: ForceStates, label: str, stretches: Sequence[Stretch]) -> RunEvidence:
@@ -236,5 +201,6 @@ def _short_evidence(
     state: ForceStates, label: str, terms: Sequence[ResolvedTerm], inertia: float | None
 ) -> RunEvidence:
     rows = regression_rows([state], inertia)
-    labels = RowLabels(np.full(rows.y.size, label), np.full(rows.y.size, state.run), rows.blocks)
+    group, run = (np.full(rows.y.size, name, dtype=object) for name in (label, state.run))
+    labels = RowLabels.labelled(group, run, rows.blocks)
     return gather(terms, rows.X, rows.y, labels, None, rows.X_replicate, rows.y_replicate).runs[0]

@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.accumulate import TermSum
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
-from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.equation.catalogue import Reference
+from sindyjoint.discovery.factors import merge
+from sindyjoint.discovery.passes import Stretch, largest_of, pass_over, relative
+from sindyjoint.discovery.rows import PARTS, STRETCHES
+from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import Blocks, open_blocks
@@ -28,20 +30,14 @@ from sindyjoint.parallel import executor, ordered_map
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.equation.terms import ResolvedTerm
 
 Array = NDArray[np.float64]
 
 # Rows read at once: a few megabytes.
 READ = 1 << 17
-# As rows in memory are cut: a single table into so many stretches to hold out, each into so many blocks.
-HELD_OUT, STRETCHES = 4, 16
 COLUMNS = {"angle": "angle", "rate": "rate", "moment": "moment"}
 # Pieces of each file that a look at the scales takes, READ rows together.
 PIECES = 16
-# By this share values may pass the scale that inner parameters, round shares such as a tenth, are shares of: the maxima
-# of random motion, a stretch at a time, differ by less.
-LARGER = 0.2
 
 
 @dataclass(frozen=True)
@@ -69,21 +65,6 @@ class RowTask:
     inertia: float | None
     function: TermFunction | None
     size: int = READ
-
-
-@dataclass(frozen=True, eq=False)
-class RowSum:
-    """What a stretch of rows leaves.
-
-    Parameters
-    ----------
-    factor : Factor or None
-    largest : tuple of float
-        Largest angle, rate and moment.
-    """
-
-    factor: Factor | None
-    largest: tuple[float, float, float]
 
 
 def discover_rows(
@@ -139,8 +120,6 @@ def discover_rows(
         For files that cannot be read in stretches, columns that are missing, or values that are not finite.
     """
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.equation.catalogue import as_catalogue
-    from sindyjoint.equation.formula import compile_terms
 
     say = progress or (lambda stage: None)
     wanted = dict(COLUMNS if columns is None else columns)
@@ -163,39 +142,29 @@ def discover_rows(
         looked = reference
         if looked is None and relative(as_catalogue(library)):
             say("a look at angle and rate")
-            looked = _stated(paths, names, inertia) or _largest(
-                ordered_map(here, run_rows, _pieces(paths, tasks[0]))
+            looked = _stated(paths, names, inertia) or largest_of(
+                part.largest for part in ordered_map(here, run_rows, _pieces(paths, tasks[0]))
             )
 
-        def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[RowSum]]:
-            terms = regressor.candidates(scale, len(names) == 4 and inertia is None)
-            function = compile_terms([term.expression for term in terms])
-            return terms, ordered_map(here, run_rows, [replace(task, function=function) for task in tasks])
-
         say("accumulating factors")
-        terms, done = one_pass(looked or Reference(1.0, 1.0, 1.0))
-        largest = reference or _largest(done)
-        if looked is not None and exceeded(looked, largest, as_catalogue(library)):
-            say("larger values than the look found: accumulating factors under these")
-            terms, done = one_pass(largest)
-    factors = iter(part.factor for part in done if part.factor is not None)
+        passed = pass_over(
+            regressor,
+            run_rows,
+            tasks,
+            here,
+            looked=looked,
+            largest=lambda done: reference or largest_of(part.largest for part in done),
+            with_acceleration=len(names) == 4 and inertia is None,
+            say=say,
+        )
+    factors = iter(factor for part in passed.stretches for factor in part.factors)
     evidence = []
     for name, group, _, edges in runs:
         blocks = tuple(next(factors) for _ in edges[1:])
         evidence.append(RunEvidence(name, group, merge(blocks), blocks))
     say("selecting terms")
-    return regressor.fit_evidence(terms, Evidence(tuple(t.id for t in terms), tuple(evidence)), largest)
-
-
-def relative(catalogue: Any) -> set[str]:
-    """Return the scales of the data that inner parameters of a catalogue are shares of."""
-    named = {parameter.relative_to for term in catalogue for parameter in term.parameters}
-    return {scale for scale in named if scale is not None}
-
-
-def exceeded(scale: Reference, largest: Reference, catalogue: Any) -> bool:
-    """Return whether values pass the scale of inner parameters by more than they may."""
-    return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))
+    ids = tuple(term.id for term in passed.terms)
+    return regressor.fit_evidence(passed.terms, Evidence(ids, tuple(evidence)), passed.reference)
 
 
 def _stated(paths: Sequence[Path], names: Sequence[str | int], inertia: float | None) -> Reference | None:
@@ -220,7 +189,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
     return tasks
 
 
-def run_rows(task: RowTask) -> RowSum:
+def run_rows(task: RowTask) -> Stretch:
     """Work through a stretch of rows."""
     source = _opened(str(task.path), task.path.stat().st_mtime_ns)
     total = None if task.function is None else TermSum(task.function)
@@ -237,11 +206,8 @@ def run_rows(task: RowTask) -> RowSum:
             states = (angle, rate, *more) if task.inertia is None else (angle, rate)
             total.add(states, moment)
     top = (float(largest[0]), float(largest[1]), float(largest[2]))
-    return RowSum(None if total is None else total.factor(), top)
-
-
-def _largest(parts: Sequence[RowSum]) -> Reference:
-    return Reference(*(max(part.largest[i] for part in parts) for i in range(3)))
+    rows = task.stop - task.start
+    return Stretch(() if total is None else (total.factor(),), top, rows, rows)
 
 
 def _stretches(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple[str, str, Path, list[int]]]:
@@ -251,10 +217,10 @@ def _stretches(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tupl
     found = []
     for number, path in enumerate(paths):
         rows = _opened(str(path), _changed(path)).rows
-        if rows < HELD_OUT * STRETCHES * 2:
-            raise InputError(f"{path}: {rows} rows; at least {HELD_OUT * STRETCHES * 2} are wanted")
+        if rows < len(PARTS) * STRETCHES * 2:
+            raise InputError(f"{path}: {rows} rows; at least {len(PARTS) * STRETCHES * 2} are wanted")
         if len(paths) == 1:
-            ends = _edges(0, rows, HELD_OUT)
+            ends = _edges(0, rows, len(PARTS))
             pairs = zip(ends[:-1], ends[1:], strict=True)
             found += [(str(i), str(i), path, _edges(a, b, STRETCHES)) for i, (a, b) in enumerate(pairs)]
         else:

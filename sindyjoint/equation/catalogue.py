@@ -249,7 +249,7 @@ def _check_use(expression: sympy.Expr, names: list[str]) -> None:
     unused = [name for name in names if name not in used]
     if unused:
         raise InputError(f"parameter {unused[0]!r} does not occur in the formula; use it or take it out")
-    if expression.is_zero:
+    if expression == 0:
         raise FormulaError("the formula is zero whatever the motion; a term must depend on something or be 1")
 
 

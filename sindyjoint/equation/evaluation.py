@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import FormulaError, InputError
+from sindyjoint.numeric import chunks
 
 if TYPE_CHECKING:
     import sympy
@@ -100,10 +101,9 @@ class TermFunction:
         out = np.empty((n, len(self.outputs)), order="F")
         scratch = np.empty((len(self.operations), min(n, BLOCK)))
         with np.errstate(all="ignore"):
-            for start in range(0, n, BLOCK):
-                stop = min(start + BLOCK, n)
-                inputs = [array[start:stop] if array.ndim else array[()] for array in arrays]
-                self._run(inputs, scratch[:, : stop - start], out[start:stop])
+            for rows in chunks(n, BLOCK):
+                inputs = [array[rows] if array.ndim else array[()] for array in arrays]
+                self._run(inputs, scratch[:, : rows.stop - rows.start], out[rows])
         return out
 
     def tile(self, inputs: Sequence[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -153,6 +153,18 @@ class JointModel:
         if self.joint.inertia is not None:
             return self.joint.inertia
         return self[INERTIA].coefficient if INERTIA in self else 0.0
+
+    def with_terms(self, terms: Iterable[ModelTerm], covariance: ArrayLike) -> JointModel:
+        """Return the model with other terms.
+
+        Parameters
+        ----------
+        terms : iterable of ModelTerm
+        covariance : array_like, shape (n, n)
+            Of their coefficients, SI.
+        """
+        rows = np.asarray(covariance, dtype=np.float64).tolist()
+        return replace(self, terms=tuple(terms), covariance=tuple(map(tuple, rows)))
 
     def moment(self, angle: ArrayLike, rate: ArrayLike) -> NDArray[np.float64]:
         """Return the transfer moment at a state; the inertia's part is left out.

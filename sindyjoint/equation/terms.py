@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -38,9 +38,7 @@ class Reference:
     @classmethod
     def of(cls, angle: ArrayLike, rate: ArrayLike, moment: ArrayLike | None = None) -> Reference:
         """Take the scales from signals, each array_like of any shape."""
-        largest = [
-            None if signal is None else float(np.max(np.abs(signal))) for signal in (angle, rate, moment)
-        ]
+        largest = [None if signal is None else _largest(signal) for signal in (angle, rate, moment)]
         return cls(*largest)
 
 
@@ -170,18 +168,14 @@ class Term:
 
     def with_parameters(self, values: dict[str, float]) -> ResolvedTerm:
         """Put the given numbers, in SI units, in the place of the inner parameters."""
-        from sympy import Float
-
         names = [parameter.name for parameter in self.parameters]
         if set(values) != set(names):
             raise InputError(
                 f"term {self.id!r}: values for {', '.join(values) or 'nothing'} given; "
                 f"{', '.join(names) or 'nothing'} wanted"
             )
-        numbers = {formula.parameter_symbol(name): Float(values[name], 17) for name in names}
-        return ResolvedTerm(
-            self, tuple((name, float(values[name])) for name in names), self.expression.xreplace(numbers)
-        )
+        numbers = tuple((name, float(values[name])) for name in names)
+        return ResolvedTerm(self, numbers, _substituted(self.expression, numbers))
 
 
 @dataclass(frozen=True)
@@ -247,6 +241,19 @@ def term_columns(
                 "leave the term out or change its formula"
             )
     return columns
+
+
+def _largest(signal: ArrayLike) -> float:
+    """Return the largest absolute value, without an array of absolute values."""
+    values = np.asarray(signal)
+    return float(max(values.max(), -values.min()))
+
+
+@lru_cache(maxsize=1024)
+def _substituted(expression: sympy.Expr, numbers: tuple[tuple[str, float], ...]) -> sympy.Expr:
+    from sympy import Float
+
+    return expression.xreplace({formula.parameter_symbol(name): Float(value, 17) for name, value in numbers})
 
 
 @cache

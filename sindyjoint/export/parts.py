@@ -163,27 +163,22 @@ def softening_limits(model: JointModel) -> tuple[float, float]:
     """
     from scipy.optimize import brentq
 
-    angle = model.fitted.angle
+    parts, angle = Parts.of(model), model.fitted.angle
+    terms = (*parts.elastic, *parts.coupled)
 
-    def tangent(theta: float) -> float:
+    def tangents(theta: Array) -> Array:
         step = 1e-6 * angle
-        low, high = _still(model, np.array([theta - step, theta + step]))
-        return float(high - low)
+        return elastic_values(terms, theta + step) - elastic_values(terms, theta - step)
 
     def limit(side: float) -> float:
         grid = side * np.linspace(0, 3 * angle, 301)
-        values = [tangent(theta) for theta in grid]
+        values = tangents(grid)
         for a, b, u, v in zip(grid, grid[1:], values, values[1:], strict=False):
             if u > 0 >= v:
-                return float(brentq(tangent, a, b)) if v < 0 else float(b)
+                return float(brentq(lambda x: tangents(np.array([x]))[0], a, b)) if v < 0 else float(b)
         return side * np.inf
 
     return limit(-1.0), limit(1.0)
-
-
-def _still(model: JointModel, angle: Array) -> Array:
-    terms = Parts.of(model)
-    return sum((contribution(t, angle, 0.0) for t in (*terms.elastic, *terms.coupled)), np.zeros(angle.shape))
 
 
 def steepness(model: JointModel) -> tuple[float, float]:

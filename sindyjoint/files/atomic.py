@@ -2,11 +2,14 @@
 
 A reader never sees half a file: the bytes go to a temporary name in the same folder, then take the final name
 in one step (``os.replace``). A folder of results is built aside and moved in when it is complete.
+
+A process holds the folder that it builds by a lock, which ends with it, however it ends: a folder aside that nobody
+holds is what a killed process left, and only that is cleared up. Where the system has no such locks it stays.
 """
 
 from __future__ import annotations
 
-import glob
+import hashlib
 import os
 import shutil
 import uuid
@@ -16,15 +19,27 @@ from pathlib import Path
 
 from sindyjoint.errors import OutputError
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+NEW, OLD = "new", "old"
+
 
 def _cannot(path: Path, error: OSError) -> OutputError:
     """Say in one line why a path cannot be written."""
     return OutputError(f"cannot write {str(path)!r}: {error.strerror or error}; choose another place")
 
 
-def _aside(path: Path) -> Path:
+def _aside(path: Path, kind: str = NEW) -> Path:
     """Return a hidden name beside ``path`` that nothing else uses."""
-    return path.with_name(f".{path.name[:80]}.{uuid.uuid4().hex[:12]}.part")
+    return path.with_name(f"{_mark(path)}{uuid.uuid4().hex[:12]}.{kind}.part")
+
+
+def _mark(path: Path) -> str:
+    """Return how every name aside ``path`` begins, and no name aside another path."""
+    return f".{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}."
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
@@ -110,24 +125,13 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     target = check_output(path)
     created = _missing_parents(target)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-        stage = _aside(target / "results")
-        stage.mkdir()
-    except OSError as error:
-        _remove_empty(created)
-        raise _cannot(target, error) from error
     done = False
     try:
-        yield stage
-        _move_in(stage, target)
+        with _stage(target / "results", target) as stage:
+            yield stage
+            _move_in(stage, target)
         done = True
-    except OSError as error:
-        if isinstance(error, OutputError) or not _concerns(error, stage):
-            raise
-        raise _cannot(target, error) from error
     finally:
-        shutil.rmtree(stage, ignore_errors=True)
         if not done:
             _remove_empty(created)
 
@@ -174,7 +178,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a folder to fill that takes the place of ``path``, old contents and all, when the block ends well.
 
     It appears in one step: whoever looks sees the old folder, or the new one, or for an instant none, but never a
-    part. What an earlier attempt that was killed left beside it is removed.
+    part. After an exception the old folder is as it was before.
 
     Yields
     ------
@@ -187,24 +191,75 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         When ``path`` cannot be a folder of results.
     """
     target = check_output(path)
+    with _stage(target, target) as stage:
+        yield stage
+        old = _aside(target, OLD)
+        with _held(target):
+            if target.exists():
+                os.replace(target, old)
+            try:
+                os.replace(stage, target)
+            except BaseException:
+                if old.exists():
+                    os.replace(old, target)
+                raise
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def settle(path: str | os.PathLike[str]) -> None:
+    """Clear up what killed processes left beside a folder; old contents that nothing has replaced go back."""
+    target = Path(path)
+    mark = _mark(target)
+    with suppress(OSError):
+        for left in sorted(target.parent.iterdir()):
+            if not (left.name.startswith(mark) and left.name.endswith(".part")):
+                continue
+            with _held(left) as held:
+                if not held:
+                    continue
+                if left.name.endswith(f".{OLD}.part") and not target.exists():
+                    os.replace(left, target)
+                else:
+                    shutil.rmtree(left, ignore_errors=True)
+
+
+@contextmanager
+def _stage(place: Path, target: Path) -> Iterator[Path]:
+    """Give a folder aside ``place`` that this process holds; errors of the system there concern ``target``."""
+    stage = _aside(place)
+    # It is held before it has the name by which others may find it.
+    unnamed = place.with_name(f".{uuid.uuid4().hex}.part")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        for left in target.parent.glob(f".{glob.escape(target.name[:80])}.*.part"):
-            shutil.rmtree(left, ignore_errors=True)
-        stage = _aside(target)
-        stage.mkdir()
+        place.parent.mkdir(parents=True, exist_ok=True)
+        settle(place)
+        unnamed.mkdir()
     except OSError as error:
         raise _cannot(target, error) from error
-    old = _aside(target)
     try:
-        yield stage
-        if target.exists():
-            os.replace(target, old)
-        os.replace(stage, target)
+        with _held(unnamed):
+            os.replace(unnamed, stage)
+            yield stage
     except OSError as error:
         if isinstance(error, OutputError) or not _concerns(error, stage):
             raise
         raise _cannot(target, error) from error
     finally:
-        shutil.rmtree(stage, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+        for folder in (unnamed, stage):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[bool]:
+    """Hold a folder while the block lasts; False where another process does, or the system cannot tell."""
+    handle = -1
+    held = False
+    try:
+        with suppress(OSError):
+            if fcntl is not None:
+                handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                held = True
+        yield held
+    finally:
+        if handle >= 0:
+            os.close(handle)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import line_spectrum
 
 Array = NDArray[np.float64]
 
@@ -63,7 +64,7 @@ def _line(signal: Array, rate: float, frequency: float) -> tuple[float, float, f
     place = np.linspace(-1, 1, n)
     # Slow drift is no line.
     steady = signal - np.polyval(np.polyfit(place, signal, 3), place)
-    amplitude = np.abs(np.fft.rfft(steady * np.hanning(n)))
+    amplitude = line_spectrum(steady)
     frequencies = np.fft.rfftfreq(n, 1 / rate)
     lines = np.where(frequencies >= 2 * rate / n, amplitude, 0.0)
     tolerance = max(2 * rate / n, 0.02 * frequency)

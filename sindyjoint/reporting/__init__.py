@@ -1,4 +1,4 @@
-"""Figures, tables and report pages."""
+"""What results show: one view for each kind, in one registry; figures, tables, pages, files."""
 
 from __future__ import annotations
 
@@ -6,12 +6,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sindyjoint.reporting.output import write_discovery
+    from sindyjoint.reporting.output import write_discovery, write_results
+    from sindyjoint.reporting.registry import draw, drawable
+    from sindyjoint.reporting.saved import load_results
     from sindyjoint.reporting.tables import terms_csv, terms_table
 
-__all__ = ["terms_csv", "terms_table", "write_discovery"]
+__all__ = ["draw", "drawable", "load_results", "terms_csv", "terms_table", "write_discovery", "write_results"]
 
-_HOMES = {"terms_csv": "tables", "terms_table": "tables", "write_discovery": "output"}
+_HOMES = {
+    "draw": "registry",
+    "drawable": "registry",
+    "load_results": "saved",
+    "terms_csv": "tables",
+    "terms_table": "tables",
+    "write_discovery": "output",
+    "write_results": "output",
+}
 
 
 def __getattr__(name: str) -> object:

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import InputError
-from sindyjoint.reporting.packing import pack, unpack
 from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
 
 if TYPE_CHECKING:
@@ -154,36 +152,9 @@ class ReportData:
         """Whether displacement and force are meant."""
         return self.model.joint.motion == "translation"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data; pictures need six digits."""
-        return {
-            "schema": 1,
-            "kind": "ReportData",
-            **pack(self, skip=("model",)),
-            "model": self.model.to_dict(),
-        }
 
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> ReportData:
-        """Return what :meth:`to_dict` wrote.
-
-        Raises
-        ------
-        InputError
-            If it is something else; the message names the field.
-        """
-        read = unpack(cls, data, model=JointModel.from_dict)
-        cells = (read.surface.n, read.surface.n)
-        shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
-        if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
-            raise InputError("not a saved ReportData: loops and a square map are wanted")
-        return read
-
-
-def gather(result: Discovery | ReportData) -> ReportData:
-    """Return what a discovery has to show; data that were gathered before are returned as they are."""
-    if isinstance(result, ReportData):
-        return result
+def gather(result: Discovery) -> ReportData:
+    """Return what a discovery has to show."""
     model, selection = result.model, result.selection
     states, inertia = result.states, model.inertia
     residuals = [_residual(model, state, inertia) for state in states]

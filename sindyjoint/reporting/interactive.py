@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -9,12 +10,16 @@ import numpy as np
 
 from sindyjoint.reporting.data import ReportData, run_labels
 from sindyjoint.reporting.figures.loops import loop_groups
-from sindyjoint.reporting.style import DIVERGING, PALETTE, SEQUENTIAL, prefixed
+from sindyjoint.reporting.figures.verification import UNITS
+from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, SEQUENTIAL, prefixed
 from sindyjoint.reporting.units import quantities
+from sindyjoint.response.verification import RunVerification
 
 # Beyond this many runs each loop is thinned, so that the page of a hundred runs stays small.
 DRAWN_SAMPLES = 24_000
 COLOURS = 33
+# What a screen shows of one response.
+RESPONSE_SAMPLES = 3000
 
 
 def map_payload(data: ReportData) -> dict[str, Any]:
@@ -73,6 +78,34 @@ def loops_payload(data: ReportData) -> dict[str, Any]:
             }
             for loop in data.loops
         ],
+    }
+
+
+def response_payload(runs: Sequence[RunVerification]) -> dict[str, Any]:
+    """Return measured and simulated response over time for zooming, run by run."""
+    curves = []
+    for run in runs:
+        factor, unit = prefixed(float(np.max(np.abs(run.measured))), UNITS[run.channel])
+        step = -(-run.time.size // RESPONSE_SAMPLES)
+        for label, signal in (("measured", run.measured), ("simulated", run.simulated)):
+            if signal is not None:
+                curves.append(
+                    {
+                        "label": label,
+                        "run": f"{run.name}, {label}",
+                        "group": run.name,
+                        "x": _numbers(run.time[::step]),
+                        "y": _numbers(signal[::step] * factor),
+                        "model": [],
+                        "axis": {"name": run.channel.capitalize(), "unit": unit},
+                    }
+                )
+    return {
+        "x": {"name": "Time", "symbol": "t", "unit": "s"},
+        "y": {"name": "Response", "unit": ""},
+        "palette": (PALETTE[0], PALETTE[1], INK),
+        "each": True,
+        "runs": curves,
     }
 
 

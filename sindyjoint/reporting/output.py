@@ -5,31 +5,35 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.errors import InputError
 from sindyjoint.files.atomic import output_folder
-from sindyjoint.reporting.data import ReportData, gather
-from sindyjoint.reporting.provenance import provenance
+from sindyjoint.reporting.registry import draw_all, view_of
 from sindyjoint.reporting.saved import DATA_FILE, saved_text
-from sindyjoint.reporting.tables import terms_csv
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.discover import Discovery
 
 
-def write_discovery(
-    result: Discovery, folder: str | os.PathLike[str], command_line: str | Sequence[str] | None = None
+def write_results(
+    result: Any,
+    folder: str | os.PathLike[str],
+    command_line: str | Sequence[str] | None = None,
+    seed: object = None,
+    files: Sequence[str | os.PathLike[str]] = (),
 ) -> Path:
-    """Write model.json, terms.csv, report.html and the figures.
+    """Write the page, the record, the figures and the further files of a result, all of them or none.
 
     Parameters
     ----------
-    result : Discovery
+    result : Discovery, Verification, Diagnosis, Comparison, Batch, Reproduction or RigMotion
     folder : path
         Made if it does not exist. Files of the same names are replaced; after an error everything is as before.
-    command_line : str or sequence of str, optional
-        What was typed, for the report's last section.
+    command_line, seed, files
+        For the page's last section; see :func:`sindyjoint.reporting.provenance.provenance`.
 
     Returns
     -------
@@ -41,19 +45,22 @@ def write_discovery(
     OutputError
         If the folder cannot be written.
     """
-    from sindyjoint.reporting.discovery_page import discovery_page
-
-    # Drawn from what is saved, so that a figure drawn again later is the same to the last byte.
-    data = ReportData.from_dict(gather(result).to_dict())
-    origin = provenance(result.campaign, result.regressor.random_state, command_line)
+    view, target = view_of(result), Path(folder)
+    data = view.gather(result)
     pictures = draw_all(data)
     texts = {
         DATA_FILE: saved_text(data),
-        "model.json": result.model.to_json() + "\n",
-        "terms.csv": terms_csv(result.model),
-        "report.html": discovery_page(data, origin, pictures),
+        "report.html": view.page(
+            result, data, view.origin(result, command_line, seed, files), pictures, target
+        ),
+        **view.files(result, data),
     }
-    return write_folder(folder, pictures, texts)
+    if view.record_file:
+        texts[view.record_file] = json_text(view.to_dict(result))
+    return write_folder(target, pictures, texts)
+
+
+write_discovery = write_results
 
 
 def write_folder(
@@ -89,9 +96,36 @@ def json_text(record: Any) -> str:
     return json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def draw_all(result: Any) -> dict[str, bytes]:
-    """Return every figure that a result can show, as SVG by kind."""
-    from sindyjoint.reporting.figures import draw, drawable
-    from sindyjoint.reporting.style import figure_bytes
+@dataclass(frozen=True)
+class CampaignFiles:
+    """Writes more about each campaign of a batch into its folder; for ``batch(write=...)``.
 
-    return {kind: figure_bytes(draw(kind, result), "svg") for kind in drawable(result)}
+    Parameters
+    ----------
+    reports : bool
+        What ``sindyjoint discover --out`` writes.
+    diagnose : bool
+        What ``sindyjoint diagnose --out`` writes, in the folder ``diagnosis``.
+    """
+
+    reports: bool = True
+    diagnose: bool = False
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Names of what is written."""
+        return ("reports",) * self.reports + ("diagnosis",) * self.diagnose
+
+    def __call__(self, result: Discovery, folder: Path) -> None:
+        """Write what is wanted about a result."""
+        if self.reports:
+            write_results(result, folder)
+        if self.diagnose and result.found:
+            from sindyjoint.workflows.diagnose import diagnose
+
+            try:
+                write_results(diagnose(result.campaign, result.model), folder / "diagnosis")
+            except InputError as error:
+                # The joint is discovered all the same.
+                (folder / "diagnosis").mkdir(exist_ok=True)
+                (folder / "diagnosis" / "impossible.txt").write_text(f"{error}\n", encoding="utf-8")

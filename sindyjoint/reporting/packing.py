@@ -1,11 +1,11 @@
-"""Frozen records of arrays as plain JSON data, and back."""
+"""Frozen records as plain JSON data, and back: one reader and one writer for all of them."""
 
 from __future__ import annotations
 
 import math
 import types
-from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -15,15 +15,19 @@ from sindyjoint.errors import InputError
 DIGITS = 6
 
 
-def pack(value: Any, skip: tuple[str, ...] = ()) -> Any:
+def pack(value: Any, skip: Iterable[str] = ()) -> Any:
     """Return a value as plain JSON data: numbers to six digits, what is not finite as null.
+
+    A class with both ``to_dict`` and ``from_dict`` writes and reads itself.
 
     Parameters
     ----------
     value : dataclass, ndarray, mapping, tuple, or plain value
-    skip : tuple of str
+    skip : iterable of str
         Fields to leave out of a dataclass.
     """
+    if _writes_itself(type(value)):
+        return value.to_dict()
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: pack(getattr(value, f.name)) for f in fields(value) if f.name not in skip}
     if isinstance(value, np.ndarray | np.generic):
@@ -37,16 +41,18 @@ def pack(value: Any, skip: tuple[str, ...] = ()) -> Any:
     return value
 
 
-def unpack(kind: Any, data: Any, **special: Callable[[Any], Any]) -> Any:
+def unpack(kind: Any, data: Any, absent: Mapping[str, Any] = types.MappingProxyType({})) -> Any:
     """Return a dataclass from what :func:`pack` made of it.
+
+    A field that is missing, as in a file of an earlier version, takes its default.
 
     Parameters
     ----------
     kind : type
         A dataclass whose fields are numbers, texts, arrays, tuples, mappings, or such dataclasses.
     data : mapping
-    **special : callable
-        How to read single fields; a field that was skipped is read from None.
+    absent : mapping of str to object
+        What to take for fields that were skipped.
 
     Raises
     ------
@@ -58,19 +64,27 @@ def unpack(kind: Any, data: Any, **special: Callable[[Any], Any]) -> Any:
             f"not a saved {kind.__name__}: a table of fields is wanted, {type(data).__name__} was given"
         )
     hints = get_type_hints(kind)
-    read: dict[str, Any] = {}
+    read: dict[str, Any] = dict(absent)
     for field in fields(kind):
-        reader = special.get(field.name)
-        if field.name not in data and reader is None:
+        if field.name in absent or (field.name not in data and _has_default(field)):
+            continue
+        if field.name not in data:
             raise InputError(f"not a saved {kind.__name__}: field {field.name!r} is missing")
-        value = data.get(field.name)
         try:
-            read[field.name] = reader(value) if reader else _restore(hints[field.name], value)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
+            read[field.name] = _restore(hints[field.name], data[field.name])
+        except InputError:
+            raise
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"not a saved {kind.__name__}: field {field.name!r}: {error}") from None
     return kind(**read)
+
+
+def _has_default(field: Field[Any]) -> bool:
+    return field.default is not MISSING or field.default_factory is not MISSING
+
+
+def _writes_itself(kind: Any) -> bool:
+    return hasattr(kind, "to_dict") and hasattr(kind, "from_dict")
 
 
 def _restore(hint: Any, value: Any) -> Any:
@@ -87,6 +101,8 @@ def _restore(hint: Any, value: Any) -> Any:
         if not isinstance(value, Mapping):
             raise TypeError(f"a table is wanted, {value!r:.40} was given")
         return {str(key): _restore(arguments[1], item) for key, item in value.items()}
+    if _writes_itself(hint):
+        return hint.from_dict(value)
     if is_dataclass(hint):
         return unpack(hint, value)
     if hint is float:
@@ -104,7 +120,10 @@ def _restore_one_of(hints: tuple[Any, ...], value: Any) -> Any:
         return None
     if isinstance(value, str) and str in hints:
         return value
-    return _restore(next(hint for hint in hints if hint not in (type(None), str)), value)
+    others = [hint for hint in hints if hint not in (type(None), str)]
+    if not others:
+        raise TypeError(f"a text is wanted, {value!r:.40} was given")
+    return _restore(others[0], value)
 
 
 def _restore_tuple(hints: tuple[Any, ...], value: Any) -> tuple[Any, ...]:

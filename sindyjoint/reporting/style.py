@@ -173,7 +173,7 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def figure_bytes(figure: Figure, kind: str, dpi: int = 200) -> bytes:
+def figure_bytes(figure: Figure, kind: str, dpi: int = 300) -> bytes:
     """Return a drawn figure as ``"svg"``, ``"pdf"`` or ``"png"``; the same figure gives the same bytes."""
     buffer = io.BytesIO()
     with style():

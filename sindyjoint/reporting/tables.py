@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.reporting.text_table import TextTable, csv_text, terminal_table
 from sindyjoint.text import rounded
 
 if TYPE_CHECKING:
@@ -78,6 +76,16 @@ def term_rows(model: JointModel) -> list[TermRow]:
     ]
 
 
+def model_table(model: JointModel) -> TextTable:
+    """Return the terms of a model as a table of a page."""
+    return TextTable(
+        "terms",
+        "Coefficients with one standard error.",
+        ("Term", "Of", "Value", "Unit", "95 % interval"),
+        tuple((row.name, row.formula, row.value, row.unit, row.interval) for row in term_rows(model)),
+    )
+
+
 def interval_text(low: float, high: float, error: float) -> str:
     """Return an interval with its ends rounded to the place of the error.
 
@@ -115,44 +123,19 @@ def _power(power: str) -> str:
 
 def terms_csv(model: JointModel) -> str:
     """Return the terms as CSV text, numbers in full, SI."""
-    rows = [
-        (
-            term.id,
-            term.symbol,
-            term.name,
-            term.formula,
-            repr(term.coefficient),
-            repr(term.standard_error),
-            repr(term.interval95[0]),
-            repr(term.interval95[1]),
-            term.unit,
-            repr(term.unique_share),
-        )
-        for term in model.terms
-    ]
+    rows = []
+    for term in model.terms:
+        numbers = map(repr, (term.coefficient, term.standard_error, *term.interval95))
+        text = (term.id, term.symbol, term.name, term.formula)
+        rows.append((*text, *numbers, term.unit, repr(term.unique_share)))
     return csv_text(TERM_COLUMNS, rows)
-
-
-def csv_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table as CSV text."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    return buffer.getvalue()
 
 
 def terms_table(model: JointModel) -> Table:
     """Return the terms as a rich table for a terminal."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for heading in ("term", "", "of", "value", "unit", "carries alone"):
-        table.add_column(heading, justify="right" if heading in ("value", "carries alone") else "left")
-    for row in term_rows(model):
-        # Names come from a catalogue that anybody may write: Text keeps square brackets from being markup.
-        cells = (row.name, row.symbol, row.formula, row.value, row.unit, f"{100 * row.share:.1f} %")
-        table.add_row(*(Text(cell) for cell in cells))
-    return table
+    columns = ("term", "", "of", "value", "unit", "carries alone")
+    rows = [
+        (row.name, row.symbol, row.formula, row.value, row.unit, f"{100 * row.share:.1f} %")
+        for row in term_rows(model)
+    ]
+    return terminal_table(columns, rows, "lllrlr", ruled=True, wraps=True)

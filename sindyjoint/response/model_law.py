@@ -98,7 +98,7 @@ def with_coefficients(
         )
         for term, value, error in zip(model.terms, values, errors, strict=True)
     )
-    return replace(model, terms=terms, covariance=tuple(tuple(map(float, row)) for row in matrix))
+    return model.with_terms(terms, matrix)
 
 
 def draw_models(model: JointModel, count: int, generator: np.random.Generator) -> list[JointModel]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.numeric import main_frequency
 from sindyjoint.response.policy import POLICY
 
 Array = NDArray[np.float64]
@@ -54,13 +55,6 @@ def white_noise(signal: ArrayLike) -> float:
     """
     fourth = np.diff(np.asarray(signal, dtype=np.float64), 4)
     return float(1.4826 * np.median(np.abs(fourth)) / np.sqrt(70.0))
-
-
-def main_frequency(signal: ArrayLike, sample_rate: float) -> float:
-    """Return the frequency of the strongest line of a signal's spectrum, Hz, zero frequency left out."""
-    values = np.asarray(signal, dtype=np.float64)
-    spectrum = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size)))
-    return float((np.argmax(spectrum[1:]) + 1) * sample_rate / values.size)
 
 
 def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None = None) -> Oscillation | None:

@@ -55,9 +55,7 @@ def verify_campaign(
 
 
 def _joint_warnings(model: JointModel, campaign: Campaign) -> list[str]:
-    warnings = [*campaign.notes]
-    if campaign.simulated:
-        warnings.insert(0, "the campaign is simulated (a virtual test), not measured")
+    warnings = [*campaign.warnings]
     if model.joint.motion != campaign.joint.motion:
         raise InputError(
             f"the model is of a joint in {model.joint.motion}, the campaign of one in {campaign.joint.motion}; "

@@ -13,11 +13,11 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.mechanics.rigs import Rig
+from sindyjoint.numeric import main_frequency
 from sindyjoint.response.model_law import draw_models, model_law
 from sindyjoint.response.oscillation import (
     Oscillation,
     compare_oscillations,
-    main_frequency,
     oscillation,
     white_noise,
 )

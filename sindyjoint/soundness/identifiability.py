@@ -20,9 +20,7 @@ def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
     states : sequence of ForceStates
         Of the runs that may be used for identification, whole.
     """
-    lines = [*campaign.notes]
-    if campaign.simulated:
-        lines.append("the campaign is simulated (a virtual test), not measured")
+    lines = [*campaign.warnings]
     if len(states) == 1:
         held = (
             "the runs kept for validation are all there is to check it"

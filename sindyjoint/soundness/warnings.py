@@ -28,9 +28,7 @@ def cautions(
     indistinct: Sequence[str] = (),
 ) -> Iterator[str]:
     """Yield the cautions that hold for a result."""
-    if campaign.simulated:
-        yield "the campaign is simulated (a virtual test), not measured"
-    yield from campaign.notes
+    yield from campaign.warnings
     if model.fitted.misfit <= EQUATION.tolerated_misfit:
         # Where the law does not fit, the best skew makes up for what the law lacks.
         yield from _skew(skew, model, aligned)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states
 from sindyjoint.states.periodic import periodic_states
@@ -87,13 +88,7 @@ def campaign_states(
 
 def estimate_frequency(run: Run) -> float:
     """Return the frequency of the strongest line of the angle's spectrum, Hz, interpolated between bins."""
-    signal = run.angle - np.mean(run.angle)
-    spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size)))
-    peak = int(np.argmax(spectrum[1:-1])) + 1
-    left, middle, right = np.log(spectrum[peak - 1 : peak + 2] + np.finfo(float).tiny)
-    curvature = left - 2 * middle + right
-    shift = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
-    return float((peak + shift) * run.sample_rate / signal.size)
+    return main_frequency(run.angle, run.sample_rate, between_bins=True)
 
 
 def repeats(run: Run) -> bool:

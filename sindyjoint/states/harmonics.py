@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import chunks
 from sindyjoint.states.policy import POLICY
 
 Array = NDArray[np.float64]
@@ -106,8 +107,7 @@ def _multiples(phase: Array, count: int) -> tuple[Array, Array]:
     """
     cosine, sine = np.empty((2, count, phase.size))
     # Few samples at a time: all of them stay in the cache.
-    for start in range(0, phase.size, CHUNK):
-        rows = slice(start, start + CHUNK)
+    for rows in chunks(phase.size, CHUNK):
         c, s = np.cos(phase[rows]), np.sin(phase[rows])
         cosine[0, rows], sine[0, rows] = c, s
         for k in range(1, count):

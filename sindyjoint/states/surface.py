@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
@@ -187,9 +188,7 @@ def fit_surface(surface: ForceStateMap, at: str = "centres") -> SurfaceFit:
     columns = np.column_stack([theta, theta**2, theta**3, omega, np.sign(omega)])
     if moment.size <= columns.shape[1]:
         raise InputError(f"{moment.size} filled cells for {columns.shape[1]} terms; a finer map is wanted")
-    scale = np.linalg.norm(columns, axis=0)
-    scale[scale == 0] = 1.0
-    solved = np.linalg.lstsq(columns / scale, moment, rcond=None)[0] / scale
+    solved = scaled_least_squares(columns, moment)
     residual = moment - columns @ solved
     rms = float(np.sqrt(np.mean(residual**2)))
     return SurfaceFit(tuple(float(value) for value in solved), rms, int(moment.size))

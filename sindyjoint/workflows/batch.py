@@ -5,28 +5,36 @@ from __future__ import annotations
 import glob
 import os
 import re
+import shutil
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from sindyjoint.batch.record import (
     FACTORS_FILE,
+    MODEL_FILE,
     RECORD_FILE,
+    REQUIRED,
     CampaignRecord,
     broken,
     fingerprint,
     hashes,
-    kept_record,
+    is_valid,
+    last_result,
 )
 from sindyjoint.batch.summary import Batch, summarised
-from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.files.atomic import check_output, prepare_output, whole_folder
+from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJointError
+from sindyjoint.files.atomic import check_output, prepare_output, settle, whole_folder, write_text
 from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.workflows.discover import Discovery, discover
 
 CAMPAIGNS = "campaigns"
+# Bytes of a campaign's name: with what stands before and behind it, file systems take 255.
+LONGEST_ID = 80
 Writer = Callable[[Discovery, Path], None]
 
 
@@ -76,7 +84,7 @@ def batch(
     Each campaign has a folder ``out/campaigns/ID`` that appears whole when it is done: the model, its factors, and a
     record with a hash of what it was made from. A second call on the same folder keeps what is done and unchanged,
     so a batch that was interrupted, or killed, goes on where it was. A campaign that cannot be used is recorded as
-    broken and stops nothing.
+    broken and stops nothing; the files of an earlier result stay in its folder.
 
     Parameters
     ----------
@@ -89,7 +97,8 @@ def batch(
     jobs, workers, cluster
         Where to run; see :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
     write : callable, optional
-        ``write(discovery, folder)`` puts further files into a campaign's folder.
+        ``write(discovery, folder)`` puts further files into a campaign's folder; its attribute ``extras``, a sequence
+        of str, names what it writes. Those of an earlier call that still hold are kept, wanted or not.
     progress : callable, optional
         Called with one line as each campaign ends.
     on_record : callable, optional
@@ -188,20 +197,31 @@ def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
 
 
 def _ids(labels: Sequence[str]) -> list[str]:
-    """Return a harmless name of a folder for every manifest, no two alike even where case does not count."""
-    import hashlib
+    """Return a harmless name of a folder for every manifest, no two alike even where case does not count.
 
+    A name that is cut, or that another campaign would have as well, ends in a hash of the manifest's own.
+    """
     names = []
     for label in labels:
         path = Path(label)
         stem = path.parent if path.name == MANIFEST_NAME else path.with_suffix("")
-        clean = re.sub(r"[^\w.+=-]+", "-", stem.as_posix()).strip(".-")
-        names.append(clean.encode()[:80].decode(errors="ignore") or "campaign")
-    lower = [name.lower() for name in names]
-    return [
-        name if lower.count(name.lower()) == 1 else f"{name}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
-        for name, label in zip(names, labels, strict=True)
-    ]
+        names.append(re.sub(r"[^\w.+=-]+", "-", stem.as_posix()).strip(".-") or "campaign")
+    marked = {i for i, name in enumerate(names) if len(name.encode()) > LONGEST_ID}
+    while True:
+        ids = [_hashed(n, labels[i]) if i in marked else n for i, n in enumerate(names)]
+        count = Counter(id.lower() for id in ids)
+        alike = {i for i, id in enumerate(ids) if count[id.lower()] > 1} - marked
+        if not alike:
+            return ids
+        marked |= alike
+
+
+def _hashed(name: str, label: str) -> str:
+    """Return a name, cut where it is too long, with a hash of a label behind it."""
+    import hashlib
+
+    digest = hashlib.sha256(label.encode(errors="surrogateescape")).hexdigest()[:12]
+    return f"{name.encode()[: LONGEST_ID - 1 - len(digest)].decode(errors='ignore')}-{digest}"
 
 
 def _check_options(library: Any, options: Mapping[str, Any]) -> None:
@@ -231,35 +251,56 @@ def run_task(task: Task) -> tuple[CampaignRecord, bool]:
     """
     inputs = ""
     try:
-        inputs = fingerprint(task.manifest, task.options, task.library, _version(task))
-        done = kept_record(task.folder, inputs)
-        if done is not None:
-            return done, False
+        inputs = fingerprint(task.manifest, task.options, task.library, version("sindyjoint"))
+        if not task.folder.exists():
+            settle(task.folder)
+        last = last_result(task.folder)
+        if last is not None and not is_valid(last, task.folder, inputs):
+            last = None
+        if last is not None and set(_extras(task)) <= set(last.extras):
+            _record(last, task.folder)
+            return last, False
         result = discover(task.manifest, task.library, **task.options)
-        return _recorded(task, result, inputs), True
+        return _recorded(task, result, inputs, last), True
     # One campaign must not take the others down, whatever it does to the libraries that read it.
     except Exception as error:
         return _recorded_broken(task, broken(task.id, task.label, error, inputs)), True
 
 
-def _version(task: Task) -> str:
-    """Return what worked: this package, and what else is written, for a batch without reports has not done those."""
-    from importlib.metadata import version
+def _extras(task: Task) -> list[str]:
+    """Return the names of what is wanted beyond model and factors."""
+    write = task.write
+    if write is None:
+        return []
+    return list(getattr(write, "extras", None) or [getattr(write, "__qualname__", repr(write))])
 
-    extra = "" if task.write is None else getattr(task.write, "__qualname__", repr(task.write))
-    return f"{version('sindyjoint')} {extra}"
+
+def _record(record: CampaignRecord, folder: Path) -> None:
+    """Write a record into a campaign's folder, unless it is there."""
+    path, text = folder / RECORD_FILE, record.to_json()
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        write_text(path, text)
 
 
-def _recorded(task: Task, result: Discovery, inputs: str) -> CampaignRecord:
-    """Write what was found of a campaign and return its record."""
+def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord | None) -> CampaignRecord:
+    """Write what was found of a campaign, with what the last result of the same inputs has more; return the record."""
     from sindyjoint.discovery.evidence_file import evidence_bytes
 
     joint = result.campaign.joint
     with whole_folder(task.folder) as stage:
-        (stage / "model.json").write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
+        (stage / MODEL_FILE).write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
         (stage / FACTORS_FILE).write_bytes(evidence_bytes(result.regressor.evidence_))
         if task.write is not None:
             task.write(result, stage)
+        for name in last.outputs if last is not None else ():
+            if not (stage / name).exists():
+                (stage / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(task.folder / name, stage / name)
+        outputs = hashes(stage)
+        if missing := REQUIRED - set(outputs):
+            raise OutputError(
+                f"{', '.join(sorted(missing))} vanished from {str(stage)!r}; run the batch again"
+            )
         record = CampaignRecord(
             id=task.id,
             manifest=task.label,
@@ -275,16 +316,23 @@ def _recorded(task: Task, result: Discovery, inputs: str) -> CampaignRecord:
             },
             result=result.to_dict(),
             inputs=inputs,
-            outputs=hashes(stage),
+            outputs=outputs,
+            extras=sorted({*_extras(task), *(last.extras if last is not None else ())}),
         )
         (stage / RECORD_FILE).write_text(record.to_json(), encoding="utf-8", newline="\n")
     return record
 
 
 def _recorded_broken(task: Task, record: CampaignRecord) -> CampaignRecord:
+    """Write that an attempt failed, and why, beside the files of an earlier result, of which none is touched."""
+    last = last_result(task.folder)
+    if last is not None:
+        reason = (
+            f"{record.reason}; the files of its earlier result are kept, and not compared with the others"
+        )
+        record = replace(record, reason=reason, earlier=asdict(last))
     try:
-        with whole_folder(task.folder) as stage:
-            (stage / RECORD_FILE).write_text(record.to_json(), encoding="utf-8", newline="\n")
+        _record(record, prepare_output(task.folder))
     except (SindyJointError, OSError) as error:
         return replace(record, reason=f"{record.reason}; and its record cannot be written: {error}")
     return record

@@ -293,7 +293,7 @@ def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | No
     terms = model_terms(
         kept, fit.coefficients, fit.covariance, fit.unique_share, fit.effective_degrees, model.joint.motion
     )
-    return replace(model, terms=terms, covariance=tuple(map(tuple, fit.covariance.tolist())))
+    return model.with_terms(terms, fit.covariance)
 
 
 def _artefacts(

@@ -6,10 +6,10 @@ import pytest
 @pytest.fixture(scope="module")
 def reproduction(browser, tmp_path_factory):
     """Return the page of a reproduction; made only where there is a browser to show it."""
-    from sindyjoint.reporting.reproduction import write_reproduction
+    from sindyjoint.reporting.output import write_results
     from sindyjoint.workflows.reproduce import reproduce
 
-    return write_reproduction(reproduce(4), tmp_path_factory.mktemp("reproduction") / "out") / "report.html"
+    return write_results(reproduce(4), tmp_path_factory.mktemp("reproduction") / "out") / "report.html"
 
 
 def test_the_page_reads_turns_narrow_and_prints(open_page, reproduction, screenshots):

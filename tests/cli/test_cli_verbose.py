@@ -7,12 +7,14 @@ from pathlib import Path
 import pytest
 from test_cli_help import EVERY
 
+import sindyjoint
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.details import details
+from sindyjoint.reporting.registry import VIEWS, details
+from sindyjoint.workflows.policies import policies
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
-from handmade_results import comparison, diagnosis, verification  # noqa: E402
+from handmade_results import comparison, diagnosis, structure, verification  # noqa: E402
 
 COMPUTE = ("batch", "compare", "diagnose", "discover", "reproduce", "simulate", "verify")
 
@@ -71,6 +73,8 @@ def test_simulated_runs_are_told_one_by_one(sindyjoint, tmp_path):
         ),
         (verification(failed=True), "–"),
         (diagnosis(), "bouc_wen"),
+        (structure(), "bouc_wen"),
+        (structure(), "tip        4001  1.00e-05 m"),
         (comparison(), "lasso_lars"),
     ],
 )
@@ -79,5 +83,48 @@ def test_what_lies_behind_other_results(result, words):
     assert words in text and "nan" not in text
 
 
-def test_a_result_without_more_to_say_says_nothing():
-    assert list(details(object())) == []
+def test_what_is_no_result_is_refused():
+    with pytest.raises(TypeError, match="object is no result; known are Discovery, ReportData, Verification"):
+        list(details(object()))
+
+
+@pytest.fixture
+def toy(tmp_path, monkeypatch):
+    """A package with two policies in one folder, one in another, and a folder without."""
+    limits = "from dataclasses import dataclass, replace\nfrom sindyjoint.policy import limit\n"
+    limits += "@dataclass(frozen=True)\nclass P:\n    least: float = limit(0.2, 'least share', source='convention')\n"
+    limits += "    late: float = limit(2.0, 'largest delay', source='measured', unit='ms')\n"
+    texts = {
+        "states/policy.py": f"{limits}POLICY = P()\n",
+        "diagnosis/policy.py": f"{limits}CAMPAIGN = P()\nSTRUCTURE = replace(CAMPAIGN, least=0.3)\nOTHER = 3\n",
+        "files/read.py": "",
+    }
+    for name, text in texts.items():
+        path = tmp_path / "toyjoint" / name
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+        (path.parent / "__init__.py").write_text("")
+    (tmp_path / "toyjoint" / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    yield policies("toyjoint")
+    for name in [name for name in sys.modules if name.partition(".")[0] == "toyjoint"]:
+        del sys.modules[name]
+
+
+def test_the_policies_in_force_are_listed(toy, monkeypatch):
+    assert {name: record.least for name, record in toy.items()} == {
+        "states": 0.2,
+        "diagnosis campaign": 0.2,
+        "diagnosis structure": 0.3,
+    }
+    monkeypatch.setattr("sindyjoint.reporting.registry.policies", lambda: toy)
+    assert "policy of diagnosis structure: least 0.3, late 2.0 ms" in list(details(structure()))
+    lines = list(details(diagnosis()))
+    assert "policy of states: least 0.2, late 2.0 ms" in lines
+    assert not any(line.startswith("policy of diagnosis structure") for line in lines)
+
+
+def test_a_view_names_folders_that_there_are():
+    parts = {path.name for path in Path(sindyjoint.__file__).parent.iterdir() if path.is_dir()}
+    for view in VIEWS:
+        assert {name.split()[0] for name in view.judged_by} <= parts

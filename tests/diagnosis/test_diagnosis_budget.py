@@ -8,8 +8,9 @@ import pytest
 
 from sindyjoint.diagnosis.campaign.budget import explained_by_state, make_budget, shares
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
-from sindyjoint.diagnosis.campaign.ranking import Problem
-from sindyjoint.diagnosis.campaign.start import RATE_SHARE, Work, cut_up, first_model
+from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.diagnose import diagnose
@@ -37,15 +38,15 @@ KINDS = {
 
 
 def work_on(campaign):
-    states = campaign_states(campaign, rate_share=RATE_SHARE)
-    runs, parts, groups = cut_up(campaign.identification_runs, states, RATE_SHARE)
+    states = campaign_states(campaign, rate_share=CAMPAIGN.rate_share)
+    runs, parts, groups = cut_up(campaign.identification_runs, states, CAMPAIGN.rate_share)
     return Work.build(campaign, runs, parts, groups, first_model(campaign, parts, None, "paper"))
 
 
 def budget_of(campaign):
     work = work_on(campaign)
     total, noise = gap_of(work, work.model, ()).moment ** 2, noise_floor(work).moment ** 2
-    return make_budget(Problem.build(work.rows, work.model), total, noise, 0.0), total
+    return make_budget(GapRegression.build(work.rows, work.model), total, noise, 0.0), total
 
 
 @pytest.mark.parametrize("seed", [1, 5])
@@ -73,7 +74,7 @@ def test_levels_tell_a_memory_from_a_function_of_the_state():
     problems = {}
     for name, runs in (("all", campaign.runs), ("one", largest)):
         work = work_on(campaign.with_runs(tuple(runs)))
-        problems[name] = Problem.build(work.rows, work.model)
+        problems[name] = GapRegression.build(work.rows, work.model)
     assert explained_by_state(problems["one"]) > 0.9 and explained_by_state(problems["all"]) < 0.3
     credit = shares(problems["all"], 0.1)
     assert credit["history"] > 0.8 > 0.3 > credit["state"] and sum(credit.values()) <= 1
@@ -116,5 +117,5 @@ def test_runs_that_do_not_repeat_have_a_budget_too():
 
 def test_a_drift_is_cut_to_what_noise_and_chain_leave():
     work = work_on(hide("nothing", 1, duration=4.0).campaign)
-    budget = make_budget(Problem.build(work.rows, work.model), 1.0, 0.7, 0.2, drift=0.5)
+    budget = make_budget(GapRegression.build(work.rows, work.model), 1.0, 0.7, 0.2, drift=0.5)
     assert (budget.noise, budget.processing) == pytest.approx((0.7, 0.2)) and budget.run == pytest.approx(0.1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.processing import chain_errors
+from sindyjoint.diagnosis.campaign.processing import processing_errors
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide_in_noise
@@ -14,10 +14,10 @@ from tests.diagnosis.test_diagnosis_budget import work_on
 def test_without_noise_the_chain_is_what_is_left(kind):
     # Noise of a ten-thousandth: what the law leaves of its own motion is then made by the smoothing.
     work = work_on(hide_in_noise("nothing", kind, 3, noise=1e-4).campaign)
-    before = [row.target + row.chain for row in work.rows]
-    again = chain_errors(work.runs, work.states, work.rows, work.model, ())
+    before = [row.target + row.processing for row in work.rows]
+    again = processing_errors(work.runs, work.states, work.rows, work.model, ())
     for row, target, chain in zip(work.rows, before, again, strict=True):
-        model = target - row.chain - row.target
+        model = target - row.processing - row.target
         assert np.allclose(model, 0.0)
         assert chain.shape == row.target.shape and 0 < np.std(chain) < 0.02 * np.std(target)
     # The budget's share for processing is the mean square of that.
@@ -44,4 +44,4 @@ def test_one_effect_is_named_and_no_second(name):
 def test_runs_that_repeat_and_free_runs_have_no_chain():
     from tests.diagnosis.hidden_effects import hide
 
-    assert all(row.chain is None for row in work_on(hide("nothing", 1).campaign).rows)
+    assert all(row.processing is None for row in work_on(hide("nothing", 1).campaign).rows)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis.campaign.change import changes, segments, steady_before
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import Instant, effect_law
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.record import Run

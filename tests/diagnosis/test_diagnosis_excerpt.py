@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis.campaign.excerpt import WARM_UP, excerpt
-from sindyjoint.diagnosis.campaign.ranking import Problem, fit_effect
+from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
 from sindyjoint.diagnosis.campaign.rows import gap_runs
 from sindyjoint.diagnosis.campaign.start import first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
@@ -71,7 +71,7 @@ def test_kept_rows_are_those_of_the_whole_run(run):
 def test_the_search_in_windows_finds_what_the_whole_run_holds(run, monkeypatch):
     model, rows = run
     effect = select_effects(load_effects(), ["jenkins_element"])[0]
-    problem = Problem.build([rows], model)
+    problem = GapRegression.build([rows], model)
     monkeypatch.setattr("sindyjoint.diagnosis.campaign.ranking.ROUGH_STEPS", 10**9)
     whole = fit_effect(problem, effect)
     monkeypatch.setattr("sindyjoint.diagnosis.campaign.ranking.ROUGH_STEPS", 5_000)

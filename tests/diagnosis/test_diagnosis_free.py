@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sindyjoint.diagnosis.campaign.half_cycles import Swings, reversals
+from sindyjoint.diagnosis.campaign.half_cycles import HalfCycles, reversals, transition_steps
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.workflows.diagnose import diagnose
@@ -65,7 +65,7 @@ def test_a_small_moment_moves_the_states_where_swings_end_as_the_rows_say():
     small = 0.01
     time, angle, rate = decay(viscous, 8.0)
     slopes = (STIFFNESS * np.cos(angle), np.full(time.size, DAMPING))
-    rows = Swings.build(rate, 1 / RATE, slopes, INERTIA, 1e-3, (1e-6, 1e-5))
+    rows = HalfCycles.build(rate, 1 / RATE, slopes, INERTIA, 1e-3, (1e-6, 1e-5))
     ends = reversals(rate, 1e-3)
     assert rows.size == 2 * rows.starts.size == 2 * (ends.size + 1)
     moved = rows.plain(-small * rate).reshape(-1, 2)
@@ -109,3 +109,16 @@ def test_coulomb_friction_and_quadratic_damping_that_hide_each_other_are_both_fo
     assert len(members) == 2 and any("coulomb_friction" in m for m in members)
     assert any("quadratic_damping" in m for m in members)
     assert result.final.response < 0.2 * result.initial.response
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3, -1e-3, 2.0, 400.0])
+def test_a_step_of_the_linearised_motion_is_the_exponential_of_its_matrix(damping):
+    from scipy.linalg import expm
+
+    # Unstable, without stiffness, critically damped, and as steep as friction near a reversal.
+    inertia, step, angular = 0.02, 1e-3, 30.0
+    stiffness = np.array([-5.0, 0.0, damping**2 / (4 * inertia), 18.0, 500.0])
+    found = transition_steps((stiffness, np.full(5, damping)), inertia, step, angular)
+    for k, matrix in zip(stiffness, found, strict=True):
+        rates = np.array([[0.0, angular], [-k / (inertia * angular), -damping / inertia]])
+        assert np.allclose(matrix, expm(rates * step), rtol=1e-12, atol=1e-12)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis.campaign.outside import outside_probability, prior
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect, Problem
+from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion, load_effects, select_effects
 from sindyjoint.workflows.diagnose import diagnose
@@ -47,8 +47,8 @@ def problems(rest, explained=20.0, seed=0):
     cubic = np.concatenate([r.angle**3 for r in runs])
     target = base @ [100.0, 1.0, 10.0] + explained * cubic
     target = target + np.concatenate([rest(r) for r in runs]) + rng.standard_normal(target.size)
-    first = Problem.of_columns(runs, base, target)
-    return first, Problem.of_columns(runs, np.column_stack([base, cubic]), target)
+    first = GapRegression.of_columns(runs, base, target)
+    return first, GapRegression.of_columns(runs, np.column_stack([base, cubic]), target)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.ranking import Problem, fit_effect
+from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
@@ -15,7 +15,7 @@ EFFECTS = {effect.id: effect for effect in load_effects()}
 
 def problem_of(name, seed, **options):
     work = work_on(hide(name, seed, **options).campaign)
-    return Problem.build(work.rows, work.model)
+    return GapRegression.build(work.rows, work.model)
 
 
 def test_a_slider_that_never_slips_stays_where_it_started():
@@ -35,7 +35,7 @@ def test_the_search_reaches_what_the_truth_explains(seed, options):
     # The ridge gap + ramp = constant is followed to its top: at least as good as the truth itself.
     hidden = hide("backlash_play", seed, **options)
     work = work_on(hidden.campaign)
-    problem = Problem.build(work.rows, work.model)
+    problem = GapRegression.build(work.rows, work.model)
     _, gap, ramp = hidden.parameters
     effect = EFFECTS["backlash_play"]
     truth, _ = problem.gain(effect.variants[0], np.array([gap, ramp]))

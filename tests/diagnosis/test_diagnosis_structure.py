@@ -15,7 +15,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
 from sindyjoint.mechanics.rigs import RIG_FOLDER, MeasuredResponse, load_rig
-from sindyjoint.workflows.diagnose_structure import diagnose_structure
+from sindyjoint.workflows.diagnose import diagnose_structure
 from tests.diagnosis.hidden_structures import hide
 from tests.made_models import paper_model
 

@@ -5,10 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
+from sindyjoint.diagnosis.campaign.repair import Repaired, whole_model
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.dimensions import same_dimension
 from sindyjoint.equation.model import JointModel
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
+from tests.diagnosis.test_diagnosis_outside import runs_of
+from tests.made_models import model_of, term
 
 
 def test_an_effect_of_angle_and_rate_is_a_term_of_the_model_that_is_written():
@@ -35,3 +40,19 @@ def test_the_term_has_the_unit_of_the_motion(motion, unit):
     joint = replace(hidden.campaign.joint, motion=motion)
     result = diagnose(replace(hidden.campaign, joint=joint), max_effects=1)
     assert same_dimension(result.whole["quadratic_damping"].unit, unit)
+
+
+def test_a_term_to_which_an_effect_is_added_has_the_error_of_the_sum():
+    (effect,) = select_effects(load_effects(), ["quadratic_damping"])
+    found = FittedEffect(effect, effect.variants[0], np.empty(0), np.array([0.5]), 100.0)
+    model = model_of(
+        [term("k1", "theta", 100.0, 1.0), term("quadratic_damping", "omega*abs(omega)", 2.0, 0.3)]
+    )
+    covariance = np.array([[1.0, 0.1, 0.0], [0.1, 0.09, 0.01], [0.0, 0.01, 0.04]])
+    whole = whole_model(Repaired(model, (found,), (), covariance), runs_of())
+    assert whole.ids == model.ids
+    both = whole["quadratic_damping"]
+    error = np.sqrt(0.09 + 0.04 + 2 * 0.01)
+    assert both.coefficient == 2.5 and both.standard_error == pytest.approx(error)
+    assert both.interval95 == pytest.approx((2.5 - 1.96 * error, 2.5 + 1.96 * error))
+    assert np.allclose(whole.covariance, [[1.0, 0.1], [0.1, error**2]])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.cli import main
-from sindyjoint.diagnosis.campaign.localisation import where
-from sindyjoint.diagnosis.campaign.ranking import Problem
+from sindyjoint.diagnosis.campaign.localisation import locate_gap
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
@@ -68,8 +68,14 @@ def test_a_translation_has_force_displacement_and_velocity(tmp_path, capsys):
     assert {"gap", "maps", "overlay", "where", "budget", "rivals"} <= drawn
 
 
-def test_before_and_after_are_the_same_runs_and_effects_make_them_smaller():
-    result = diagnose(slide(900.0, "rotation"))
+@pytest.fixture(scope="module")
+def turned():
+    """The diagnosis of a joint in rotation."""
+    return diagnose(slide(900.0, "rotation"))
+
+
+def test_before_and_after_are_the_same_runs_and_effects_make_them_smaller(turned):
+    result = turned
     assert [run.run for run in result.before] == [run.run for run in result.after]
 
     def left(runs):
@@ -91,17 +97,16 @@ def test_shares_are_written_one_way(value, text):
     assert percent(value) == text
 
 
-def test_a_floor_of_rounding_is_not_told_to_three_digits(capsys):
-    from sindyjoint.reporting.diagnosis import show_diagnosis
+def test_a_floor_of_rounding_is_not_told_to_three_digits(turned, capsys):
+    from sindyjoint.reporting.registry import show
 
-    result = diagnose(slide(900.0, "rotation"))
-    show_diagnosis(replace(result, noise_floor=replace(result.noise_floor, response=2.09e-7)))
+    show(replace(turned, noise_floor=replace(turned.noise_floor, response=2.09e-7)))
     assert "< 0.01 %" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["stribeck_friction", "dahl_friction", "quintic_stiffness"])
 def test_no_band_is_named_within_another(name):
-    places = where(problem_of_gap(name))
+    places = locate_gap(problem_of_gap(name))
     assert places
     bands = [(place.axis, *place.range) for place in places if not isinstance(place.range, str)]
     for index, (axis, low, high) in enumerate(bands):
@@ -111,4 +116,4 @@ def test_no_band_is_named_within_another(name):
 
 def problem_of_gap(name):
     work = work_on(hide(name, 1).campaign)
-    return Problem.build(work.rows, work.model)
+    return GapRegression.build(work.rows, work.model)

@@ -15,9 +15,11 @@ from sindyjoint.diagnosis.effects.structure import (
     load_structure_effects,
     structure_changes,
 )
-from sindyjoint.diagnosis.structure.gap import where
+from sindyjoint.diagnosis.policy import STRUCTURE
+from sindyjoint.diagnosis.ranking import EvidenceScale, rank
+from sindyjoint.diagnosis.structure.gap import regions_of
 from sindyjoint.diagnosis.structure.noise import record_noise
-from sindyjoint.diagnosis.structure.search import FittedChange, rank
+from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.laws import INTER_PANEL
@@ -160,13 +162,13 @@ def test_where_a_gap_lies_in_time_and_phase():
     kinds = {
         place.range: place.share
         for signal in (slow, weak)
-        for _, place in where("tip", decay, signal, 1000.0, 1e-4)
+        for _, place in regions_of("tip", decay, signal, 1000.0, 1e-4)
         if place.axis == "phase"
     }
     assert kinds["period"] > 0.95 and kinds["amplitude"] > 0.95
     early = decay.copy()
     early[:400] *= 1.2
-    times = [p for _, p in where("tip", decay, early, 1000.0, 1e-4) if p.axis == "time"]
+    times = [p for _, p in regions_of("tip", decay, early, 1000.0, 1e-4) if p.axis == "time"]
     assert times[0].range[0] == 0 and times[0].share > 0.9
 
 
@@ -174,13 +176,18 @@ def test_ranking_pays_for_numbers_and_knows_that_nothing_may_be_missing():
     _, changes = laws_and_changes(["quadratic_damping", "dead_zone"])
     one, two = changes["quadratic_damping quadratic_damping_0a"], changes["dead_zone dead_zone_0a"]
     x = np.zeros(3)
-    ranking = rank([FittedChange(two, x, 400.0), FittedChange(one, x, 400.0)], 5400.0, 5000.0)
+
+    def ranked(fitted, chi_square):
+        scale = EvidenceScale(chi_square, 5000.0, 5000.0, STRUCTURE.column_error)
+        return rank(fitted, [f.change.size for f in fitted], scale, STRUCTURE)
+
+    ranking = ranked([FittedChange(two, x, 400.0), FittedChange(one, x, 400.0)], 5400.0)
     # The same gain: the effect that chooses fewer numbers is likelier, the other is of its class.
     assert [f.change.effect for f in ranking.fitted] == ["quadratic_damping", "dead_zone"]
-    assert [f.change.effect for f in ranking.members()] == ["quadratic_damping", "dead_zone"]
+    assert [f.change.effect for f in ranking.members] == ["quadratic_damping", "dead_zone"]
     assert ranking.nothing < 1e-6
-    idle = rank([FittedChange(one, x, 4.0), FittedChange(two, x, 6.0)], 5000.0, 5000.0)
-    assert idle.nothing > 0.5
+    nothing = ranked([FittedChange(one, x, 4.0), FittedChange(two, x, 6.0)], 5000.0)
+    assert nothing.nothing > 0.5
     assert sum(ranking.probabilities) + ranking.nothing == pytest.approx(1)
     # What is left is noise, too: beside a misfit of a hundred times the noise the same gain says nothing.
-    assert rank([FittedChange(one, x, 400.0)], 500_000.0, 5000.0).nothing > 0.5
+    assert ranked([FittedChange(one, x, 400.0)], 500_000.0).nothing > 0.5

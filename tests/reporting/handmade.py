@@ -8,6 +8,7 @@ from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.record import Joint
 from sindyjoint.reporting.data import GroupFit, Loop, PathStep, ReportData, model_sheets
 from sindyjoint.reporting.provenance import Provenance
+from sindyjoint.reporting.registry import view_of
 from sindyjoint.states.surface import force_state_map
 
 HOSTILE = "<script>document.title='taken'</script>\"'&amp; $x^2_$ {{ 7*7 }} [bold]关节 --><img src=x onerror=alert(1)>"
@@ -132,3 +133,9 @@ ORIGIN = Provenance(
     inputs=(("a", "a.csv", "ab" * 32), ("b", "b.csv", "cd" * 32)),
     notes=("b.csv: resampled to 1000 Hz",),
 )
+
+
+def page_html(result, origin, pictures):
+    """Return the page of a result as HTML."""
+    view = view_of(result)
+    return view.page(result, view.gather(result), origin, pictures)

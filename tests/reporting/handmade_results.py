@@ -5,9 +5,9 @@ from dataclasses import fields
 import numpy as np
 from handmade import model
 
-from sindyjoint.diagnosis.campaign.budget import Budget
-from sindyjoint.diagnosis.campaign.localisation import Place
+from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.pictures import RunGap
+from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.structure.gap import RecordGap
 from sindyjoint.diagnosis.structure.result import StructureDiagnosis

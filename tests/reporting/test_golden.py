@@ -6,25 +6,21 @@ Each text was looked at before it was kept. To renew one after a wanted change: 
 from pathlib import Path
 
 import pytest
-from handmade import ORIGIN, model
+from handmade import ORIGIN, model, page_html
 from handmade_results import comparison, diagnosis, verification
 from test_reporting_page import read
 from test_reporting_results import written
 
 from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
-from sindyjoint.reporting.comparison import show_comparison
-from sindyjoint.reporting.diagnosis import show_diagnosis
-from sindyjoint.reporting.output import draw_all
-from sindyjoint.reporting.result_pages import diagnosis_page, verification_page
-from sindyjoint.reporting.verification import show_verification
+from sindyjoint.reporting.registry import draw_all, show
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 
 TERMINALS = {
-    "verification": (show_verification, lambda: verification(runs=("pulse at tip", "3Hz [bold] high"))),
-    "verification-failed": (show_verification, lambda: verification(failed=True)),
-    "diagnosis": (show_diagnosis, diagnosis),
-    "comparison": (show_comparison, comparison),
+    "verification": (show, lambda: verification(runs=("pulse at tip", "3Hz [bold] high"))),
+    "verification-failed": (show, lambda: verification(failed=True)),
+    "diagnosis": (show, diagnosis),
+    "comparison": (show, comparison),
 }
 
 
@@ -55,12 +51,12 @@ def words_of(html):
 
 def test_page_of_a_verification():
     made = verification()
-    held("page-verification", words_of(verification_page(made, ORIGIN, draw_all(made))))
+    held("page-verification", words_of(page_html(made, ORIGIN, draw_all(made))))
 
 
 def test_page_of_a_diagnosis():
     made = diagnosis()
-    held("page-diagnosis", words_of(diagnosis_page(made, ORIGIN, draw_all(made))))
+    held("page-diagnosis", words_of(page_html(made, ORIGIN, draw_all(made))))
 
 
 def test_page_of_a_comparison(tmp_path):

@@ -6,10 +6,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.reporting.equation import effect_mathml, mathml
-from sindyjoint.reporting.figures.kinds import kinds_of
+from sindyjoint.reporting.registry import kinds_of
 from sindyjoint.reporting.units import in_words_of
 from tests.reporting.handmade_results import diagnosis
 

@@ -12,8 +12,9 @@ from handmade import HOSTILE, report_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.reporting.figures import DISCOVERY, draw, drawable
+from sindyjoint.reporting.figures.discovery import KINDS as DISCOVERY
 from sindyjoint.reporting.figures.kind import Kind
+from sindyjoint.reporting.registry import draw, drawable
 from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, new_figure, style
 
 CASES = {
@@ -102,7 +103,7 @@ def test_drawing_needs_no_pyplot():
         import sys
         sys.path.insert(0, {here!r})
         from handmade import report_data
-        from sindyjoint.reporting.figures import draw
+        from sindyjoint.reporting.registry import draw
         from sindyjoint.reporting.style import figure_bytes
         figure_bytes(draw("map", report_data()), "svg")
         assert "matplotlib.pyplot" not in sys.modules

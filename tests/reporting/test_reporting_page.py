@@ -7,13 +7,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from handmade import HOSTILE, ORIGIN, TERMS, model, report_data
+from handmade import HOSTILE, ORIGIN, TERMS, model, page_html, report_data
 
 from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
 from sindyjoint.equation.model import ModelTerm
-from sindyjoint.reporting.discovery_page import discovery_page
 from sindyjoint.reporting.equation import mathml
-from sindyjoint.reporting.output import draw_all
+from sindyjoint.reporting.registry import draw_all
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "report.txt"
 # Elements that fetch, and attributes that name what to fetch.
@@ -77,14 +76,14 @@ def read(html):
 @pytest.fixture(scope="module")
 def page():
     data = report_data()
-    return discovery_page(data, ORIGIN, draw_all(data))
+    return page_html(data, ORIGIN, draw_all(data))
 
 
 @pytest.fixture(scope="module")
 def hostile():
     terms = [(*TERMS[0][:2], HOSTILE, *TERMS[0][3:]), *TERMS[1:]]
     data = report_data(name=HOSTILE, runs=(HOSTILE, HOSTILE + "2"), terms=terms, periodic=False)
-    return discovery_page(data, ORIGIN, draw_all(data))
+    return page_html(data, ORIGIN, draw_all(data))
 
 
 def test_text_is_the_golden_one(page):
@@ -150,7 +149,7 @@ def test_every_table_has_caption_and_headings_and_every_picture_a_name(page):
 
 def test_a_page_without_a_model_says_so():
     data = report_data(terms=[])
-    text = read(discovery_page(data, ORIGIN, draw_all(data))).lines
+    text = read(page_html(data, ORIGIN, draw_all(data))).lines
     assert "no model No set of terms passed: these data give no model of this joint." in text
 
 

@@ -2,25 +2,24 @@
 
 import json
 import types
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import HOSTILE, ORIGIN
+from handmade import HOSTILE, ORIGIN, page_html
 from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
 from test_reporting_page import read
 
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign, Run, Source
-from sindyjoint.reporting.comparison import write_comparison
-from sindyjoint.reporting.diagnosis import write_diagnosis
-from sindyjoint.reporting.figures import draw, drawable, kinds_of
-from sindyjoint.reporting.output import draw_all
+from sindyjoint.reporting.figures.verification import KEPT_SAMPLES, thinned
+from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.provenance import provenance
-from sindyjoint.reporting.result_pages import diagnosis_page, verification_page
-from sindyjoint.reporting.saved import KEPT_SAMPLES, load_results, saved_text, thinned
+from sindyjoint.reporting.registry import draw, draw_all, drawable, kinds_of
+from sindyjoint.reporting.saved import load_results, saved_text
 from sindyjoint.reporting.style import figure_bytes
-from sindyjoint.reporting.verification import write_verification
+from sindyjoint.workflows.comparison import Comparison
 
 HOSTILES = {
     "verification": lambda: verification(HOSTILE, (HOSTILE, "two"), subject=HOSTILE),
@@ -53,11 +52,9 @@ def campaign():
 
 
 def written(result, folder):
-    if hasattr(result, "tests"):
-        object.__setattr__(result, "discovery", types.SimpleNamespace(campaign=campaign()))
-        return write_comparison(result, folder, "sindyjoint compare", 3)
-    write = write_verification if hasattr(result, "runs") else write_diagnosis
-    return write(result, folder, "sindyjoint made by hand", 3)
+    if isinstance(result, Comparison):
+        result = replace(result, discovery=types.SimpleNamespace(campaign=campaign()))
+    return write_results(result, folder, "sindyjoint made by hand", 3)
 
 
 @pytest.mark.parametrize("case", MADE)
@@ -68,9 +65,7 @@ def test_figures_are_drawn_again_from_what_was_written(case, tmp_path):
     assert type(again) is type(result) and drawable(again) == drawable(result)
     for kind in drawable(again):
         assert figure_bytes(draw(kind, again), "svg").startswith(b"<?xml")
-    assert saved_text(thinned(again) if case in ("verification", "failed") else again) == (
-        folder / "figures" / "data.json"
-    ).read_text(encoding="utf-8")
+    assert saved_text(again) == (folder / "figures" / "data.json").read_text(encoding="utf-8")
     html = (folder / "report.html").read_text(encoding="utf-8")
     text = read(html).lines
     assert "bench joint" in text and "Random seed" in text and "3" in text
@@ -79,11 +74,7 @@ def test_figures_are_drawn_again_from_what_was_written(case, tmp_path):
 
 
 def page_of(case):
-    if case == "verification":
-        return verification_page(made := HOSTILES[case](), ORIGIN, draw_all(made))
-    if case == "diagnosis":
-        return diagnosis_page(made := HOSTILES[case](), ORIGIN, draw_all(made))
-    return None
+    return None if case == "comparison" else page_html(made := HOSTILES[case](), ORIGIN, draw_all(made))
 
 
 @pytest.mark.parametrize("case", HOSTILES)
@@ -101,17 +92,17 @@ def test_what_people_wrote_is_text(case, tmp_path):
 
 def test_the_verdicts_in_plain_words():
     passed, failed = (
-        read(verification_page(made, ORIGIN, draw_all(made))).lines
+        read(page_html(made, ORIGIN, draw_all(made))).lines
         for made in (verification(), verification(failed=True))
     )
     assert "passed The model gives the measured response." in passed
     assert "failed The model misses the response." in failed
     assert "pulse at tip: the angle passed the softening limit at 0.2 s." in failed
-    lines = read(diagnosis_page(diagnosis(), ORIGIN, draw_all(diagnosis()))).lines
+    lines = read(page_html(diagnosis(), ORIGIN, draw_all(diagnosis()))).lines
     assert any(line.startswith("ambiguous Something is missing") for line in lines)
     assert any(line.startswith("2.16 % → 1.04 %") for line in lines)
     assert "Hidden in this virtual test was: Jenkins element." in lines
-    nothing = read(diagnosis_page(made := diagnosis(verdict="nothing_missing"), ORIGIN, draw_all(made))).lines
+    nothing = read(page_html(made := diagnosis(verdict="nothing_missing"), ORIGIN, draw_all(made))).lines
     assert "nothing missing Nothing is missing: what is left is noise." in nothing
 
 

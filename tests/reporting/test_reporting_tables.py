@@ -10,10 +10,12 @@ import pytest
 from handmade import HOSTILE, model, report_data
 
 from sindyjoint.errors import InputError
-from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.packing import pack
+from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.style import prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import TERM_COLUMNS, term_rows, terms_csv, terms_table
+
+VIEW = DiscoveryView()
 
 
 def test_values_are_rounded_as_a_physicist_would():
@@ -61,9 +63,9 @@ def test_units_and_names_for_people():
 
 def test_saved_data_read_back_as_they_were_saved():
     data = report_data(name=HOSTILE, runs=(HOSTILE, "b"))
-    text = json.dumps(data.to_dict())
-    again = ReportData.from_dict(json.loads(text))
-    assert json.dumps(again.to_dict()) == text
+    text = json.dumps(VIEW.save(data))
+    again = VIEW.restore(json.loads(text))
+    assert json.dumps(VIEW.save(again)) == text
     assert again.model == data.model
     # Six digits of a moment of some N·m, and the empty cells.
     assert np.allclose(again.loops[0].moment, data.loops[0].moment, rtol=1e-5)
@@ -78,11 +80,11 @@ def test_what_is_not_finite_is_null():
         1.23457,
         [None, 2.0],
     ]
-    assert "NaN" not in json.dumps(report_data().to_dict(), allow_nan=False)
+    assert "NaN" not in json.dumps(VIEW.save(report_data()), allow_nan=False)
 
 
 def damaged(change):
-    data = json.loads(json.dumps(report_data().to_dict()))
+    data = json.loads(json.dumps(VIEW.save(report_data())))
     change(data)
     return data
 
@@ -105,4 +107,4 @@ def damaged(change):
 )
 def test_damaged_data_are_refused(data, message):
     with pytest.raises(InputError, match=message.replace("(", r"\(")):
-        ReportData.from_dict(data)
+        VIEW.restore(data)

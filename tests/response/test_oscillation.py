@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from sindyjoint.numeric import main_frequency
 from sindyjoint.response.oscillation import (
     compare_oscillations,
     hilbert_envelope,
-    main_frequency,
     oscillation,
     white_noise,
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from sindyjoint.discovery.accumulate import TILE, FactorSum, TermSum
+from sindyjoint.discovery.accumulate import TILE, TOLERANCE, FactorSum, TermSum
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.equation.catalogue import Reference, load_catalogue
 from sindyjoint.equation.formula import compile_terms
@@ -46,7 +46,7 @@ def test_solution_matches_lstsq_on_the_rows_at_condition_1e6(seed):
 def test_the_size_of_the_blocks_does_not_matter(size):
     columns, target = conditioned(9, 1e3, n=3001, p=6)
     factor, whole = summed(columns, target, size), Factor.of(columns, target)
-    np.testing.assert_allclose(factor.solve(), whole.solve(), rtol=1e-10)
+    np.testing.assert_allclose(factor.solve(), whole.solve(), rtol=TOLERANCE)
     assert factor.rows == 3001
     assert factor.squared_error(whole.solve()) == pytest.approx(whole.squared_error(whole.solve()), rel=1e-9)
 

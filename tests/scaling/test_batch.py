@@ -17,7 +17,7 @@ from small_joints import write_joint
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
-from sindyjoint.files.atomic import whole_folder
+from sindyjoint.files.atomic import OLD, _aside, settle, whole_folder
 from sindyjoint.workflows.batch import batch, find_tasks
 
 
@@ -130,7 +130,7 @@ def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, join
     assert 3 <= len(before) < 7
     # What a campaign in hand may leave behind.
     undone = next(f"joint-{number}" for number in range(7) if f"joint-{number}" not in before)
-    (out / "campaigns" / f".{undone}.0123456789ab.part").mkdir()
+    _aside(out / "campaigns" / undone).mkdir()
     fresh = []
     result = batch(joints, out, "paper", on_record=lambda record: fresh.append(record.id), **way)
     after = written(out)
@@ -259,6 +259,103 @@ def test_names_of_folders_are_harmless_and_unique(tmp_path):
     assert set(ids) < {task.id for task in find_tasks(tmp_path / "in", tmp_path / "in" / "out", "paper", {})}
 
 
+def test_names_that_are_cut_are_told_apart_and_stay(tmp_path):
+    long = "x" * 100
+    for name in ("j", "j.1", f"{long}-1", f"{long}-2", "ü" * 60):
+        (tmp_path / "in" / name).mkdir(parents=True)
+        (tmp_path / "in" / name / "campaign.toml").write_text("")
+    ids = [task.id for task in find_tasks(tmp_path / "in", tmp_path / "out", "paper", {})]
+    assert {"j", "j.1"} < set(ids) and len(set(ids)) == 5
+    assert all(len(id.encode()) <= 80 for id in ids)
+    # Without the other, whose name was cut to the same, it is called the same.
+    (tmp_path / "in" / f"{long}-2" / "campaign.toml").unlink()
+    assert set(ids) > {task.id for task in find_tasks(tmp_path / "in", tmp_path / "out", "paper", {})}
+
+
+def test_campaigns_of_which_one_is_called_as_another_begins(joints, tmp_path, sindyjoint):
+    for number, name in enumerate(("j", "j.1", "j.1.2")):
+        shutil.copytree(joints / f"joint-{number}", tmp_path / "in" / name)
+    out = tmp_path / "out"
+    answer = sindyjoint(
+        "batch", tmp_path / "in", "--out", out, "-l", "paper", "--reports", "--jobs", "2", "-q"
+    )
+    assert answer.status == 0
+    files = {"factors.npz", "model.json", "record.json", "report.html", "terms.csv"}
+    for name in ("j", "j.1", "j.1.2"):
+        assert files <= {path.name for path in (out / "campaigns" / name).iterdir()}
+
+
+def test_a_record_without_its_files_is_not_done(joints, tmp_path):
+    out = tmp_path / "out"
+    batch(joints / "joint-0", out, "paper")
+    (folder,) = (out / "campaigns").iterdir()
+    before = content(folder)
+    for name in ("factors.npz", "model.json"):
+        # As after a loss that the record does not know of: it lists only what was still there.
+        record = json.loads(before["record.json"])
+        del record["outputs"][name]
+        (folder / "record.json").write_text(json.dumps(record), encoding="utf-8")
+        (folder / name).unlink()
+        assert batch(joints / "joint-0", out, "paper").kept == 0
+        assert content(folder) == before
+        (folder / name).unlink()
+        assert batch(joints / "joint-0", out, "paper").kept == 0
+        assert content(folder) == before
+    assert batch(joints / "joint-0", out, "paper").kept == 1
+
+
+def test_a_failed_attempt_keeps_the_earlier_result(joints, tmp_path, sindyjoint):
+    shutil.copytree(joints / "joint-0", tmp_path / "in" / "joint-0")
+    shutil.copytree(joints / "joint-1", tmp_path / "in" / "joint-1")
+    out = tmp_path / "out"
+    command = ("batch", tmp_path / "in", "--out", out, "-l", "paper")
+    assert sindyjoint(*command, "--reports").status == 0
+    folder = out / "campaigns" / "joint-0"
+    before = content(folder)
+    run = tmp_path / "in" / "joint-0" / "low.csv"
+    run.rename(tmp_path / "low.csv")
+    for _ in range(2):
+        answer = sindyjoint(*command, "--reports")
+        assert answer.status == 1 and "1 with a model, 1 broken" in answer.stdout
+        assert "low.csv" in answer.stderr and "files of its earlier result are kept" in answer.stderr
+        after = content(folder)
+        record = json.loads(after.pop("record.json"))
+        assert after == {name: data for name, data in before.items() if name != "record.json"}
+        assert record["status"] == "broken" and "low.csv" in record["reason"]
+        assert {"schema": 1, **record["earlier"]} == json.loads(before["record.json"])
+        (row, _) = csv.DictReader((out / "batch.csv").read_text(encoding="utf-8").splitlines())
+        assert row["status"] == "broken" and "earlier result" in row["reason"] and row["terms"] == ""
+        # The page of an earlier result is not shown as one of this batch.
+        page = (out / "report.html").read_text(encoding="utf-8")
+        assert "campaigns/joint-1/report.html" in page and "campaigns/joint-0/report.html" not in page
+    (tmp_path / "low.csv").rename(run)
+    answer = sindyjoint(*command, "--reports")
+    assert answer.status == 0 and "2 of them done before" in answer.stdout
+    assert content(folder) == before
+
+
+def test_reports_that_hold_outlive_a_batch_without_them(joints, tmp_path, sindyjoint):
+    shutil.copytree(joints / "joint-0", tmp_path / "in" / "joint-0")
+    out, folder = tmp_path / "out", tmp_path / "out" / "campaigns" / "joint-0"
+    command = ("batch", tmp_path / "in", "--out", out, "-l", "paper")
+    assert sindyjoint(*command).status == 0
+    assert not (folder / "report.html").exists()
+    assert "done before" not in sindyjoint(*command, "--reports").stdout
+    before = content(folder)
+    assert "report.html" in before
+    assert "1 of them done before" in sindyjoint(*command).stdout
+    assert content(folder) == before
+    # Something more is wanted: the campaign is done again, and what holds of the last time stays beside it.
+    assert "done before" not in sindyjoint(*command, "--diagnose").stdout
+    assert {"report.html", "diagnosis/report.html"} <= set(content(folder))
+    assert "1 of them done before" in sindyjoint(*command, "--diagnose", "--reports").stdout
+    # Of another run the report says nothing.
+    with (tmp_path / "in" / "joint-0" / "low.csv").open("a") as file:
+        file.write("0.1,0.0001\n")
+    assert sindyjoint(*command).status == 0
+    assert set(content(folder)) == {"model.json", "factors.npz", "record.json"}
+
+
 def test_bad_input_is_refused_before_anything_is_done(joints, tmp_path):
     with pytest.raises(MissingInputError, match=r"no campaign\.toml in .*nothing"):
         batch(tmp_path / "nothing", tmp_path / "out")
@@ -286,6 +383,62 @@ def test_a_whole_folder_replaces_the_old_one_or_leaves_it(tmp_path):
         (stage / "two").write_text("2")
     assert [p.name for p in target.iterdir()] == ["two"]
     assert [p.name for p in tmp_path.iterdir()] == ["results"]
+
+
+LIVES = """
+import sys
+from sindyjoint.files.atomic import whole_folder
+with whole_folder(sys.argv[1]) as stage:
+    (stage / "file").write_text("x")
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_only_what_a_dead_process_left_of_the_same_folder_is_removed(tmp_path):
+    pytest.importorskip("fcntl", reason="no locks on folders: what is left stays")
+    # Names of which one begins as the other, or that are alike in their first eighty characters.
+    long = "x" * 90
+    for name in ("j", "j.1", long, f"{long}-2", "[j]*"):
+        target = tmp_path / name
+        command = [sys.executable, "-c", LIVES, str(target)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+            assert other.stdout.readline() == "ready\n"
+            with whole_folder(tmp_path / "j") as stage:
+                (stage / "mine").write_text("1")
+            other.communicate("")
+        assert other.returncode == 0 and (target / "file").read_text() == "x"
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "ready\n"
+        other.kill()
+    assert list(tmp_path.glob(".*"))
+    settle(tmp_path / "j")
+    assert list(tmp_path.glob(".*"))
+    settle(target)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
+    target = tmp_path / "results"
+    target.mkdir()
+    (target / "one").write_text("1")
+    true, calls = os.replace, []
+
+    def refuse(source, place):
+        calls.append(source)
+        if len(calls) == 3:  # after the new folder's own name and the old one's way aside: the way in
+            raise OSError(28, "No space left on device", str(source))
+        true(source, place)
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(OutputError, match="No space left"), whole_folder(target):
+        pass
+    monkeypatch.undo()
+    assert len(calls) == 4 and [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
+    # A process that was killed between the two has no such chance: the next one sees to it.
+    target.rename(_aside(target, OLD))
+    settle(target)
+    assert [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
 
 
 def test_factors_survive_the_file(tmp_path, done):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from sindyjoint.diagnosis.campaign import advice
+from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import designs
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.errors import InputError
@@ -20,7 +20,7 @@ EFFECTS = ("dahl_friction", "bouc_wen_hysteresis")
 def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
     # Some of the runs that might be advised are enough here.
-    monkeypatch.setattr(advice, "designs", lambda states: designs(states)[::15])
+    monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::15])
     campaign = hide("dahl_friction", 0).campaign
     campaign = campaign.with_runs(campaign.runs[::6])
     effects = [effect for effect in load_effects() if effect.id in EFFECTS]

@@ -17,9 +17,12 @@ from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.comparison import TextTable, comparison_tables, long_csv, write_comparison
+from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.reporting.output import write_results
+from sindyjoint.reporting.registry import view_of
+from sindyjoint.reporting.results.comparison import long_csv
+from sindyjoint.reporting.text_table import TextTable
 from sindyjoint.workflows.compare import _response_error, compare
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +91,7 @@ def test_csv_holds_every_choice_in_full(result):
 
 
 def test_tables_agree_with_the_record(result):
-    tables = {table.name: table for table in comparison_tables(result)}
+    tables = {table.name: table for table in view_of(result).tables(result)}
     assert set(tables) == {
         "methods", "frequencies", "libraries", "coefficients", "frequency-dependence", "left-out",
     }  # fmt: skip
@@ -107,7 +110,7 @@ def test_formats_escape_what_is_special():
 
 
 def test_folder_is_complete_and_offline(result, tmp_path):
-    folder = write_comparison(result, tmp_path / "out", "sindyjoint compare", 0)
+    folder = write_results(result, tmp_path / "out", "sindyjoint compare", 0)
     names = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     texts = {"comparison.json", "comparison.csv", "comparison.md", "comparison.tex", "report.html"}
     assert texts | {"figures/inclusion.svg"} <= names
@@ -119,7 +122,7 @@ def test_folder_is_complete_and_offline(result, tmp_path):
 
 def test_a_small_but_significant_change_is_told_in_the_table(result):
     test = frequency_test("linear_stiffness", [3, 4, 5, 6], [100.0, 101.0, 102.0, 103.0], [0.1] * 4)
-    tables = {table.name: table for table in comparison_tables(replace(result, tests=(test,)))}
+    tables = {table.name: table for table in view_of(result).tables(replace(result, tests=(test,)))}
     said = tables["frequency-dependence"].rows[0][-1]
     assert said == "independent within margin; a change of +3.0 % is significant"
 
@@ -164,7 +167,7 @@ def test_one_frequency_has_no_test_of_dependence():
     result = compare(campaign, methods=["stlsq", "best_subset"], libraries=["paper"], replicates=20)
     assert result.tests == () and len(result.methods) == 2
     assert any("one frequency" in text for text in result.warnings)
-    assert len(comparison_tables(result)) >= 3
+    assert len(view_of(result).tables(result)) >= 3
 
 
 def test_a_single_run_is_compared_by_its_parts(tmp_path, sindyjoint):

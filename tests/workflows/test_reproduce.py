@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from sindyjoint.paper import TABLES
-from sindyjoint.reporting.figures import draw, drawable, kinds_of
-from sindyjoint.reporting.reproduction import page_text, table_rows, write_reproduction
-from sindyjoint.reporting.reproduction_figures import figures_of
+from sindyjoint.reporting.figures.reproduction import figures_of
+from sindyjoint.reporting.output import write_results
+from sindyjoint.reporting.registry import draw, drawable, kinds_of
+from sindyjoint.reporting.results.reproduction import joint_table, page_text
 from sindyjoint.reporting.saved import load_results, saved_text
 from sindyjoint.workflows.reproduce import reproduce
 
@@ -97,15 +98,16 @@ def test_every_figure_is_drawn_and_nothing_is_cut_off(result, width):
 
 
 def test_tables_hold_both_numbers(result):
-    rows = table_rows(result.joints[0])
-    assert rows[0][1] == "k1 [1e3 N·m/rad]"
-    assert rows[1][0] == "3 Hz" and rows[1][1].endswith("(6.153)") and rows[5][4].endswith("(48.13)")
+    table = joint_table(result.joints[0])
+    rows = table.rows
+    assert table.columns[1] == "k1 [1e3 N·m/rad]"
+    assert rows[0][0] == "3 Hz" and rows[0][1].endswith("(6.153)") and rows[4][4].endswith("(48.13)")
     page = page_text(result, {"figure-05": "Figure 5: loops."})
     assert "| 3 Hz |" in page and "![Figure 5" in page and "\n\n\n" not in page
 
 
 def test_the_folder_is_complete(result, tmp_path):
-    write_reproduction(result, tmp_path / "out")
+    write_results(result, tmp_path / "out")
     files = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*")}
     assert files == {
         "report.html",

@@ -9,8 +9,9 @@ import pytest
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rigs import RIG_FOLDER, load_rig, shipped_rigs
-from sindyjoint.reporting.figures import draw, drawable
-from sindyjoint.reporting.rig_motion import figures_of, write_rig_motion
+from sindyjoint.reporting.figures.rig import figures_of
+from sindyjoint.reporting.output import write_results
+from sindyjoint.reporting.registry import draw, drawable
 from sindyjoint.reporting.saved import load_results, saved_text
 from sindyjoint.workflows.rig import rig_motion
 from tests.made_models import paper_model
@@ -63,7 +64,7 @@ def test_figures_are_whole(name, width, wing):
 
 
 def test_the_folder_is_complete_and_drawn_again(wing, tmp_path):
-    folder = write_rig_motion(wing, tmp_path / "out", "sindyjoint rig four-panel-wing")
+    folder = write_results(wing, tmp_path / "out", "sindyjoint rig four-panel-wing")
     names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.*"))
     assert names == ["figures/angles.svg", "figures/data.json", "figures/deflection.svg", "figures/heat.svg",
                      "figures/locked.svg", "report.html", "response.csv", "rig.json"]  # fmt: skip

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
@@ -23,17 +24,11 @@ Array = NDArray[np.float64]
 SEGMENTS = 4
 FEWEST = 3
 LEAST_PERIODS = 4  # of a segment
-# The stiffness of segments must differ by this many standard errors, and by this share, in the median run.
-SIGNIFICANT = 6.0
-SHARE = 0.002
 TREND_HARMONICS = 7
-# A start-up is over sooner. What was left out for longer, and was steady for half of that, was another joint.
-LONG = 0.25
-STEADY_SHARE = 0.5
 MEMBER = " part "  # between the name of a run and the number of its segment
 
 
-def changes(runs: Sequence[Run], states: Sequence[ForceStates]) -> bool:
+def changes(runs: Sequence[Run], states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN) -> bool:
     """Return whether the first-harmonic stiffness of periodic runs changes in time, in most of them.
 
     Moment over angle at the excitation frequency, period by period. A channel that drifts leaves it as it is: the
@@ -41,13 +36,13 @@ def changes(runs: Sequence[Run], states: Sequence[ForceStates]) -> bool:
     steady part has changed at once.
     """
     pairs = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
-    if 2 * sum(steady_before(run, s) is not None for run, s in pairs) > len(pairs):
+    if 2 * sum(steady_before(run, s, None, policy) is not None for run, s in pairs) > len(pairs):
         return True
     found = [stiffness_change(run, s) for run, s in pairs]
     if not found:
         return False
     ratio, share = np.median(np.array(found), axis=0)
-    return bool(ratio > SIGNIFICANT and share > SHARE)
+    return bool(ratio > policy.change_ratio and share > policy.change_share)
 
 
 def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
@@ -58,9 +53,9 @@ def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
     parts = np.array_split(stiffness, SEGMENTS)
     mean = np.array([np.mean(part) for part in parts])
     # Scatter within the quarters about a line: the change itself must not count as its own noise.
-    left = np.concatenate([_straightened(part) for part in parts])
-    freedom = left.size - 2 * SEGMENTS
-    error = np.sqrt(np.sum(np.abs(left) ** 2) / (2 * freedom) * 2 / min(p.size for p in parts))
+    residual = np.concatenate([_straightened(part) for part in parts])
+    freedom = residual.size - 2 * SEGMENTS
+    error = np.sqrt(np.sum(np.abs(residual) ** 2) / (2 * freedom) * 2 / min(p.size for p in parts))
     spread = float(np.max(np.abs(mean[:, None] - mean[None, :])))
     scale = float(np.abs(np.mean(stiffness)))
     return spread / (float(error) + 1e-9 * scale), spread / scale
@@ -102,7 +97,9 @@ class Segment:
     states: ForceStates
 
 
-def steady_before(run: Run, states: ForceStates, rate_share: float | None = None) -> ForceStates | None:
+def steady_before(
+    run: Run, states: ForceStates, rate_share: float | None = None, policy: DiagnosisPolicy = CAMPAIGN
+) -> ForceStates | None:
     """Return the states of what was left out at the start of a run, if it was long, steady, and of other stiffness.
 
     The motion of a joint that a moment drives changes where its stiffness does, and looks as if it had not settled.
@@ -111,7 +108,8 @@ def steady_before(run: Run, states: ForceStates, rate_share: float | None = None
         return None
     # The last period of it may hold the change.
     end = round((states.dropped - 1 / states.frequency) * run.sample_rate)
-    if end < LONG * run.n_samples:
+    # A start-up is over sooner. What was left out for longer, and was steady, was another joint.
+    if end < policy.change_start * run.n_samples:
         return None
     cut = {name: getattr(run, name)[:end] for name in ("moment", "angle")}
     rate = None if run.rate is None else run.rate[:end]
@@ -120,22 +118,24 @@ def steady_before(run: Run, states: ForceStates, rate_share: float | None = None
     except SindyJointError:
         return None
     lasting = early.n_samples / run.sample_rate
-    long = lasting * states.frequency >= 2 * LEAST_PERIODS and early.n_samples >= STEADY_SHARE * end
-    if not long or not _differ(period_stiffness(run, early), period_stiffness(run, states)):
+    long = lasting * states.frequency >= 2 * LEAST_PERIODS and early.n_samples >= policy.change_steady * end
+    if not long or not _differ(period_stiffness(run, early), period_stiffness(run, states), policy):
         return None
     return replace(early, began=states.began)
 
 
-def _differ(one: NDArray[np.complex128], other: NDArray[np.complex128]) -> bool:
+def _differ(one: NDArray[np.complex128], other: NDArray[np.complex128], policy: DiagnosisPolicy) -> bool:
     """Return whether the means of two samples differ significantly, and by more than a trifle."""
     if min(one.size, other.size) < LEAST_PERIODS:
         return False
     apart = float(np.abs(np.mean(one) - np.mean(other)))
     error = float(np.sqrt(np.var(one) / one.size + np.var(other) / other.size))
-    return apart > SIGNIFICANT * error and apart > SHARE * float(np.abs(np.mean(other)))
+    return apart > policy.change_ratio * error and apart > policy.change_share * float(np.abs(np.mean(other)))
 
 
-def segments(run: Run, states: ForceStates, rate_share: float | None = None) -> tuple[Segment, ...]:
+def segments(
+    run: Run, states: ForceStates, rate_share: float | None = None, policy: DiagnosisPolicy = CAMPAIGN
+) -> tuple[Segment, ...]:
     """Return up to four stretches of whole periods, each with its own mean period and time.
 
     What changes within a stretch, in proportion to time, is taken off: it then repeats as it is in its middle. A run
@@ -145,7 +145,7 @@ def segments(run: Run, states: ForceStates, rate_share: float | None = None) -> 
     whole = (Segment(run, states),)
     if states.method != "periodic":
         return whole
-    early = steady_before(run, states, rate_share)
+    early = steady_before(run, states, rate_share, policy)
     if early is None:
         parts = _stretches(run, states, rate_share, SEGMENTS)
         return parts if len(parts) >= FEWEST else whole

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.diagnosis.campaign.simulated_run import prescribed
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard
@@ -32,7 +33,6 @@ WAVEFORMS: dict[str, dict[int, float]] = {
 #: What is asked for of a joint that a moment drives.
 BY_MOMENT = "sinusoidal moment that moves the joint so far"
 HARMONICS = 15  # of a motion under a moment
-BELOW = 0.7  # of the lowest level tested: the least that is asked for by a moment
 FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
 LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
 LEAST_PERIODS = 4
@@ -86,7 +86,7 @@ class Design:
         return angle, rate, acceleration
 
 
-def designs(states: Sequence[ForceStates]) -> tuple[Design, ...]:
+def designs(states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN) -> tuple[Design, ...]:
     """Return the runs to choose from: from a tenth to four times the tested frequencies, up to the largest angle."""
     tested = [s.frequency for s in states if s.frequency]
     if not tested:
@@ -96,9 +96,9 @@ def designs(states: Sequence[ForceStates]) -> tuple[Design, ...]:
     plan = [
         (float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(FREQUENCIES, LEVELS)
     ]
-    driven = [s for s in states if s.frequency and not prescribed(s)]
+    driven = [s for s in states if s.frequency and not prescribed(s, policy)]
     # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
-    least = min((BELOW * _swing(s) for s in driven), default=np.inf)
+    least = min((policy.lowest_level * _swing(s) for s in driven), default=np.inf)
     if 2 * len(driven) < len(tested):
         least = np.inf
     moments = [

@@ -7,12 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
-
-# Both channels drift alike when the joint really creeps: then nothing is wrong with a sensor.
-SIGNIFICANT = 6.0
-SHARE = 0.005
 
 
 @dataclass(frozen=True)
@@ -33,11 +30,13 @@ class ChannelDrift:
     significance: float
 
 
-def find_drift(runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift | None:
+def find_drift(
+    runs: Sequence[Run], states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN
+) -> ChannelDrift | None:
     """Return the drifting channel of periodic runs, if one drifts in most of them.
 
-    The mean of each whole period is regressed on time; a drift is a slope of six standard errors that moves the
-    channel by half a per cent of its RMS over the run, in the median run.
+    The mean of each whole period is regressed on time; a drift is a significant slope that moves the channel by a
+    notable share of its RMS over the run, in the median run.
     """
     periodic = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
     if not periodic:
@@ -47,7 +46,7 @@ def find_drift(runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDri
         fits = {run.name: _slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
         ratio = float(np.median([abs(f[0]) / f[1] for f in fits.values()]))
         moved = float(np.median([abs(f[0]) * f[2] for f in fits.values()]))
-        if ratio > SIGNIFICANT and moved > SHARE:
+        if ratio > policy.drift_ratio and moved > policy.drift_share:
             found[name] = ChannelDrift(name, {k: f[3] for k, f in fits.items()}, ratio)
     # A moment and an angle that move together are the joint's own creep.
     return next(iter(found.values())) if len(found) == 1 else None
@@ -67,8 +66,10 @@ def _slope(signal: np.ndarray, sample_rate: float, states: ForceStates) -> tuple
     centred = time - time.mean()
     spread = centred @ centred
     slope = float(centred @ means / spread)
-    left = means - means.mean() - slope * centred
-    error = float(np.sqrt(left @ left / max(means.size - 2, 1) / spread)) + 1e-12 * float(np.std(part))
+    residual = means - means.mean() - slope * centred
+    error = float(np.sqrt(residual @ residual / max(means.size - 2, 1) / spread)) + 1e-12 * float(
+        np.std(part)
+    )
     rms = float(np.std(part))
     return slope / rms, error / rms, part.size / sample_rate, slope
 

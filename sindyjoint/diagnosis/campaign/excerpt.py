@@ -26,7 +26,7 @@ def excerpt(run: GapRun, share: float) -> tuple[GapRun, NDArray[np.intp]]:
     motion = run.motion
     every = np.arange(run.target.size)
     length = int(share * motion.angle.size / WINDOWS) // motion.follow * motion.follow
-    if run.folded or run.swings is not None or motion.repeats or share >= 1 or length < 2:
+    if run.folded or run.half_cycles is not None or motion.repeats or share >= 1 or length < 2:
         return run, every
     # On the samples that the integration of the whole record steps over, too.
     first = np.linspace(0, motion.angle.size - length, WINDOWS).astype(int) // motion.follow * motion.follow
@@ -47,6 +47,6 @@ def excerpt(run: GapRun, share: float) -> tuple[GapRun, NDArray[np.intp]]:
         factor[band, : rows.size - band][rows[band:] - rows[:-band] != band] = 0.0
     later = replace(
         run, motion=replace(motion, keep=keep, **cut), target=run.target[rows], factor=factor, sigma=run.sigma[rows],
-        band=None, chain=None,
+        band=None, processing=None,
     )  # fmt: skip
     return later, rows

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect, refine_effect
-from sindyjoint.diagnosis.campaign.repair import Repaired, is_term, refit, refitted, whole_model
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
+from sindyjoint.diagnosis.campaign.repair import Repaired, is_term, refit, refit_nonlinear, whole_model
 from sindyjoint.diagnosis.campaign.rows import gap_runs
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
@@ -19,27 +19,26 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.refine import refine
 from sindyjoint.states import ForceStates
 
-# Share of each run that the model is fitted to before it says how the rest goes on.
-SEEN = 2 / 3
 FEWEST_SAMPLES = 50
 
 
 def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return how far the rest of each run is from what a fit to its first two thirds says of it, relative RMS.
+    """Return how far the rest of each run is from what a fit to its first part says of it, relative RMS.
 
-    Coefficients and inner parameters come from the first part; the simulation starts from the measured state where
+    Coefficients and nonlinear parameters come from the first part; the simulation starts from the measured state where
     that part ends. NaN where no run can be simulated.
     """
-    parts = [(_part(s, 0.0, SEEN), _part(s, SEEN, 1.0)) for s in work.states]
+    share, policy = work.policy.training_share, work.policy
+    parts = [(_part(s, 0.0, share), _part(s, share, 1.0)) for s in work.states]
     if min(s.n_samples for pair in parts for s in pair) < FEWEST_SAMPLES:
         return float("nan")
-    seen = [first for first, _ in parts]
-    rows = gap_runs(seen, model, work.groups, free=True)
-    fitted = refit(rows, model, refitted(rows, model, effects, refine_effect))
-    fitted = polished(work.campaign, seen, rows, fitted)
+    training = [first for first, _ in parts]
+    rows = gap_runs(training, model, work.groups, policy, free=True)
+    fitted = refit(rows, model, refit_nonlinear(rows, model, effects, policy), policy)
+    fitted = refined(work.campaign, training, rows, fitted)
     gap = own = 0.0
     for run, (_, rest) in zip(work.runs, parts, strict=True):
-        result = simulated(run, rest, fitted.model, fitted.effects)
+        result = simulated(run, rest, fitted.model, fitted.effects, policy)
         if result is None or result.simulated_angle is None:
             continue
         gap += float(np.mean((result.angle - result.simulated_angle) ** 2))
@@ -47,12 +46,12 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
     return float(np.sqrt(gap / own)) if own > 0 else float("nan")
 
 
-def polished(
+def refined(
     campaign: Campaign, states: Sequence[ForceStates], rows: Sequence[GapRun], repaired: Repaired
 ) -> Repaired:
     """Return model and effects with coefficients refined on the simulated response, where they all are terms.
 
-    Swings are linear in the coefficients, and a simulation over many of them is not.
+    Half-cycles are linear in the coefficients, and a simulation over many of them is not.
     """
     if not all(is_term(e.effect, e.variant) and len(e.variant.columns) == 1 for e in repaired.effects):
         return repaired

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.free_decay import continuation_gap
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect, refine_effect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import corrections, held_out_gap, kept_gap
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.rows import gap_runs
-from sindyjoint.diagnosis.campaign.start import RATE_SHARE, Work, is_free, sample_noise
+from sindyjoint.diagnosis.campaign.start import Work, is_free, sample_noise
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
@@ -24,22 +24,19 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     On runs marked for validation where there are any; else each group of runs is left out of the fit in turn, and the
     response is simulated over all. A free run is simulated from where two thirds of it end, which it was fitted to.
     """
-    adding = [e for e in effects if e.effect.enters != "time shift"]
+    adding = [e for e in effects if not e.shifts]
     kept = work.campaign.validation_runs
     if kept:
         shift = corrections(effects)[0]
-        states = [shifted(force_states(run, rate_share=RATE_SHARE), shift) for run in kept]
-        rows = gap_runs(states, model, [run.name for run in kept])
+        states = [shifted(force_states(run, rate_share=work.policy.rate_share), shift) for run in kept]
+        rows = gap_runs(states, model, [run.name for run in kept], work.policy)
         moment, weighted = kept_gap(
             rows, model, adding, {s.run: sample_noise(s, model.inertia) for s in states}
         )
     else:
-        moment, weighted = held_out_gap(work.rows, model, adding, work.noise, refine_effect)
-    if is_free(work.campaign) and not kept:
-        response = continuation_gap(work, model, effects)
-    else:
-        response = response_gap(work.campaign, work.runs, work.states, model, effects)
-    return Gap(moment, response, weighted)
+        moment, weighted = held_out_gap(work.rows, model, adding, work.noise, work.policy)
+    of_response = continuation_gap if is_free(work.campaign) and not kept else response_gap
+    return Gap(moment, of_response(work, model, effects), weighted)
 
 
 def noise_floor(work: Work) -> Gap:

@@ -5,9 +5,9 @@ it adds up. Along the measured motion an error r of the moment moves the simulat
 
     I·δ̈ + ∂M/∂θ̇·δ̇ + ∂M/∂θ·δ = r,    x(end) = Φ(end, start)·x(start) + ∫ Φ(end, s)·(0, 1/I)·r(s) ds
 
-with the transition matrix Φ of the linearised model. The integral over one swing is an energy and a timing: two rows.
-Within the swing noise of the angle cancels exactly, since the integrand is a total derivative of it; only the states
-at its two ends are uncertain, and neighbouring swings share one of them. This is multiple shooting (Bock 1983),
+with the transition matrix Φ of the linearised model. The integral over one half-cycle is an energy and a timing: two
+rows. Within it noise of the angle cancels exactly, since the integrand is a total derivative of it; only the states at
+its two ends are uncertain, and neighbouring half-cycles share one of them. This is multiple shooting (Bock 1983),
 linearised; the integrands are the test functions of a weak form.
 """
 
@@ -20,20 +20,21 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FEWEST_SWINGS = 8
+FEWEST_HALF_CYCLES = 8
 LEAST_CORRELATION = 0.1
+SERIES = 1e-4  # sinh q/q by its series, which then errs by q⁴/120
 
 
 @dataclass(frozen=True, eq=False)
-class Swings:
+class HalfCycles:
     """The rows of a free run.
 
     Parameters
     ----------
-    starts : ndarray of int, shape (swings,)
-        First sample of each swing.
+    starts : ndarray of int, shape (half_cycles,)
+        First sample of each half-cycle.
     integrand : ndarray, shape (m, 2)
-        What a moment at each sample does to angle and (scaled) rate at the end of its swing.
+        What a moment at each sample does to angle and (scaled) rate at the end of its half-cycle.
     """
 
     starts: NDArray[np.intp]
@@ -44,8 +45,8 @@ class Swings:
     def build(
         cls, rate: Array, step: float, slopes: tuple[Array, Array], inertia: float, limit: float,
         noise: tuple[float, float],
-    ) -> Swings | None:  # fmt: skip
-        """Return the rows of a run, or None where it swings too few times.
+    ) -> HalfCycles | None:  # fmt: skip
+        """Return the rows of a run, or None where it has too few of them.
 
         Parameters
         ----------
@@ -63,11 +64,11 @@ class Swings:
             Standard errors of angle, rad, and rate, rad/s, at a sample.
         """
         ends = reversals(rate, limit)
-        if ends.size < FEWEST_SWINGS:
+        if ends.size < FEWEST_HALF_CYCLES:
             return None
         starts = np.concatenate([[0], ends])
         angular = np.pi / (step * float(np.median(np.diff(ends))))
-        onward = _steps(slopes, inertia, step, angular)
+        onward = transition_steps(slopes, inertia, step, angular)
         transitions = np.empty((rate.size, 2, 2))
         ahead = np.eye(2)
         last = set((starts[1:] - 1).tolist())
@@ -88,7 +89,7 @@ class Swings:
         return 2 * self.starts.size
 
     def plain(self, moments: Array) -> Array:
-        """Return what moments, shape (m,) or (m, k), change of angle and scaled rate at the swings' ends."""
+        """Return what moments, shape (m,) or (m, k), change of angle and scaled rate at the ends of half-cycles."""
         columns = moments.reshape(moments.shape[0], -1)
         parts = [np.add.reduceat(w[:, None] * columns, self.starts) for w in self.integrand.T]
         return np.stack(parts, axis=1).reshape(self.size, *moments.shape[1:])
@@ -103,9 +104,9 @@ class Swings:
 
 
 def correlation(rows: Array) -> float:
-    """Return the integrated correlation time of rows, in swings: how many of them say the same thing.
+    """Return the integrated correlation time of rows, in half-cycles: how many of them say the same thing.
 
-    An error of the model goes on from swing to swing, so that their number is not the number of observations.
+    An error of the model goes on from half-cycle to half-cycle, so that their number is not the number of observations.
     """
     pairs = rows.reshape(-1, 2)
     total, time = float(np.sum(pairs**2)), 1.0
@@ -114,7 +115,7 @@ def correlation(rows: Array) -> float:
         if share < LEAST_CORRELATION:
             break
         time += 2 * share
-    return min(time, pairs.shape[0] / FEWEST_SWINGS)
+    return min(time, pairs.shape[0] / FEWEST_HALF_CYCLES)
 
 
 def reversals(rate: Array, limit: float) -> NDArray[np.intp]:
@@ -144,19 +145,25 @@ def _covariance_factor(transition: Array, noise: Array) -> Array:
     return cholesky_banded(banded, lower=True, check_finite=False)
 
 
-def _steps(slopes: tuple[Array, Array], inertia: float, step: float, angular: float) -> Array:
-    """Return exp(A·step) of the linearised state equation at each sample, by its series; shape (m, 2, 2)."""
+def transition_steps(slopes: tuple[Array, Array], inertia: float, step: float, angular: float) -> Array:
+    """Return exp(A) of the linearised state equation over one step at each sample, shape (m, 2, 2).
+
+    With h half the trace of A and q² = h² − det A, exp(A) = eʰ·(cosh q·1 + sinh q/q·(A − h·1)).
+    """
     stiffness, damping = slopes
     change = np.zeros((stiffness.size, 2, 2))
     change[:, 0, 1] = angular * step
     change[:, 1, 0] = -stiffness / (inertia * angular) * step
     change[:, 1, 1] = -damping / inertia * step
-    # Scaled and squared: the slope of friction may be steep where the rate is small.
-    halvings = max(0, int(np.ceil(np.log2(max(float(np.abs(change).max()), 1e-9)))) + 2)
-    change /= 2.0**halvings
-    result = np.eye(2) + change @ (
-        np.eye(2) + change @ (np.eye(2) + change @ (np.eye(2) + change / 4) / 3) / 2
-    )
-    for _ in range(halvings):
-        result = result @ result
-    return result
+    half = 0.5 * change[:, 1, 1]
+    square = half**2 + change[:, 0, 1] * change[:, 1, 0]
+    q = np.sqrt(square.astype(complex))
+    # Where the slope of friction is steep cosh q alone would overflow.
+    rising, falling = np.exp(half + q), np.exp(half - q)
+    small = np.abs(q) < SERIES
+    series = np.exp(half) * (1 + square / 6)
+    even = 0.5 * (rising + falling).real
+    odd = np.where(small, series, (0.5 * (rising - falling) / np.where(small, 1.0, q)).real)
+    identity = np.eye(2)
+    shifted: Array = change - half[:, None, None] * identity
+    return even[:, None, None] * identity + odd[:, None, None] * shifted

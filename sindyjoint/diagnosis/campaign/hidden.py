@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import effect_law
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.terms import Reference

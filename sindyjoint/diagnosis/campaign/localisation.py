@@ -1,26 +1,15 @@
-"""Where a gap lies: the regions of the motion that hold more of it than their share of the samples."""
+"""Where a campaign's gap lies: in angle, rate, direction, phase, and in which runs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.ranking import Problem
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
-
-
-@dataclass(frozen=True)
-class Place:
-    """A region that holds more of the gap than its share of the samples."""
-
-    axis: str
-    range: tuple[float, float] | str
-    share: float
-    words: str
-
+from sindyjoint.diagnosis.localisation import Place, most_telling, weigh_region
 
 # What a place is called, by kind of motion: angle and rate, several angles.
 NAMES = {
@@ -29,17 +18,16 @@ NAMES = {
 }
 
 
-def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Place, ...]:
+def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place, ...]:
     """Return the regions that hold most of the gap beyond noise, compared with their share of the samples.
 
     Of bands that overlap the one that tells most is named.
 
     Parameters
     ----------
-    problem : Problem
+    problem : GapRegression
     motion : {"rotation", "translation"}
         What the words speak of; axes are named ``angle`` and ``rate`` for both.
-    most : int
     """
     angle_name, rate_name, sides = NAMES[motion]
     excess = np.maximum(problem.residual**2 - 1.0, 0.0)
@@ -53,11 +41,9 @@ def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Pl
     places: list[tuple[float, Place]] = []
 
     def add(axis: str, mask: NDArray[np.bool_], span: tuple[float, float] | str, words: str) -> None:
-        rows = float(mask.mean())
-        share = float(excess[mask].sum()) / total
-        if 0 < rows < 0.95 and share > 1.3 * rows and share > 0.15:
-            text = f"{words}: {100 * share:.0f} % of the gap in {100 * rows:.0f} % of the samples"
-            places.append((share * np.log(share / rows), Place(axis, span, share, text)))
+        samples, share = float(mask.mean()), float(excess[mask].sum()) / total
+        text = f"{words}: {100 * share:.0f} % of the gap in {100 * samples:.0f} % of the samples"
+        places.extend(weigh_region(axis, span, share, samples, text, problem.policy))
 
     for axis, values, what in (
         ("angle", np.abs(angle), f"|{angle_name}|"),
@@ -80,8 +66,7 @@ def where(problem: Problem, motion: str = "rotation", most: int = 4) -> tuple[Pl
     add("phase", ~after, "before reversal", "before the reversals, on the way out")
     for axis, label, rows in _labelled(problem.runs):
         add(axis, rows, label, f"{axis} {label}")
-    places.sort(key=lambda each: -each[0])
-    return tuple(_apart([place for _, place in places])[:most])
+    return most_telling(places, problem.policy)
 
 
 def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
@@ -97,18 +82,3 @@ def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.boo
         for label in dict.fromkeys(labels):
             if label:
                 yield axis, label, rows == label
-
-
-def _apart(places: Sequence[Place]) -> list[Place]:
-    """Return the places less those whose band lies in, or around, one that comes before."""
-    kept: list[Place] = []
-    for place in places:
-        if not any(other.axis == place.axis and _nested(other.range, place.range) for other in kept):
-            kept.append(place)
-    return kept
-
-
-def _nested(first: tuple[float, float] | str, second: tuple[float, float] | str) -> bool:
-    if isinstance(first, str) or isinstance(second, str):
-        return False
-    return max(first[0], second[0]) < min(first[1], second[1])

@@ -1,7 +1,7 @@
 """How likely it is that what was found stands in for something that no catalogue holds.
 
-An effect of the catalogue that is really there leaves noise. One that only resembles what is there leaves a rest, and
-the rest has a form: a stiffness and damping that differ between frequencies or between runs, or a surface over the
+An effect of the catalogue that is really there leaves noise. One that only resembles what is there leaves a residual,
+and this has a form: a stiffness and damping that differ between frequencies or between runs, or a surface over the
 state. Each form is a rival without a name, as likely as its gain allows, less what its many numbers cost (Schwarz
 1978). Several effects of which none explains the gap alone are a series expansion sooner than so many faults.
 """
@@ -13,61 +13,53 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.ranking import FOUND_ERROR, TEMPER, FittedEffect, Problem, stack
+from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, stack
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 
 Array = NDArray[np.float64]
 
-# Logarithm of the odds, before any look at the fit, that so many effects stand in for something else.
-PRIOR = {0: -4.5, 1: -4.5, 2: -2.0, 3: -0.5}
-PRIOR_MORE = 1.0
 # A moment that no law of the joint's own frequencies makes differs between frequencies in these ways.
 OF_FREQUENCY = ("inertia_error", "frequency_dependent_stiffness", "maxwell_branch", "fractional_damping")
 CELLS, FINE = 6, 24
-# What was explained blurs the rest in this proportion.
-BLUR = 0.03
-# A rest without a form of its own is evidence beyond this share of what was explained, for sharp corners leave some,
-# and beyond so many times the noise, which near corners is only roughly known.
-SHAPELESS = 0.02
-NOISE_KNOWN = 1.5
 
 
-def outside_probability(first: Problem, last: Problem, found: Sequence[FittedEffect]) -> float:
+def outside_probability(first: GapRegression, last: GapRegression, found: Sequence[FittedEffect]) -> float:
     """Return the probability that something outside the catalogue is there.
 
     Parameters
     ----------
-    first, last : Problem
+    first, last : GapRegression
         Before the first effect, and with all of them. Rows must be mean periods, whose noise is known.
     found : sequence of FittedEffect
 
     Notes
     -----
-    As with the ranking of effects, gains are tempered, and columns along an estimated motion err: a rest in
+    As with the ranking of effects, gains are tempered, and columns along an estimated motion err: a residual in
     proportion to what was explained is no evidence.
     """
+    policy = last.policy
     explained = max(first.chi_square - last.chi_square, 0.0)
-    blur = TEMPER + BLUR**2 * explained
-    formed = max(gain - cost for gain, cost in unnamed_gains(last)) - FOUND_ERROR**2 * explained
-    shapeless = last.chi_square - NOISE_KNOWN * last.degrees - SHAPELESS * explained
-    nats = 0.5 * max(formed, shapeless, 0.0) / blur
-    return float(1 / (1 + np.exp(-np.clip(nats + prior(found), -50.0, 50.0))))
+    inflated = policy.temper + policy.outside_error**2 * explained
+    formed = max(gain - cost for gain, cost in unnamed_gains(last)) - policy.found_error**2 * explained
+    shapeless = last.chi_square - policy.noise_known * last.degrees - policy.shapeless * explained
+    nats = 0.5 * max(formed, shapeless, 0.0) / inflated
+    return float(1 / (1 + np.exp(-np.clip(nats + prior(found, policy), -50.0, 50.0))))
 
 
-def prior(found: Sequence[FittedEffect]) -> float:
+def prior(found: Sequence[FittedEffect], policy: DiagnosisPolicy = CAMPAIGN) -> float:
     """Return the logarithm of the odds that effects stand in for something else, their number alone considered.
 
     Errors of the channels come with any joint and count for nothing. Two effects that both only make the stiffness
     depend on frequency are one dependence that neither of them is.
     """
     own = [f for f in found if f.effect.family != "measurement"]
-    odds = PRIOR.get(len(own), PRIOR_MORE)
-    if sum(f.effect.id in OF_FREQUENCY for f in own) > 1:
-        odds = max(odds, PRIOR_MORE)
-    return odds
+    odds = policy.outside_prior
+    one_dependence = sum(f.effect.id in OF_FREQUENCY for f in own) > 1
+    return max(odds[min(len(own), len(odds) - 1)], odds[-1] if one_dependence else -np.inf)
 
 
-def unnamed_gains(problem: Problem) -> list[tuple[float, float]]:
+def unnamed_gains(problem: GapRegression) -> list[tuple[float, float]]:
     """Return by how much χ² falls with forms that have no name, and twice what their numbers cost in nats."""
     runs = problem.runs
     return [_gain(problem, stack(runs, columns)) for columns in (
@@ -101,14 +93,14 @@ def _hats(x: Array, count: int) -> Array:
     return hats
 
 
-def _gain(problem: Problem, columns: Array) -> tuple[float, float]:
+def _gain(problem: GapRegression, columns: Array) -> tuple[float, float]:
     size = np.linalg.norm(columns, axis=0)
-    rest = problem.beside(columns[:, size > 0])
-    left = np.linalg.norm(rest, axis=0)
-    rest = rest[:, left > 1e-6 * size[size > 0]]
-    if not rest.shape[1]:
+    new = problem.projected(columns[:, size > 0])
+    norm = np.linalg.norm(new, axis=0)
+    kept = norm > 1e-6 * size[size > 0]
+    if not kept.any():
         return 0.0, 0.0
-    basis, singular, _ = np.linalg.svd(rest / np.linalg.norm(rest, axis=0), full_matrices=False)
+    basis, singular, _ = np.linalg.svd(new[:, kept] / norm[kept], full_matrices=False)
     basis = basis[:, singular > 1e-6 * singular[0]]
     explained = basis.T @ problem.residual
     return float(explained @ explained), basis.shape[1] * float(np.log(problem.target.size))

@@ -8,26 +8,21 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect, Problem, stack
+from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, stack
 
 Array = NDArray[np.float64]
 
-# A pair is put before the best single effect and its best companion only where it clearly beats them.
-CLEARLY = 1.2
-# In free motion, where the errors of the model set the noise: only where less than this share of the rest is left.
-LEFT_OVER = 0.67
-
 
 def hidden_pair(
-    problem: Problem, fitted: Sequence[FittedEffect], columns: Sequence[Array] | None = None
+    problem: GapRegression, fitted: Sequence[FittedEffect], columns: Sequence[Array] | None = None
 ) -> tuple[FittedEffect, FittedEffect] | None:
     """Return the two effects that together win clearly more than the best one and any companion, or None.
 
-    Inner parameters stay as each effect alone has them. The first of the two is the one that wins more alone.
+    Nonlinear parameters stay as each effect alone has them. The first of the two is the one that wins more alone.
 
     Parameters
     ----------
-    problem : Problem
+    problem : GapRegression
     fitted : sequence of FittedEffect
         Candidates, each fitted alone.
     columns : sequence of ndarray, optional
@@ -39,7 +34,7 @@ def hidden_pair(
     usable = list(fitted)
     if len(usable) < 3:
         return None
-    columns = [problem.beside(c) for c in columns]
+    columns = [problem.projected(c) for c in columns]
     best = max(range(len(usable)), key=lambda i: usable[i].gain)
     gains = {
         pair: _gain([columns[i] for i in pair], problem.residual, [usable[i] for i in pair])
@@ -55,13 +50,15 @@ def hidden_pair(
     return first, second
 
 
-def _clearly(problem: Problem, gain: float, greedy: float) -> bool:
-    if not any(run.swings for run in problem.runs):
-        return gain > CLEARLY * greedy
-    return problem.chi_square - gain < LEFT_OVER * (problem.chi_square - greedy)
+def _clearly(problem: GapRegression, gain: float, greedy: float) -> bool:
+    """Return whether a pair clearly beats the best effect and its best companion."""
+    if not problem.free:
+        return gain > problem.policy.pair_gain * greedy
+    # The errors of the model set the noise.
+    return problem.chi_square - gain < problem.policy.pair_residual * (problem.chi_square - greedy)
 
 
-def effect_rows(problem: Problem, fitted: FittedEffect) -> Array:
+def effect_rows(problem: GapRegression, fitted: FittedEffect) -> Array:
     """Return an effect's whitened columns over all runs."""
     return stack(problem.runs, lambda run: fitted.variant.along(run.motion, fitted.values))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import all_columns
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
 from sindyjoint.equation.model import JointModel
@@ -75,7 +75,7 @@ def run_gaps(
     effects : sequence of FittedEffect
         A time shift among them is in the rows already.
     """
-    adding = [e for e in effects if e.effect.enters != "time shift"]
+    adding = [e for e in effects if not e.shifts]
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in adding)])
     chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_RUNS)).round().astype(int))
     whole = [rows[i].whole() for i in chosen]

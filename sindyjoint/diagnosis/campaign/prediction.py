@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign import families
-from sindyjoint.diagnosis.campaign.ranking import Problem, stack
+from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.run_rows import GapRun, row_groups
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
 
 Array = NDArray[np.float64]
 
-SAME_SWING = 0.05  # swings within this share of each other are one level
 SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0)
 SHRINKAGE = (1e-6, 1e-4, 1e-2)
 LEAST_SHRINKAGE = 1e-8
@@ -55,10 +55,10 @@ class Prediction:
 
     Parameters
     ----------
-    problem : Problem
+    problem : GapRegression
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: GapRegression) -> None:
         self.labels, self.folds = _folds(problem)
         self.blocks = [self.labels == label for label in dict.fromkeys(self.labels.tolist())]
         self._problem = problem
@@ -138,7 +138,7 @@ def _sum_of(arrays: Sequence[Array], places: Sequence[int]) -> Array:
     return total
 
 
-def _columns(problem: Problem) -> dict[str, Array]:
+def _columns(problem: GapRegression) -> dict[str, Array]:
     """Return the whitened columns of every set, each set of unit norm on the whole; a set that is zero is empty."""
     runs, reference = problem.runs, problem.reference
     pulse = families.own_pulse(runs)
@@ -169,26 +169,26 @@ def _normed(columns: Array) -> Array:
     return columns[:, kept] / norm[kept]
 
 
-def _folds(problem: Problem) -> tuple[NDArray[np.object_], tuple[Fold, ...]]:
+def _folds(problem: GapRegression) -> tuple[NDArray[np.object_], tuple[Fold, ...]]:
     """Return the block of every row, and which blocks predict which.
 
     Of periodic runs each is predicted from those of other levels, where one of them is larger. Where there is but one
     level, and in runs that do not repeat and pass through all levels, groups of runs predict each other.
     """
     runs = problem.runs
-    if all(run.folded for run in runs) and (folds := _between_levels(runs)):
+    if all(run.folded for run in runs) and (folds := _between_levels(runs, problem.policy)):
         return np.concatenate([np.full(r.target.size, i, dtype=object) for i, r in enumerate(runs)]), folds
     labels = row_groups(runs, white=True)
     count = len(dict.fromkeys(labels.tolist()))
     return labels, tuple(Fold(i, tuple(j for j in range(count) if j != i)) for i in range(count))
 
 
-def _between_levels(runs: Sequence[GapRun]) -> tuple[Fold, ...]:
+def _between_levels(runs: Sequence[GapRun], policy: DiagnosisPolicy) -> tuple[Fold, ...]:
     # To the percent, so that runs of one level are predicted from the same others.
-    swing = np.exp(np.round(np.log([float(np.abs(run.angle).max()) for run in runs]), 2))
+    amplitude = np.exp(np.round(np.log([float(np.abs(run.angle).max()) for run in runs]), 2))
     folds = []
-    for index, own in enumerate(swing):
-        known = np.flatnonzero(np.abs(np.log(swing / own)) > np.log1p(SAME_SWING))
-        if known.size and swing[known].max() > own:
+    for index, own in enumerate(amplitude):
+        known = np.flatnonzero(np.abs(np.log(amplitude / own)) > np.log1p(policy.same_level))
+        if known.size and amplitude[known].max() > own:
             folds.append(Fold(index, tuple(int(i) for i in known)))
     return tuple(folds)

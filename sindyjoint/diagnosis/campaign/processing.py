@@ -1,4 +1,4 @@
-"""What the processing leaves of a model's own simulation, at the rows of runs that do not repeat.
+"""The error of the processing: what it leaves of a model's own simulation, at the rows of runs that do not repeat.
 
 Smoothing rounds off the motion at every reversal, and what it takes looks like an inertia or a fast Maxwell branch. The
 model is simulated under the measured moment, its angle goes through the same kernel, and what the model then leaves of
@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import all_columns
-from sindyjoint.diagnosis.campaign.rows import along_twin
+from sindyjoint.diagnosis.campaign.rows import along_replicate
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
@@ -27,56 +28,65 @@ from sindyjoint.states.broadband import smoothing_kernels
 
 Array = NDArray[np.float64]
 
-# The moment drives the twin up to so many times the angle's band: its noise above is none of the processing's.
-DRIVE_BAND = 1.5
 
-
-def chain_errors(
+def processing_errors(
     runs: Sequence[Run],
     states: Sequence[ForceStates],
     rows: Sequence[GapRun],
     model: JointModel,
     effects: Sequence[FittedEffect],
+    policy: DiagnosisPolicy = CAMPAIGN,
 ) -> list[Array | None]:
-    """Return what the chain leaves of the simulation at the rows of each run, N·m.
+    """Return what the processing leaves of the simulation at the rows of each run, N·m.
 
-    None where a run repeats or swings freely, or where the simulation does not follow it.
+    None where a run repeats or is free, or where the simulation does not follow it.
     """
     return [
-        None if row.folded or row.swings is not None else _left(run, state, row, model, effects)
+        None if row.folded or row.half_cycles is not None else _error(run, state, row, model, effects, policy)
         for run, state, row in zip(runs, states, rows, strict=True)
     ]
 
 
-def without_chain(rows: Sequence[GapRun], left: Sequence[Array | None]) -> tuple[GapRun, ...]:
-    """Return the rows less what the chain leaves of the simulation."""
+def without_processing(rows: Sequence[GapRun], errors: Sequence[Array | None]) -> tuple[GapRun, ...]:
+    """Return the rows less what the processing leaves of the simulation."""
     return tuple(
-        row if part is None else replace(row, target=row.target - part, chain=part)
-        for row, part in zip(rows, left, strict=True)
+        row if part is None else replace(row, target=row.target - part, processing=part)
+        for row, part in zip(rows, errors, strict=True)
     )
 
 
-def _left(
-    run: Run, states: ForceStates, row: GapRun, model: JointModel, effects: Sequence[FittedEffect]
+def _error(
+    run: Run,
+    states: ForceStates,
+    row: GapRun,
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    policy: DiagnosisPolicy,
 ) -> Array | None:
-    twin = _twin(run, states, model, effects)
-    if twin is None:
+    replicate = _replicate(run, states, model, effects, policy)
+    if replicate is None:
         return None
-    adding = [e for e in effects if e.effect.enters != "time shift"]
-    there = along_twin(row, states, twin, model)
+    adding = [e for e in effects if not e.shifts]
+    there = along_replicate(row, states, replicate, model)
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in adding)])
     left = there.target - all_columns(there, model, adding) @ coefficients
-    # Where the twin sticks its friction is not determined.
+    # Where the replicate sticks its friction is not determined.
     places = np.round((row.motion.time[row.motion.keep] - states.time[0]) * states.sample_rate).astype(int)
-    return np.where(twin.moving[places], left, 0.0)
+    return np.where(replicate.moving[places], left, 0.0)
 
 
-def _twin(
-    run: Run, states: ForceStates, model: JointModel, effects: Sequence[FittedEffect]
+def _replicate(
+    run: Run,
+    states: ForceStates,
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    policy: DiagnosisPolicy,
 ) -> ForceStates | None:
     """Return the states of the model's own motion under the measured moment; None where it goes another way."""
-    driven = replace(run, moment=_low_passed(run.moment, run.sample_rate, states.bandwidth), source=None)
-    result = simulated(driven, states, model, effects)
+    # Above the band of the angle the moment's noise is none of the processing's.
+    band = min(policy.drive_band * states.bandwidth, 0.45 * run.sample_rate)
+    driven = replace(run, moment=_low_passed(run.moment, run.sample_rate, band), source=None)
+    result = simulated(driven, states, model, effects, policy)
     if result is None or result.drive != "moment" or result.failure or result.simulated_angle is None:
         return None
     if not np.std(result.simulated_angle - result.angle) < BIAS.largest_difference * np.std(result.angle):
@@ -85,15 +95,15 @@ def _twin(
     first = round(float(states.time[0]) * run.sample_rate)
     angle[first : first + states.n_samples] = result.simulated_angle
     try:
-        twin = force_states(replace(driven, angle=angle, rate=None), "broadband", states.bandwidth)
+        replicate = force_states(replace(driven, angle=angle, rate=None), "broadband", states.bandwidth)
     except SindyJointError:
         return None
-    return replace(twin, noise=states.noise) if twin.n_samples == states.n_samples else None
+    return replace(replicate, noise=states.noise) if replicate.n_samples == states.n_samples else None
 
 
-def _low_passed(moment: Array, sample_rate: float, bandwidth: float) -> Array:
+def _low_passed(moment: Array, sample_rate: float, band: float) -> Array:
     from scipy.signal import fftconvolve
 
-    kernel = smoothing_kernels(min(DRIVE_BAND * bandwidth, 0.45 * sample_rate), sample_rate)[0]
+    kernel = smoothing_kernels(band, sample_rate)[0]
     smooth: Array = fftconvolve(np.pad(moment, kernel.size // 2, mode="edge"), kernel, mode="valid")
     return smooth

@@ -9,22 +9,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect, Problem, stack
+from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, refine_effect, stack
 from sindyjoint.diagnosis.campaign.rows import base_columns
 from sindyjoint.diagnosis.campaign.run_rows import GapRun, row_groups
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.response.model_law import with_coefficients
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
 
 Array = NDArray[np.float64]
 
-# A term is needless when, beside the effects, it neither stands out of its error nor carries a share of the moment.
-NEEDLESS_RATIO = 3.0
-NEEDLESS_SHARE = 0.002
 CLOCK = "clock"  # the state that tells a law the time
 
 
@@ -58,21 +57,31 @@ class Repaired:
     covariance: Array | None = None
 
 
-def refit(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Repaired:
-    """Estimate terms and effects together; drop terms that the effects made needless, the least first."""
+def refit(
+    runs: Sequence[GapRun],
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    policy: DiagnosisPolicy = CAMPAIGN,
+) -> Repaired:
+    """Estimate terms and effects together; drop terms that the effects made needless, the least first.
+
+    A term is needless that beside them neither stands out of its error nor carries a share of the moment.
+    """
     dropped: list[str] = []
     while True:
-        columns, target, coefficients, covariance = _solve(runs, model, effects)
+        coefficients, covariance = _solve(runs, model, effects)
         size = model.coefficients.size
         ratio = np.abs(coefficients[:size]) / np.sqrt(np.diag(covariance)[:size])
         share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
-        weak = [i for i in range(size) if ratio[i] < NEEDLESS_RATIO and share[i] < 10 * NEEDLESS_SHARE]
+        weak = [
+            i for i in range(size) if ratio[i] < policy.needless_ratio and share[i] < policy.needless_share
+        ]
         if not effects or not weak or size <= 1:
             break
         least = min(weak, key=lambda i: ratio[i])
         dropped.append(model.terms[least].id)
         model = _without(model, least)
-    model = _with(model, coefficients[:size], covariance[:size, :size])
+    model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
     later, k = [], size
     for each in effects:
         width = len(each.variant.columns)
@@ -81,24 +90,20 @@ def refit(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEff
     return Repaired(model, tuple(later), tuple(dropped), covariance)
 
 
-def _solve(
-    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]
-) -> tuple[Array, Array, Array, Array]:
+def _solve(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> tuple[Array, Array]:
     columns = stack(runs, lambda run: all_columns(run, model, effects))
-    target = np.concatenate([run.white(run.target) for run in runs])
-    coefficients, covariance = least_squares(columns, target)
-    return columns, target, coefficients, covariance
+    return least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
 
 
 def least_squares(columns: Array, target: Array) -> tuple[Array, Array]:
-    """Return coefficients of whitened rows and their covariance, widened by what is left beyond noise."""
+    """Return coefficients of whitened rows and their covariance, widened by the residual beyond noise."""
     norm = np.linalg.norm(columns, axis=0)
     norm[norm == 0] = 1.0
-    left, singular, right = np.linalg.svd(columns / norm, full_matrices=False)
+    u, singular, right = np.linalg.svd(columns / norm, full_matrices=False)
     inverse = np.where(singular > 1e-9 * singular[0], 1 / np.maximum(singular, 1e-300), 0.0)
-    coefficients = (right.T * inverse) @ (left.T @ target)
-    rest = target - (columns / norm) @ coefficients
-    scale = max(1.0, float(rest @ rest) / max(target.size - norm.size, 1))
+    coefficients = (right.T * inverse) @ (u.T @ target)
+    residual = target - (columns / norm) @ coefficients
+    scale = max(1.0, float(residual @ residual) / max(target.size - norm.size, 1))
     covariance = (right.T * inverse**2) @ right * scale
     return coefficients / norm, covariance / np.outer(norm, norm)
 
@@ -120,27 +125,16 @@ def _without(model: JointModel, index: int) -> JointModel:
     return replace(model, terms=terms, covariance=covariance)
 
 
-def _with(model: JointModel, coefficients: Array, covariance: Array) -> JointModel:
-    terms = []
-    for index, term in enumerate(model.terms):
-        value, error = float(coefficients[index]), float(np.sqrt(covariance[index, index]))
-        interval = (value - 1.96 * error, value + 1.96 * error)
-        terms.append(replace(term, coefficient=value, standard_error=error, interval95=interval))
-    return replace(
-        model, terms=tuple(terms), covariance=tuple(tuple(float(v) for v in row) for row in covariance)
-    )
-
-
 def held_out_gap(
     runs: Sequence[GapRun],
     model: JointModel,
     effects: Sequence[FittedEffect],
     noise: dict[str, float],
-    again: Callable[[Problem, FittedEffect], FittedEffect] | None = None,
+    policy: DiagnosisPolicy = CAMPAIGN,
 ) -> tuple[float, float]:
     """Return the moment gap on runs that were left out: relative RMS, and RMS in units of the rows' noise.
 
-    Each group of runs is left out in turn; coefficients (and, with ``again``, inner parameters) come from the others.
+    Each group of runs is left out in turn; coefficients and nonlinear parameters come from the others.
     The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
     So is what the processing leaves of the model's own simulation.
     """
@@ -149,19 +143,19 @@ def held_out_gap(
     white = whitened(runs, plain)
     target = np.concatenate([run.target for run in runs])
     whole = whitened(runs, target)
-    left, weighted = np.empty(target.size), np.empty(whole.size)
+    residual, weighted = np.empty(target.size), np.empty(whole.size)
     for group in dict.fromkeys(labels.tolist()):
         out, white_out = labels == group, white_labels == group
         used, rows, others = plain, white, ~white_out
         train = [run for run in runs if run.group != group]
-        if again is not None and train and len(train) < len(runs) and any(e.values.size for e in effects):
-            later = refitted([run.rough() for run in train], model, effects, again)
+        if train and len(train) < len(runs) and any(e.values.size for e in effects):
+            later = refit_nonlinear([run.rough() for run in train], model, effects, policy)
             used = np.vstack([all_columns(run, model, later) for run in runs])
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])
-        left[out] = target[out] - used[out] @ coefficients
+        residual[out] = target[out] - used[out] @ coefficients
         weighted[white_out] = whole[white_out] - rows[white_out] @ coefficients
-    return _relative(runs, left, target, noise), float(np.sqrt(np.mean(weighted**2)))
+    return _relative(runs, residual, target, noise), float(np.sqrt(np.mean(weighted**2)))
 
 
 def kept_gap(
@@ -170,20 +164,20 @@ def kept_gap(
     """Return the same gaps on runs that no coefficient of model and effects was fitted to."""
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
     target = np.concatenate([run.target for run in runs])
-    left = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
-    return _relative(runs, left, target, noise), float(np.sqrt(np.mean(whitened(runs, left) ** 2)))
+    residual = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
+    return _relative(runs, residual, target, noise), float(np.sqrt(np.mean(whitened(runs, residual) ** 2)))
 
 
 def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> list[float]:
-    """Return what model and effects leave of each run beyond its noise, RMS in N·m; zero where it repeats.
+    """Return the residual of each run beyond its noise, RMS in N·m; zero where it repeats.
 
     Where the model is wrong by more than the noise, weights that know of the noise alone would trust it too much.
     """
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
-    left = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
+    residuals = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
     return [
-        0.0 if run.folded or run.swings else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
-        for run, r in zip(runs, left, strict=True)
+        0.0 if run.folded or run.half_cycles else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
+        for run, r in zip(runs, residuals, strict=True)
     ]
 
 
@@ -193,29 +187,29 @@ def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
     return np.concatenate([run.white(part) for run, part in zip(runs, np.split(rows, ends), strict=True)])
 
 
-def _relative(runs: Sequence[GapRun], left: Array, target: Array, noise: dict[str, float]) -> float:
-    """Return the relative RMS of what is left, within the band in which accelerations are known."""
+def _relative(runs: Sequence[GapRun], residual: Array, target: Array, noise: dict[str, float]) -> float:
+    """Return the relative RMS of a residual, within the band in which accelerations are known."""
     ends = np.cumsum([run.target.size for run in runs])[:-1]
     square = []
-    for run, part in zip(runs, np.split(left, ends), strict=True):
-        part = part if run.chain is None else part + run.chain
+    for run, part in zip(runs, np.split(residual, ends), strict=True):
+        part = part if run.processing is None else part + run.processing
         within = part if run.band is None else run.band.within(part)
         square.append(within**2 + (noise[run.name] ** 2 if run.folded else 0.0))
     return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(target**2)))
 
 
-def refitted(
-    train: Sequence[GapRun],
+def refit_nonlinear(
+    runs: Sequence[GapRun],
     model: JointModel,
     effects: Sequence[FittedEffect],
-    again: Callable[[Problem, FittedEffect], FittedEffect],
-) -> tuple[FittedEffect, ...]:
-    """Return effects with their inner parameters fitted to other runs, by ``again``."""
-    used = tuple(effects)
-    for index, each in enumerate(used):
-        others = used[:index] + used[index + 1 :]
-        used = (*used[:index], again(Problem.build(train, model, others), each), *used[index + 1 :])
-    return used
+    policy: DiagnosisPolicy,
+) -> list[FittedEffect]:
+    """Return effects with their nonlinear parameters fitted to some runs, one beside the others."""
+    later = list(effects)
+    for index, each in enumerate(later):
+        others = later[:index] + later[index + 1 :]
+        later[index] = refine_effect(GapRegression.build(runs, model, others, policy), each)
+    return later
 
 
 def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:
@@ -294,46 +288,46 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     are no terms of a joint model.
     """
     model, effects = repaired.model, repaired.effects
-    terms, places = list(model.terms), list(range(len(model.terms)))
+    terms = list(model.terms)
+    parts = [[i] for i in range(len(terms))]  # which coefficients each term is the sum of
+    columns = [(each, k) for each in effects for k in range(len(each.variant.columns))]
+    for index, (each, k) in enumerate(columns, start=len(terms)):
+        if not is_term(each.effect, each.variant):
+            continue
+        new = _term_of(each, k, model.joint.motion)
+        same = next((i for i, term in enumerate(terms) if term.id == new.id), None)
+        if same is None:
+            terms.append(new)
+            parts.append([index])
+        else:
+            parts[same].append(index)
+    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    covariance = repaired.covariance
+    if covariance is None:
+        covariance = np.asarray(model.covariance, dtype=np.float64)
+    sums = np.array([np.isin(np.arange(coefficients.size), part) for part in parts], dtype=np.float64)
     shares = unique_shares(runs, model, effects)
-    errors = np.zeros(shares.size) if repaired.covariance is None else np.sqrt(np.diag(repaired.covariance))
-    terms = [replace(t, unique_share=float(s)) for t, s in zip(terms, shares, strict=False)]
-    at = len(terms)
-    for each in effects:
-        inner = tuple(zip(each.variant.names, map(float, each.values), strict=True))
-        for k, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
-            place, at = at, at + 1
-            if not is_term(each.effect, each.variant):
-                continue
-            name = each.effect.id if k == 0 else f"{each.effect.id}_{k + 1}"
-            size, error = float(value), float(errors[place])
-            motion = model.joint.motion
-            unit = column.unit if motion == "rotation" else unit_for(column.unit, motion)
-            same = next((i for i, t in enumerate(terms) if t.id == name), None)
-            if same is not None:
-                terms[same] = replace(terms[same], coefficient=terms[same].coefficient + size)
-                continue
-            places.append(place)
-            terms.append(
-                ModelTerm(
-                    name,
-                    column.symbol,
-                    each.effect.name,
-                    each.effect.family,
-                    column.formula,
-                    inner,
-                    unit,
-                    size,
-                    error,
-                    (size - 1.96 * error, size + 1.96 * error),
-                    float(shares[place]),
-                )  # fmt: skip
-            )
-    covariance = model.covariance
-    if repaired.covariance is not None:
-        chosen = repaired.covariance[np.ix_(places, places)]
-        covariance = tuple(tuple(float(v) for v in row) for row in chosen)
-    return replace(model, terms=tuple(terms), covariance=covariance)
+    terms = [replace(t, unique_share=float(shares[part[0]])) for t, part in zip(terms, parts, strict=True)]
+    whole = replace(model, terms=tuple(terms), covariance=())
+    return with_coefficients(whole, sums @ coefficients, sums @ covariance @ sums.T)
+
+
+def _term_of(fitted: FittedEffect, k: int, motion: str) -> ModelTerm:
+    """Return the k-th column of an effect as a term whose error is not yet known."""
+    effect, column = fitted.effect, fitted.variant.columns[k]
+    return ModelTerm(
+        id=effect.id if k == 0 else f"{effect.id}_{k + 1}",
+        symbol=column.symbol,
+        name=effect.name,
+        family=effect.family,
+        formula=column.formula,
+        parameters=tuple(zip(fitted.variant.names, map(float, fitted.values), strict=True)),
+        unit=column.unit if motion == "rotation" else unit_for(column.unit, motion),
+        coefficient=float(fitted.coefficients[k]),
+        standard_error=0.0,
+        interval95=(0.0, 0.0),
+        unique_share=0.0,
+    )
 
 
 def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Array:
@@ -348,7 +342,7 @@ def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[F
 
 def corrections(effects: Sequence[FittedEffect]) -> tuple[float, float, float]:
     """Return time shift of the moment (s), zero of the angle (rad) and error of the inertia that effects hold."""
-    shift = sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "time shift")
+    shift = sum(float(e.coefficients[0]) for e in effects if e.shifts)
     zero = sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "angle zero")
     inertia = sum(float(e.coefficients[0]) for e in effects if e.effect.id == "inertia_error")
     return shift, zero, inertia

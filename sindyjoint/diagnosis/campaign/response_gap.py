@@ -7,36 +7,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect, Problem
+from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression
 from sindyjoint.diagnosis.campaign.rows import gap_runs
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, one_after_another
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.record import Campaign, Run
-from sindyjoint.states import ForceStates, force_states
+from sindyjoint.states import force_states
 from sindyjoint.states.rows import group_labels
 
 
-def response_gap(
-    campaign: Campaign,
-    runs: Sequence[Run],
-    states: Sequence[ForceStates],
-    model: JointModel,
-    effects: Sequence[FittedEffect],
-) -> float:
+def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
     """Return the relative RMS of measured less simulated response, over validation runs or else all runs.
 
     The angle where the moment drives, the moment where the motion does. Runs that the model cannot follow (it snaps
     through, say) are left out; NaN if it can follow none.
     """
-    kept = campaign.validation_runs
+    runs, states, kept = work.runs, work.states, work.campaign.validation_runs
     if kept:
-        whole = one_after_another(campaign, [force_states(run) for run in kept])
-        runs, states, _ = cut_up(kept, whole)
+        whole = one_after_another(work.campaign, [force_states(run) for run in kept])
+        runs, states, _ = cut_up(kept, whole, None, work.policy)
     gap = own = 0.0
     for run, state in zip(runs, states, strict=True):
-        result = simulated(run, state, model, effects)
+        result = simulated(run, state, model, effects, work.policy)
         if result is None:
             continue
         if result.simulated_angle is not None:
@@ -51,20 +44,20 @@ def response_gap(
 
 
 def processing_error(work: Work, most: int = 4) -> float:
-    """Return what the chain leaves of the model's own simulation: mean square over that of the moment.
+    """Return what the processing leaves of the model's own simulation: mean square over that of the moment.
 
     The measured moment drives the model; its angle, with no noise of its own, goes through the same processing. Rows of
     runs that do not repeat know it already.
     """
     runs, model = work.runs, work.model
-    known = [row.chain for row in work.rows if row.chain is not None]
+    known = [row.processing for row in work.rows if row.processing is not None]
     if known:
-        own = np.concatenate([row.target for row in work.rows if row.chain is not None])
+        own = np.concatenate([row.target for row in work.rows if row.processing is not None])
         return float(np.mean(np.concatenate(known) ** 2) / np.mean(own**2))
     chosen = [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(most, len(runs))).astype(int))]
     made = []
     for run in chosen:
-        result = simulated(run, force_states(run), model, ())
+        result = simulated(run, force_states(run), model, (), work.policy)
         if result is None or result.simulated_angle is None:
             return 0.0
         made.append(replace(run, moment=result.moment, angle=result.simulated_angle, rate=None, source=None))
@@ -72,8 +65,8 @@ def processing_error(work: Work, most: int = 4) -> float:
         states = [force_states(run) for run in made]
     except SindyJointError:
         return 0.0
-    rows = gap_runs(states, model, group_labels(states))
-    problem = Problem.build(rows, model)
+    rows = gap_runs(states, model, group_labels(states), work.policy)
+    problem = GapRegression.build(rows, model, (), work.policy)
     excess = max(problem.chi_square / problem.degrees - 1.0, 0.0)
     noise = float(np.mean(np.concatenate([r.sigma**2 for r in rows])))
     return excess * noise / model.fitted.moment_rms**2

@@ -15,10 +15,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_SWINGS, Swings, reversals
+from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_HALF_CYCLES, HalfCycles, reversals
 from sindyjoint.diagnosis.campaign.run_rows import Band, GapRun
 from sindyjoint.diagnosis.campaign.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
@@ -37,8 +38,6 @@ FOLLOWED_ERROR = 1e-4
 MOST_BETWEEN = 8
 # The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
 SUBSTEPS = 3
-# The chain itself (truncated series, folded phases) errs by this share of the moment; below it nothing is claimed.
-CHAIN_ERROR = 5e-4
 LEAST_NOISE = 1e-6
 
 
@@ -46,6 +45,7 @@ def gap_runs(
     states: Sequence[ForceStates],
     model: JointModel,
     groups: Sequence[str],
+    policy: DiagnosisPolicy = CAMPAIGN,
     phases: int = PHASES,
     errors: Sequence[float] | None = None,
     free: bool = False,
@@ -59,25 +59,26 @@ def gap_runs(
         Its slopes carry errors of the angle into the moment.
     groups : sequence of str
         What is held out together, one label per run.
+    policy : DiagnosisPolicy
     phases : int
         Samples of the mean period.
     errors : sequence of float, optional
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     free : bool
-        Whether the runs are free motion: rows are then made of swings, where there are enough of them.
+        Whether the runs are free motion: rows are then made of half-cycles, where there are enough of them.
     """
-    scale, samples = model.fitted.moment_rms, sum(s.n_samples for s in states)
+    samples = sum(s.n_samples for s in states)
+    # The processing itself errs (truncated series, folded phases); below that nothing is claimed.
+    least = policy.processing_error * model.fitted.moment_rms
     return tuple(
-        _folded(s, model, g, phases, scale)
+        _folded(s, model, g, phases, least)
         if s.method == "periodic"
-        else _strided(
-            s, model, g, float(np.hypot(CHAIN_ERROR * scale, error)), MOST_ROWS * s.n_samples // samples, free
-        )
+        else _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples, free)
         for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
     )
 
 
-def _folded(states: ForceStates, model: JointModel, group: str, phases: int, scale: float) -> GapRun:
+def _folded(states: ForceStates, model: JointModel, group: str, phases: int, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
     assert states.frequency is not None
     phases = min(phases, int(states.sample_rate / states.frequency))
@@ -106,7 +107,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, sca
     step = 1 / (states.frequency * phases)
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
     inertia = model.joint.inertia
-    sigma = np.sqrt(states.noise.moment**2 / filled[keep] + (CHAIN_ERROR * scale) ** 2)
+    sigma = np.sqrt(states.noise.moment**2 / filled[keep] + error**2)
     factor = folded_whitener(states, model, motion, sigma, np.arange(phases)[keep] / phases)
     target = moment[keep] - (inertia or 0.0) * acceleration[keep]
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
@@ -128,8 +129,8 @@ def _strided(
     The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
     """
     every = _stride(states)
-    if free and (swinging := _swinging(states, model, group, every)) is not None:
-        return swinging
+    if free and (decay := _free_decay(states, model, group, every)) is not None:
+        return decay
     rows = _stretches(np.flatnonzero(states.moving[::every]), most)
     moments, motion = _strided_motion(states, model, rows)
     record = np.where(states.moving[::every], moments, np.nan)
@@ -168,32 +169,36 @@ def _strided_motion(
     coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
     between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
     if between > 1:
+        from scipy.interpolate import CubicHermiteSpline
+
         jerk = np.gradient(acceleration, step)
+        place = np.arange(angle.size)
+        fine = np.arange(between * (angle.size - 1) + 1) / between
         angle, rate, acceleration = (
-            hermite(values, slope, step, between)
+            CubicHermiteSpline(place, values, step * slope)(fine)
             for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
         )
     keep = rows * between
     return moments, _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
 
 
-def along_twin(run: GapRun, states: ForceStates, twin: ForceStates, model: JointModel) -> GapRun:
-    """Return the rows of a run that does not repeat, made of the states of its twin; weights are the run's own."""
+def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, model: JointModel) -> GapRun:
+    """Return the rows of a run made of the states of its synthetic replicate; weights are the run's own."""
     every = _stride(states)
     rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
         int
     )
-    moments, motion = _strided_motion(twin, model, rows)
+    moments, motion = _strided_motion(replicate, model, rows)
     return replace(run, motion=motion, target=moments[rows])
 
 
-def _swinging(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:
-    """Return a free run as swings up to its last reversal; None where there are too few, or no inertia is known."""
+def _free_decay(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:
+    """Return a free run as half-cycles up to its last reversal; None where they are few, or no inertia is known."""
     if not model.inertia > 0:
         return None
     limit = rate_limit(states.rate, states.noise.rate, 0.0)
     ends = reversals(states.rate[::every], limit)
-    if ends.size <= FEWEST_SWINGS:
+    if ends.size <= FEWEST_HALF_CYCLES:
         return None
     size = int(ends[-1])
     angle, rate, acceleration, moment = (
@@ -206,8 +211,8 @@ def _swinging(states: ForceStates, model: JointModel, group: str, every: int) ->
         max(states.noise.angle * float(np.linalg.norm(low)), LEAST_NOISE * float(np.abs(angle).max())),
         max(states.noise.rate, LEAST_NOISE * float(np.abs(rate).max())),
     )
-    swings = Swings.build(rate, step, slopes(model, angle, rate), model.inertia, limit, noise)
-    if swings is None:
+    half_cycles = HalfCycles.build(rate, step, slopes(model, angle, rate), model.inertia, limit, noise)
+    if half_cycles is None:
         return None
     rows = np.arange(size)
     motion = _motion(states, model, angle, rate, acceleration, step, rows, False)
@@ -216,7 +221,7 @@ def _swinging(states: ForceStates, model: JointModel, group: str, every: int) ->
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     return GapRun(
         states.run, group, states.level, motion, target, np.empty((0, 0)), sigma, False, 0.0,
-        Band(kernel, rows), swings,
+        Band(kernel, rows), half_cycles,
     )  # fmt: skip
 
 
@@ -228,20 +233,6 @@ def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
         return rows
     chosen = np.unique(np.linspace(0, count - 1, keep).astype(int))
     return np.concatenate([rows[i * STRETCH : (i + 1) * STRETCH] for i in chosen])
-
-
-def hermite(values: Array, slope: Array, step: float, between: int) -> Array:
-    """Return a signal at ``between`` instants per sample, by cubic Hermite interpolation of values and slopes."""
-    left, right = values[:-1, None], values[1:, None]
-    rise, fall = step * slope[:-1, None], step * slope[1:, None]
-    u = np.arange(between)[None, :] / between
-    inner = (
-        (1 + 2 * u) * (1 - u) ** 2 * left
-        + u * (1 - u) ** 2 * rise
-        + u**2 * (3 - 2 * u) * right
-        - u**2 * (1 - u) * fall
-    )
-    return np.append(inner.ravel(), values[-1])
 
 
 def _motion(

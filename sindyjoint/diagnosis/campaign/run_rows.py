@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.half_cycles import Swings
+from sindyjoint.diagnosis.campaign.half_cycles import HalfCycles
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
 from sindyjoint.equation.terms import Reference
 
@@ -43,11 +43,11 @@ class GapRun:
         Mean variance of the rows by noise, (N·m)²; what a model leaves beyond it is the model's own error.
     band : Band, optional
         Where an acceleration enters: the band within which it is known.
-    swings : Swings, optional
-        Of a free run: rows are then what a moment changes of its motion, two for each swing.
+    half_cycles : HalfCycles, optional
+        Of a free run: rows are then what a moment changes of its motion, two for each half-cycle.
     record : ndarray, optional
         For pictures: the target of a run that does not repeat at every sample, NaN where the joint sticks.
-    chain : ndarray, shape (m,), optional
+    processing : ndarray, shape (m,), optional
         What the processing leaves of the model's own simulation, N·m: taken off the target.
     """
 
@@ -61,9 +61,9 @@ class GapRun:
     folded: bool
     variance: float = 0.0
     band: Band | None = None
-    swings: Swings | None = None
+    half_cycles: HalfCycles | None = None
     record: Array | None = None
-    chain: Array | None = None
+    processing: Array | None = None
 
     def whole(self) -> GapRun:
         """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
@@ -75,8 +75,8 @@ class GapRun:
 
     def white(self, rows: Array) -> Array:
         """Return rows of columns, (m,) or (m, k), in units of independent noise; as many, but in free motion."""
-        if self.swings is not None:
-            return self.swings.white(rows)
+        if self.half_cycles is not None:
+            return self.half_cycles.white(rows)
         if self.folded:
             return self.factor @ rows
         from scipy.linalg.lapack import dtbtrs
@@ -87,7 +87,7 @@ class GapRun:
     @property
     def white_size(self) -> int:
         """Number of rows of independent noise."""
-        return self.target.size if self.swings is None else self.swings.size
+        return self.target.size if self.half_cycles is None else self.half_cycles.size
 
     def row_groups(self, alone: bool, size: int) -> NDArray[np.object_]:
         """Return what is held out together, per row: the run's group, or stretches of it where the run is alone."""

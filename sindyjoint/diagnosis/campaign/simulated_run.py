@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import Instant, angle_drift, corrections, law_of
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
@@ -17,16 +18,17 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.response.run import SimulatedRun, simulate_run
 from sindyjoint.states import ForceStates
 
-# What is left of the moment beside its sinusoid, over its noise, where the motion and not the moment was the drive.
-PURE = 1.5
-
 
 def simulated(
-    run: Run, states: ForceStates, model: JointModel, effects: Sequence[FittedEffect]
+    run: Run,
+    states: ForceStates,
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    policy: DiagnosisPolicy = CAMPAIGN,
 ) -> SimulatedRun | None:
     """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
     shift, zero, _ = corrections(effects)
-    motion = prescribed(states)
+    motion = prescribed(states, policy)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)
@@ -48,7 +50,7 @@ def simulated(
         return None
 
 
-def prescribed(states: ForceStates) -> bool:
+def prescribed(states: ForceStates, policy: DiagnosisPolicy = CAMPAIGN) -> bool:
     """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment.
 
     A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness.
@@ -57,6 +59,6 @@ def prescribed(states: ForceStates) -> bool:
         return False
     phase = 2 * np.pi * states.frequency * states.time
     basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
-    left = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
+    residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
     floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
-    return bool(np.std(left) > PURE * floor)
+    return bool(np.std(residual) > policy.pure * floor)

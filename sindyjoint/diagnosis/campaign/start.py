@@ -9,21 +9,19 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.change import MEMBER, changes, segments
-from sindyjoint.diagnosis.campaign.processing import chain_errors, without_chain
-from sindyjoint.diagnosis.campaign.ranking import FittedEffect
+from sindyjoint.diagnosis.campaign.processing import processing_errors, without_processing
+from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression
 from sindyjoint.diagnosis.campaign.repair import model_errors, refit
 from sindyjoint.diagnosis.campaign.rows import gap_runs
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.rows import group_labels
-
-# Stribeck friction lives at low rates: diagnosis keeps all that the noise of the rate allows.
-RATE_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +34,7 @@ class Work:
     groups: tuple[str, ...]
     model: JointModel
     rows: tuple[GapRun, ...]
+    policy: DiagnosisPolicy = CAMPAIGN
 
     @classmethod
     def build(
@@ -46,20 +45,37 @@ class Work:
         groups: Sequence[str],
         model: JointModel,
         effects: Sequence[FittedEffect] = (),
+        policy: DiagnosisPolicy = CAMPAIGN,
     ) -> Work:
         """Return the work with the rows that its states, and the model with its effects, make."""
         free = is_free(campaign)
-        rows = gap_runs(states, model, groups, free=free)
-        left = chain_errors(runs, states, rows, model, effects)
-        errors = model_errors(without_chain(rows, left), model, effects)
-        if any(errors):
-            rows = gap_runs(states, model, groups, errors=errors, free=free)
-        rows = without_chain(rows, left)
-        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows)
+        rows = gap_runs(states, model, groups, policy, free=free)
+        errors = processing_errors(runs, states, rows, model, effects, policy)
+        beyond = model_errors(without_processing(rows, errors), model, effects)
+        if any(beyond):
+            rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
+        rows = without_processing(rows, errors)
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy)
+
+    def again(
+        self,
+        model: JointModel,
+        effects: Sequence[FittedEffect] = (),
+        states: Sequence[ForceStates] | None = None,
+    ) -> Work:
+        """Return the work with another model, effects and, where channels were put right, states."""
+        states = self.states if states is None else states
+        return Work.build(self.campaign, self.runs, states, self.groups, model, effects, self.policy)
+
+    def regression(self, found: Sequence[FittedEffect] = ()) -> GapRegression:
+        """Return the regression of the rows on the model and effects."""
+        return GapRegression.build(self.rows, self.model, found, self.policy)
 
     def moment_rows(self) -> tuple[GapRun, ...]:
         """Return rows that are moments of the joint, in free motion too."""
-        return gap_runs(self.states, self.model, self.groups) if is_free(self.campaign) else self.rows
+        if not is_free(self.campaign):
+            return self.rows
+        return gap_runs(self.states, self.model, self.groups, self.policy)
 
     @property
     def noise(self) -> dict[str, float]:
@@ -95,8 +111,8 @@ def applicable(
 ) -> tuple[Effect, ...]:
     """Return the effects that the campaign can show.
 
-    In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a skew of the
-    channels has no meaning. Where every run is one mean period, nothing is seen of what changes within a run.
+    In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a time delay
+    between the channels has no meaning. Where every run is one mean period, nothing is seen of what changes within it.
     """
     timed = any(s.method != "periodic" or MEMBER in s.run for s in states)
     kept = []
@@ -117,13 +133,16 @@ def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tupl
 
 
 def cut_up(
-    runs: Sequence[Run], states: Sequence[ForceStates], rate_share: float | None = None
+    runs: Sequence[Run],
+    states: Sequence[ForceStates],
+    rate_share: float | None = None,
+    policy: DiagnosisPolicy = CAMPAIGN,
 ) -> tuple[tuple[Run, ...], tuple[ForceStates, ...], tuple[str, ...]]:
     """Return runs, states and group labels of the segments of runs that change in time; whole runs otherwise."""
     labels = group_labels(states)
-    if not changes(runs, states):
+    if not changes(runs, states, policy):
         return tuple(runs), tuple(states), tuple(labels)
-    parts = [segments(run, s, rate_share) for run, s in zip(runs, states, strict=True)]
+    parts = [segments(run, s, rate_share, policy) for run, s in zip(runs, states, strict=True)]
     return (
         tuple(each.run for part in parts for each in part),
         tuple(each.states for part in parts for each in part),
@@ -132,7 +151,11 @@ def cut_up(
 
 
 def first_model(
-    campaign: Campaign, states: Sequence[ForceStates], model: JointModel | None, base: Any
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+    model: JointModel | None,
+    base: Any,
+    policy: DiagnosisPolicy = CAMPAIGN,
 ) -> JointModel:
     """Return the model to start from, fitted to the campaign."""
     from sindyjoint.discovery.estimator import JointRegressor
@@ -165,5 +188,5 @@ def first_model(
     fitted = replace(fitted, joint=campaign.joint, fitted=data)
     # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
     for _ in range(2):
-        fitted = refit(gap_runs(states, fitted, group_labels(states)), fitted, ()).model
+        fitted = refit(gap_runs(states, fitted, group_labels(states), policy), fitted, ()).model
     return fitted

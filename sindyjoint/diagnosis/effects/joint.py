@@ -171,8 +171,8 @@ def joint_changes(
                 addition = Addition(key, variant, replaces)
                 laws.additions[key] = addition
                 change = _added(effect, addition, reference, moment)
-                # Beside a friction that is there already, a second one is the less likely way, and costs more.
-                changes.append(replace(change, spare=stands_in and not replaces))
+                # Beside a friction that is there already, a second one is the less likely variant, and costs more.
+                changes.append(replace(change, fallback=stands_in and not replaces))
     return tuple(changes)
 
 

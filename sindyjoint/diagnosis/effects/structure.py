@@ -124,8 +124,8 @@ class Change:
         Whether it acts in the joint.
     memory : bool
         Whether it remembers.
-    spare : bool
-        Whether it is tried only where no other way explains the gap.
+    fallback : bool
+        Whether it is tried only where no other variant explains the gap.
     units : dict of str to str
         Of the reported numbers.
     """
@@ -142,7 +142,7 @@ class Change:
     report: Callable[[Array], dict[str, float]]
     inside: bool = False
     memory: bool = False
-    spare: bool = False
+    fallback: bool = False
     units: dict[str, str] = field(default_factory=dict)
 
     @property

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.localisation import Place
-from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
+from sindyjoint.diagnosis.localisation import Place, weigh_region
+from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.numeric import main_frequency
+from sindyjoint.response.oscillation import hilbert_envelope
 from sindyjoint.response.run import rms
 
 Array = NDArray[np.float64]
-
-# A record ends, for a gap, where its swing is so many times the noise.
-AUDIBLE = 3.0
-# A region is told when it holds this share of the gap, and so much more than its share of the samples.
-LEAST_SHARE, LEAST_EXCESS = 0.15, 1.3
-MOST_PLACES = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +52,56 @@ class RecordGap:
     noise_floor: float
 
 
-def audible_end(measured: Array, sample_rate: float, noise: float) -> float:
-    """Return the time at which a decay sinks into its noise, or the end of the record, s."""
+def record_gaps(problem: PulseProblem, best: Fit, others: Sequence[PulseProblem]) -> tuple[RecordGap, ...]:
+    """Return the records that were held out, whole or in their second half, beside the simulations.
+
+    Parameters
+    ----------
+    problem : PulseProblem
+        With the effects added so far.
+    best : Fit
+        Of its numbers.
+    others : sequence of PulseProblem
+        Other pulses; without any, the second half of the problem's own records.
+    """
+    if others:
+        return tuple(gap for each in others for gap in _beside(each, problem, best.x, 0.0, each.rig.name))
+    ends = [_audible_end(problem, i) for i in range(len(problem.records))]
+    middle = 0.5 * min(max(ends), problem.duration)
+    half = fit(problem, best.x, middle, iterations=4)
+    return tuple(_beside(problem, problem, best.x if half is None else half.x, middle, ""))
+
+
+def _beside(
+    measured_in: PulseProblem, fitted: PulseProblem, x: Array, held_from: float, name: str
+) -> Iterator[RecordGap]:
+    given, repaired = (replace(measured_in, found=found) for found in ((), fitted.found))
+    before = given.simulate(given.setup(given.start()), given.duration)
+    after = repaired.simulate(repaired.setup(x), given.duration)
+    for i, (record, noise) in enumerate(zip(given.records, given.noise, strict=True)):
+        measured, rate = record.displacement, record.sample_rate
+        first = int(held_from * rate)
+        held = slice(first, max(int(_audible_end(given, i) * rate), first + 8))
+        own = float(np.std(measured[held]))
+        shown = (None if before is None else before[i], None if after is None else after[i])
+        yield RecordGap(
+            f"{record.point} of {name}" if name else record.point,
+            np.arange(measured.size) / rate, measured, *shown, noise.sigma, held_from,
+            relative_gap(measured, shown[0], held), relative_gap(measured, shown[1], held),
+            noise.sigma / own if own > 0 else float("nan"),
+        )  # fmt: skip
+
+
+def _audible_end(problem: PulseProblem, record: int) -> float:
+    each = problem.records[record]
+    noise, policy = problem.noise[record].sigma, problem.policy
+    return audible_end(each.displacement, each.sample_rate, policy.audible * noise)
+
+
+def audible_end(measured: Array, sample_rate: float, least: float) -> float:
+    """Return the time at which the envelope of a decay falls below a level, or the end of the record, s."""
     envelope, _ = hilbert_envelope(measured, sample_rate)
-    loud = np.flatnonzero(envelope > AUDIBLE * noise)
+    loud = np.flatnonzero(envelope > least)
     return float((loud[-1] + 1 if loud.size else measured.size) / sample_rate)
 
 
@@ -69,8 +113,27 @@ def relative_gap(measured: Array, simulated: Array | None, held: slice) -> float
     return rms(simulated[held] - measured[held]) / own if own > 0 else float("nan")
 
 
-def where(
-    name: str, measured: Array, simulated: Array, sample_rate: float, noise: float, several: bool = False
+def locate_gap(problem: PulseProblem) -> list[tuple[float, Place]]:
+    """Return the regions of the records that hold more of the gap than their share; none where nothing simulates."""
+    shown = problem.simulate(problem.setup(problem.start()), problem.duration)
+    return [
+        region
+        for record, noise, signal in zip(problem.records, problem.noise, shown or (), strict=shown is not None)
+        for region in regions_of(
+            record.point, record.displacement, signal, record.sample_rate, noise.sigma,
+            len(problem.records) > 1, problem.policy,
+        )
+    ]  # fmt: skip
+
+
+def regions_of(
+    name: str,
+    measured: Array,
+    simulated: Array,
+    sample_rate: float,
+    noise: float,
+    several: bool = False,
+    policy: DiagnosisPolicy = STRUCTURE,
 ) -> list[tuple[float, Place]]:
     """Return the regions that hold more of a record's gap than their share of it, each with its weight.
 
@@ -86,64 +149,62 @@ def where(
         RMS, m.
     several : bool
         Whether there are other records, so that the words name the point.
+    policy : DiagnosisPolicy
     """
-    left = simulated - measured
-    power = np.maximum(left**2 - noise**2, 0.0)
+    residual = simulated - measured
+    power = np.maximum(residual**2 - noise**2, 0.0)
     total = float(power.sum())
     if total <= 0:
         return []
     at = f" at {name}" if several else ""
     time = np.arange(measured.size) / sample_rate
-    end = audible_end(measured, sample_rate, noise)
+    end = audible_end(measured, sample_rate, policy.audible * noise)
     envelope, _ = hilbert_envelope(measured, sample_rate)
     height = envelope / float(envelope.max())
     places: list[tuple[float, Place]] = []
 
-    def add(axis: str, span: tuple[float, float] | str, words: str, share: float, rows: float) -> None:
-        if 0 < rows < 0.95 and share > LEAST_SHARE and share > LEAST_EXCESS * rows:
-            text = f"{words}{at}: {100 * share:.0f} % of the gap in {100 * rows:.0f} % of the record"
-            places.append((share * float(np.log(share / rows)), Place(axis, span, share, text)))
+    def add(axis: str, span: tuple[float, float], words: str, mask: NDArray[np.bool_]) -> None:
+        share, samples = float(power[mask].sum()) / total, float(mask.mean())
+        text = f"{words}{at}: {100 * share:.0f} % of the gap in {100 * samples:.0f} % of the record"
+        places.extend(weigh_region(axis, span, share, samples, text, policy))
 
     for low, high in zip((0.0, 0.05, 0.25, 0.5, 0.75), (0.05, 0.25, 0.5, 0.75, 1.0), strict=True):
         mask = (time >= low * end) & (time < high * end)
-        add("time", (low * end, high * end), f"from {low * end:.3g} s to {high * end:.3g} s",
-            float(power[mask].sum()) / total, float(mask.mean()))  # fmt: skip
+        add("time", (low * end, high * end), f"from {low * end:.3g} s to {high * end:.3g} s", mask)
     for low, high in ((0.0, 0.1), (0.1, 0.3), (0.3, 0.6), (0.6, 1.01)):
         mask = (height >= low) & (height < high)
         top = min(high, 1.0)
-        add("amplitude", (low, top), f"while the swing is {100 * low:.0f} % to {100 * top:.0f} % of the largest",
-            float(power[mask].sum()) / total, float(mask.mean()))  # fmt: skip
-    places += _frequencies(left, measured, sample_rate, noise, at)
-    place = _phase(simulated, measured, sample_rate, at)
-    return [*places, *([place] if place else [])]
+        words = f"while the swing is {100 * low:.0f} % to {100 * top:.0f} % of the largest"
+        add("amplitude", (low, top), words, mask)
+    places += _frequencies(residual, measured, sample_rate, noise, at, policy)
+    return places + _phase(simulated, measured, sample_rate, at, policy)
 
 
 def _frequencies(
-    left: Array, measured: Array, sample_rate: float, noise: float, at: str
+    residual: Array, measured: Array, sample_rate: float, noise: float, at: str, policy: DiagnosisPolicy
 ) -> list[tuple[float, Place]]:
     """Return frequency bands whose share of the gap is larger than their share of the response."""
     main = main_frequency(measured, sample_rate)
-    frequency = np.fft.rfftfreq(left.size, 1 / sample_rate)
-    window = np.hanning(left.size)
-    gap = np.maximum(np.abs(np.fft.rfft(left * window)) ** 2 - noise**2 * float(np.sum(window**2)), 0.0)
+    frequency = np.fft.rfftfreq(residual.size, 1 / sample_rate)
+    window = np.hanning(residual.size)
+    gap = np.maximum(np.abs(np.fft.rfft(residual * window)) ** 2 - noise**2 * float(np.sum(window**2)), 0.0)
     own = np.abs(np.fft.rfft((measured - measured.mean()) * window)) ** 2
-    found = []
+    found: list[tuple[float, Place]] = []
     for low, high, words in (
         (0.0, 0.5, f"below {0.5 * main:.3g} Hz, under the main line"),
         (1.5, np.inf, f"above {1.5 * main:.3g} Hz, over the main line"),
     ):
         mask = (frequency >= low * main) & (frequency < high * main)
-        share, rows = float(gap[mask].sum() / gap.sum()), float(own[mask].sum() / own.sum())
-        if share > LEAST_SHARE and share > LEAST_EXCESS * rows:
-            text = f"{words}{at}: {100 * share:.0f} % of the gap, {100 * rows:.0f} % of the response"
-            span = (low * main, min(high * main, sample_rate / 2))
-            found.append(
-                (share * float(np.log(share / max(rows, 1e-3))), Place("frequency", span, share, text))
-            )
+        share, samples = float(gap[mask].sum() / gap.sum()), float(own[mask].sum() / own.sum())
+        text = f"{words}{at}: {100 * share:.0f} % of the gap, {100 * samples:.0f} % of the response"
+        span = (low * main, min(high * main, sample_rate / 2))
+        found.extend(weigh_region("frequency", span, share, samples, text, policy))
     return found
 
 
-def _phase(simulated: Array, measured: Array, sample_rate: float, at: str) -> tuple[float, Place] | None:
+def _phase(
+    simulated: Array, measured: Array, sample_rate: float, at: str, policy: DiagnosisPolicy
+) -> list[tuple[float, Place]]:
     """Return whether the gap is one of amplitudes or of periods.
 
     For the analytic signals S and M, |S − M|² = (|S| − |M|)² + 4·|S|·|M|·sin²(Δφ/2).
@@ -152,23 +213,17 @@ def _phase(simulated: Array, measured: Array, sample_rate: float, at: str) -> tu
 
     cut = round(sample_rate / main_frequency(measured, sample_rate))
     if measured.size < 4 * cut:
-        return None
+        return []
     mine, other = (hilbert(x - x.mean())[cut:-cut] for x in (simulated, measured))
     amplitude = float(np.sum((np.abs(mine) - np.abs(other)) ** 2))
     total = float(np.sum(np.abs(mine - other) ** 2))
     if not total > 0:
-        return None
-    for share, span, words in (
-        (1 - amplitude / total, "period", "the periods differ, and with them the phase"),
-        (amplitude / total, "amplitude", "the amplitudes differ"),
-    ):
-        if share > 0.65:
-            return share * 0.5, Place("phase", span, share, f"{words}{at}: {100 * share:.0f} % of the gap")
-    return None
-
-
-def most(places: list[tuple[float, Place]]) -> tuple[Place, ...]:
-    """Return the weightiest places, one of each axis."""
-    ordered = sorted(places, key=lambda each: -each[0])
-    first = {place.axis: place for _, place in reversed(ordered)}
-    return tuple(place for _, place in ordered if first[place.axis] is place)[:MOST_PLACES]
+        return []
+    return [
+        (share * 0.5, Place("phase", span, share, f"{words}{at}: {100 * share:.0f} % of the gap"))
+        for share, span, words in (
+            (1 - amplitude / total, "period", "the periods differ, and with them the phase"),
+            (amplitude / total, "amplitude", "the amplitudes differ"),
+        )
+        if share > policy.phase_share
+    ]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.response.oscillation import main_frequency, white_noise
+from sindyjoint.numeric import main_frequency
+from sindyjoint.response.oscillation import white_noise
 
 Array = NDArray[np.float64]
 

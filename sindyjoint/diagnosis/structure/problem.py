@@ -1,348 +1,235 @@
-"""The output-error problem of a pulse test: what is left between records and simulation, and its fit.
-
-Unknown are the model's coefficients, which keep to their covariance, and the numbers of effects. Both are found by a
-bounded Gauss–Newton search on the simulated response with horizons that grow: over a long record a slightly wrong
-frequency is whole cycles off, and a search that begins with all of it ends in the nearest wrong cycle.
-"""
+"""The pulse record of a structure as a problem: a model in its joint, its coefficients and the effects so far."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.joint import JointLaws, place_of
-from sindyjoint.diagnosis.effects.structure import Change, Setup
-from sindyjoint.diagnosis.structure.noise import RecordNoise
-from sindyjoint.equation.model import INERTIA, JointModel
-from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.pulse_test import with_laws
-from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
+from sindyjoint.diagnosis.budget import Budget, divide_gap
+from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.structure import Change
+from sindyjoint.diagnosis.localisation import Place, most_telling
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
+from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.result import Advice, Gap, Step
+from sindyjoint.diagnosis.structure.gap import RecordGap, locate_gap, record_gaps
+from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.diagnosis.structure.pulses import separating_pulses
+from sindyjoint.diagnosis.structure.result import StructureDiagnosis, model_after, warnings_of
+from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
+from sindyjoint.diagnosis.structure.start import (
+    first_fit,
+    model_in_place,
+    open_rig,
+    other_pulse,
+    pulse_problem,
+    virtual_pulse_test,
+    with_step_error,
+)
+from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rigs import Rig
 
-Array = NDArray[np.float64]
-
-# A model's coefficients are no surer than this share of themselves: its own test was processed, too.
-MODEL_ERROR = 0.003
-# Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
-STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4
-# Modes are added to the search only as far as records can show them.
-MODES = 6
-FAR_OFF = 1e3
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """The best numbers of a problem over a horizon.
-
-    Parameters
-    ----------
-    x : ndarray
-        Numbers of the base, then of the candidate.
-    cost : float
-        Sum of squares of the residuals, prior rows included, in units of noise.
-    jacobian : ndarray, shape (rows, x.size)
-    """
-
-    x: Array
-    cost: float
-    jacobian: Array = field(repr=False)
+# Variance of a mean square in units of noise, times the samples: 2 of its own, 2/0.4 of the noise of the late 40 %.
+VARIANCE = 7
 
 
 @dataclass(frozen=True, eq=False)
-class PulseProblem:
-    """Records of a rig, a model in its joint, and the effects named so far.
+class StructureProblem(Problem):
+    """A pulse test, and the model of its joint with the effects added so far.
 
     Parameters
     ----------
-    rig : Rig
-    places : frozenset of str
-        Joints that the model stands for.
-    model : JointModel
-    laws : JointLaws
-    records : tuple of MeasuredResponse
-    noise : tuple of RecordNoise
-        Of each record.
-    found : tuple of Change
-    pulse_uncertainty : float
-        Relative standard error of the force.
-    step_error : tuple of ndarray
-        What the time step does to each record, m; empty where it is not known.
+    pulse : PulseProblem
+        With the effects.
+    best : Fit
+        Of all its numbers over the whole record.
+    changes : tuple of Change
+        The candidates.
+    period : float
+        Of the main oscillation, s.
+    others : tuple of PulseProblem
+        Other pulses, which no fit sees.
+    named : tuple of FittedChange
+        The effects as they were found.
+    drops : tuple of (str, float)
+        Part of the budget of each effect ever added, and the fall of χ² that it brought.
+    hidden : str, optional
+        What a virtual test had hidden.
+    drawn : bool
+        Whether the model is the rig's own law.
     """
 
-    rig: Rig
-    places: frozenset[str]
-    model: JointModel
-    laws: JointLaws
-    records: tuple[MeasuredResponse, ...]
-    noise: tuple[RecordNoise, ...]
-    found: tuple[Change, ...] = ()
-    pulse_uncertainty: float = 0.0
-    step_error: tuple[Array, ...] = ()
-    _kept: dict[object, tuple[Array, ...]] = field(default_factory=dict, repr=False)
+    pulse: PulseProblem
+    best: Fit
+    changes: tuple[Change, ...]
+    period: float
+    others: tuple[PulseProblem, ...] = ()
+    named: tuple[FittedChange, ...] = ()
+    drops: tuple[tuple[str, float], ...] = ()
+    hidden: str | None = None
+    drawn: bool = False
+
+    @classmethod
+    def build(
+        cls,
+        rig: Rig | str | Path,
+        model: JointModel | None,
+        effects: Sequence[Effect],
+        hold_out: Sequence[Rig | str | Path],
+        random_state: int | np.random.Generator | None,
+        policy: DiagnosisPolicy,
+        say: Say,
+    ) -> StructureProblem:
+        """Return the problem of a rig; one that names no records is tested virtually, with something hidden in it."""
+        rig, kept_out = open_rig(rig), [open_rig(each) for each in hold_out]
+        model, places, drawn = model_in_place(rig, model)
+        hidden = None
+        if rig.measured is None:
+            if kept_out:
+                raise InputError(f"hold_out is given, but the rig {rig.name!r} names no measured response")
+            say("simulating a virtual pulse test with something hidden in it")
+            generator = np.random.default_rng(random_state or 0)
+            rig, hidden = virtual_pulse_test(rig, places, model, generator, drawn)
+        say("the response of the model")
+        pulse, changes, period = pulse_problem(rig, model, places, effects, policy)
+        others = tuple(other_pulse(pulse, each) for each in kept_out)
+        return cls(pulse, first_fit(pulse), changes, period, others, hidden=hidden, drawn=drawn)
 
     @property
-    def duration(self) -> float:
-        """Of the longest record, s."""
-        return max(r.displacement.size / r.sample_rate for r in self.records)
+    def policy(self) -> DiagnosisPolicy:
+        """Its limits."""
+        return self.pulse.policy
 
     @property
-    def priors(self) -> int:
-        """Numbers that have a prior: step, pulse, coefficients of the model."""
-        return 2 + self._root.shape[1]
+    def found(self) -> tuple[FittedChange, ...]:
+        """The effects added, with the numbers of the last fit."""
+        ends = np.cumsum([self.pulse.priors, *(change.size for change in self.pulse.found)])
+        own = {c: self.best.x[end - c.size : end] for c, end in zip(self.pulse.found, ends[1:], strict=True)}
+        return tuple(replace(each, x=own[each.change]) for each in self.named)
 
     @property
-    def base_size(self) -> int:
-        """Numbers of the base."""
-        return self.priors + sum(change.size for change in self.found)
+    def is_noise(self) -> bool:
+        """Whether the residual is noise, as surely as the noise itself is known."""
+        rows = self.pulse.rows()
+        sure = self.policy.explained_sure * float(np.sqrt(VARIANCE / rows))
+        return self.best.cost / rows < 1 + sure
 
-    def start(self) -> Array:
-        """Return the base without anything added."""
-        return np.concatenate([np.zeros(self.priors), *(change.start for change in self.found)])
+    @cached_property
+    def records(self) -> tuple[RecordGap, ...]:
+        """What was held out, beside the simulations."""
+        return record_gaps(self.pulse, self.best, self.others)
 
     @property
-    def _root(self) -> Array:
-        return prior_root(self.model)
+    def initial_gap(self) -> Gap:
+        """Relative RMS of the response on what was held out, of the model as it was given."""
+        return _gap([record.gap_before for record in self.records])
 
-    def setup(self, x: Array, extra: Change | None = None) -> Setup:
-        """Return the setup of some numbers."""
-        setup = Setup(
-            tuple(self.rig.items), 1 / self.rig.clamp_stiffness, self._numbers(x[2 : self.priors]),
-            pulse=1 + self.pulse_uncertainty * float(x[1]),
-        )  # fmt: skip
-        at = self.priors
-        for change in (*self.found, *((extra,) if extra is not None else ())):
-            setup = change.apply(setup, x[at : at + change.size])
-            at += change.size
-        return setup
+    @property
+    def gap(self) -> Gap:
+        """The same, of the model fitted to what was not held out; no moment is measured in a structure."""
+        return _gap([record.gap_after for record in self.records])
 
-    def _numbers(self, u: Array) -> dict[str, float]:
-        moved = self._root @ u
-        numbers = {}
-        terms = [term for term in self.model.terms if term.id != INERTIA]
-        for term, shift in zip(terms, moved, strict=True):
-            value = term.coefficient + float(shift)
-            if term.id == "coulomb_friction" and term.coefficient >= 0:
-                value = max(value, 0.0)
-            numbers[place_of(term.id)] = value
-        return numbers
+    @property
+    def noise_floor(self) -> Gap:
+        """Noise of the records relative to their RMS over what was held out."""
+        return _gap([record.noise_floor for record in self.records])
 
-    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
-        """Return lower and upper bounds of the numbers."""
-        changes = (*self.found, *((extra,) if extra is not None else ()))
-        free = np.full(self.priors, 8.0)
-        free[1] *= self.pulse_uncertainty > 0
-        return (
-            np.concatenate([-free, *(c.low for c in changes)]),
-            np.concatenate([free, *(c.high for c in changes)]),
-        )
+    def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
+        """Return the candidates in order of probability; pairs are not looked for, each would cost simulations."""
+        taken = {*refused, *(each.name for each in self.named)}
+        candidates = [change for change in self.changes if change.effect not in taken]
+        fitted = search(self.pulse, self.best, candidates, self.period, say)
+        explained = sum(each.gain for each in self.named)
+        return Proposal(rank_changes(self.pulse, fitted, self.best.cost, explained)) if fitted else None
 
-    def simulate(self, setup: Setup, duration: float, step: float | None = None) -> tuple[Array, ...] | None:
-        """Return the displacement of each record up to a time, m; None where the simulation fails."""
-        motions = self._motion(setup, duration + abs(setup.delay), step)
-        if motions is None:
+    def add(self, best: FittedChange) -> Added[Self] | None:
+        """Return the problem with an effect more; earlier ones that it makes needless go."""
+        pulse = replace(self.pulse, found=(*self.pulse.found, best.change))
+        pulse = with_step_error(pulse, best.x)
+        found = fit(pulse, best.x, pulse.duration, iterations=4)
+        if found is None:
             return None
-        shown = []
-        for record, motion in zip(self.records, motions, strict=True):
-            count = self.count(record, duration)
-            time = np.arange(motion.size) / record.sample_rate
-            if setup.delay:
-                motion = _later(motion, setup.delay, record.sample_rate)
-            shown.append(setup.gain * motion[:count] + setup.zero + setup.drift * time[:count])
-        return tuple(shown)
+        kept = []
+        for each in self.named:
+            at = pulse.priors + sum(c.size for c in pulse.found[: pulse.found.index(each.change)])
+            fewer = replace(pulse, found=tuple(c for c in pulse.found if c is not each.change))
+            start = np.delete(found.x, range(at, at + each.change.size))
+            less = fit(fewer, start, pulse.duration, iterations=4)
+            if less is not None and less.cost - found.cost < self.policy.needless_gain * each.change.size:
+                pulse, found = fewer, less
+            else:
+                kept.append(each)
+        again = {each.name: None for each in self.named if each not in kept}
+        drop = (_part_of_budget(best.change), self.best.cost - found.cost)
+        later = replace(self, pulse=pulse, best=found, named=(*kept, best), drops=(*self.drops, drop))
+        return Added(later, again)
 
-    @staticmethod
-    def count(record: MeasuredResponse, duration: float) -> int:
-        """Return the samples of a record up to a time."""
-        return min(record.displacement.size, max(int(round(duration * record.sample_rate)), 8))
+    def units(self, fitted: FittedChange) -> dict[str, str]:
+        """Return the units of an effect's parameters."""
+        return fitted.change.units
 
-    def _motion(self, setup: Setup, duration: float, step: float | None) -> tuple[Array, ...] | None:
-        key = (setup.motion_key, duration, step)
-        if key in self._kept:
-            return self._kept[key]
-        if not all(map(np.isfinite, setup.numbers.values())):
-            return None  # friction that never becomes steady, for one
-        law = self.laws.law(setup)
-        rig = with_laws(
-            replace(
-                self.rig,
-                items=setup.items,
-                clamp_stiffness=np.inf if setup.compliance <= 0 else 1 / setup.compliance,
-                excitation=self.rig.excitation.scaled(setup.pulse),
+    def residual(self, straight: Self) -> Residual:
+        """Return what the effects leave of the first gap."""
+        rows = self.pulse.rows()
+        share = share_beyond_noise((straight.best.cost, rows), (self.best.cost, rows), self.policy)
+        return Residual(share, self.policy.unexplained, data="this record")
+
+    def budget(self, first: Self, last: Self) -> Budget:
+        """Return what the mean square gap is made of, relative to the records' own."""
+        pulse = first.pulse
+        start = pulse.residuals(pulse.start(), pulse.duration)
+        total = first.best.cost if start is None else float(start @ start)
+        noise = min(pulse.rows(), total)
+        # Beside a large gap the coefficients are dragged after it: what they then win is the effects' own.
+        parts = {
+            "state": 0.0 if last.drops else max(total - first.best.cost, 0.0),
+            "history": 0.0,
+            "run": 0.0,
+        }
+        for kind, drop in last.drops:
+            parts[kind] += max(drop, 0.0)
+        parts["run"] += max(last.best.cost - noise, 0.0)
+        whole = max(sum(parts.values()), 1e-300)
+        own = sum(float(np.sum((r.displacement - r.displacement.mean()) ** 2)) / n.weight**2
+                  for r, n in zip(pulse.records, pulse.noise, strict=True))  # fmt: skip
+        step = sum(float(e @ e) / n.weight**2 for e, n in zip(pulse.step_error, pulse.noise, strict=False))
+        shares = {kind: part / whole for kind, part in parts.items()}
+        return divide_gap(total / own, noise / own, step / own, lambda _: shares)
+
+    def places(self) -> tuple[Place, ...]:
+        """Return where the gap of the model as it was given lies."""
+        return most_telling(locate_gap(self.pulse), self.policy, one_per_axis=True)
+
+    def separating_runs(self, step: Step, ranking: Ranking[FittedChange]) -> tuple[Advice, ...]:
+        """Return the pulse that would tell the two likeliest members of a class apart."""
+        return separating_pulses(self.pulse, ranking.members, self.period)
+
+    def diagnosis(self, first: Self, found: Mapping[str, Any]) -> StructureDiagnosis:
+        """Return the result."""
+        return StructureDiagnosis(
+            **found,
+            warnings=warnings_of(
+                self.pulse, self.records, self.hidden is not None, self.drawn, bool(self.others)
             ),
-            lambda hinge: law if hinge.name in self.places else hinge.law,
+            model=model_after(self.pulse, self.best),
+            hidden=self.hidden,
+            rig=self.pulse.rig.name,
+            records=self.records,
         )
-        points = tuple(dict.fromkeys(r.point for r in self.records))
-        found: dict[float, dict[str, Array]] = {}
-        try:
-            for rate in {r.sample_rate for r in self.records}:
-                found[rate] = rig.respond(
-                    points=points, duration=duration, sample_rate=rate, modes=min(rig.modes, MODES),
-                    step=rig.step if step is None else step,
-                ).displacement  # fmt: skip
-        except (SimulationError, InputError, np.linalg.LinAlgError):
-            return None
-        motions = tuple(found[r.sample_rate][r.point] for r in self.records)
-        if not all(np.all(np.isfinite(m)) for m in motions):
-            return None
-        if len(self._kept) > 64:
-            self._kept.clear()
-        self._kept[key] = motions
-        return motions
-
-    def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
-        """Return simulated less measured over noise, then the prior rows."""
-        shown = self.simulate(self.setup(x, extra), duration)
-        if shown is None:
-            return None
-        parts = []
-        for i, (record, noise, signal) in enumerate(zip(self.records, self.noise, shown, strict=True)):
-            left = signal - record.displacement[: signal.size]
-            if self.step_error:
-                left = left + float(x[0]) * self.step_error[i][: signal.size]
-            parts.append(left / noise.weight)
-        return np.concatenate([*parts, x[: self.priors]])
-
-    def derivatives(
-        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
-    ) -> Array:
-        """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
-        low, high = self.bounds(extra)
-        columns = np.zeros((residual.size, len(places)))
-        for column, place in enumerate(places):
-            step = STEP_PRIOR if place < self.priors else STEP_EFFECT * max(1.0, 0.1 * (high - low)[place])
-            if high[place] <= low[place]:
-                continue
-            step = step if x[place] + step <= high[place] else -step
-            moved = x.copy()
-            moved[place] += step
-            ahead = self.residuals(moved, duration, extra)
-            if ahead is None:
-                moved[place] -= 2 * step
-                ahead, step = self.residuals(moved, duration, extra), -step
-            if ahead is not None:
-                columns[:, column] = (ahead - residual) / step
-        return columns
 
 
-def prior_root(model: JointModel) -> Array:
-    """Return L with L·Lᵀ the covariance of a model's coefficients (inertia left out), not below their floor."""
-    kept = [i for i, term in enumerate(model.terms) if term.id != INERTIA]
-    values = model.coefficients[kept]
-    covariance = np.asarray(model.covariance, dtype=np.float64).reshape(len(model.terms), -1)[
-        np.ix_(kept, kept)
-    ]
-    errors = np.sqrt(np.diag(covariance) + (MODEL_ERROR * values) ** 2)
-    errors[errors == 0] = 1e-12
-    matrix = (covariance + np.diag((MODEL_ERROR * values) ** 2)) / np.outer(errors, errors)
-    size, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    return errors[:, None] * (vectors * np.sqrt(np.maximum(size, 0.0)))
+def _gap(figures: Sequence[float]) -> Gap:
+    return Gap(float("nan"), float(np.sqrt(np.mean(np.square(figures)))))
 
 
-def _later(motion: Array, delay: float, sample_rate: float) -> Array:
-    """Return a motion that was at rest before it began, later by a delay, s."""
-    from scipy.interpolate import CubicSpline
-
-    time = np.arange(motion.size) / sample_rate
-    asked = time - delay
-    shown = CubicSpline(time, motion)(np.clip(asked, 0.0, time[-1]))
-    return np.where(asked < 0, 0.0, shown)
-
-
-def fit(
-    problem: PulseProblem,
-    x: Array,
-    duration: float,
-    extra: Change | None = None,
-    *,
-    base_jacobian: Array | None = None,
-    iterations: int = 6,
-    tolerance: float = 0.1,
-    relative: float = 1e-4,
-) -> Fit | None:
-    """Return the numbers near `x` that leave least over a horizon, by Levenberg's and Marquardt's method.
-
-    Parameters
-    ----------
-    problem : PulseProblem
-    x : ndarray
-    duration : float
-        Horizon, s.
-    extra : Change, optional
-        A candidate beside what was found.
-    base_jacobian : ndarray, optional
-        Columns of the base, which are then not worked out but corrected as the search goes (Broyden 1965). The
-        candidate's own columns are worked out anew only after a step that fell short of what they promised.
-    iterations : int
-    tolerance, relative : float
-        Fall of the cost, and share of the cost beyond one per row, at which the search ends.
-
-    Returns
-    -------
-    Fit or None
-        ``None`` where the start cannot be simulated.
-    """
-    low, high = problem.bounds(extra)
-    x = np.clip(x, low, high)
-    residual = problem.residuals(x, duration, extra)
-    if residual is None:
-        return None
-    cost = float(residual @ residual)
-    base = problem.base_size
-    own = list(range(base, x.size))
-    jacobian = np.zeros((residual.size, x.size))
-    fixed = base_jacobian is not None
-    if base_jacobian is not None:
-        jacobian[:, :base] = base_jacobian
-    damping, stale = 1e-3, True
-    for _ in range(iterations):
-        places = own if fixed else list(range(x.size))
-        if stale:
-            jacobian[:, places] = problem.derivatives(x, residual, duration, places, extra)
-        better = False
-        for _ in range(5):
-            step = _step(jacobian, residual, x, low, high, damping)
-            trial = problem.residuals(x + step, duration, extra)
-            if trial is not None and float(trial @ trial) < cost:
-                better = True
-                break
-            damping = max(damping, 1e-3) * 10
-        if not better or trial is None:
-            if stale:
-                break
-            stale, damping = True, 1e-3
-            continue
-        gain = cost - float(trial @ trial)
-        promised = residual + jacobian @ step
-        stale = not fixed or gain < 0.7 * (cost - float(promised @ promised))
-        if fixed and np.any(step):
-            jacobian += np.outer(trial - promised, step) / float(step @ step)
-        x, residual, cost = x + step, trial, float(trial @ trial)
-        damping = max(damping / 10, 1e-9)
-        if gain < max(tolerance, relative * (cost - residual.size)):
-            if stale or not fixed or gain < tolerance:
-                break
-            stale = True
-    return Fit(x, cost, jacobian)
-
-
-def _step(jacobian: Array, residual: Array, x: Array, low: Array, high: Array, damping: float) -> Array:
-    """Return a damped Gauss–Newton step inside the bounds; what leans against a bound stays there."""
-    step = np.zeros(x.size)
-    free = (high > low) & np.any(jacobian != 0, axis=0)
-    normal, slope = jacobian.T @ jacobian, jacobian.T @ residual
-    for _ in range(x.size + 1):
-        at = np.flatnonzero(free)
-        if not at.size:
-            break
-        scale = np.sqrt(np.diag(normal)[at])
-        matrix = normal[np.ix_(at, at)] / np.outer(scale, scale)
-        right = -(slope[at] + normal[np.ix_(at, np.flatnonzero(~free))] @ step[~free]) / scale
-        step[at] = np.linalg.solve(matrix + damping * np.eye(at.size), right) / scale
-        out = (x + step < low) | (x + step > high)
-        if not np.any(out & free):
-            break
-        step = np.clip(x + step, low, high) - x
-        free &= ~out
-    return np.clip(x + step, low, high) - x
+def _part_of_budget(change: Change) -> str:
+    """Return the part of the budget that an effect belongs to."""
+    return "run" if not change.inside else "history" if change.memory else "state"

@@ -1,8 +1,4 @@
-"""Which effect explains the gap of a pulse test: every candidate is fitted by output error, and probabilities follow.
-
-The evidence is counted as in :mod:`sindyjoint.diagnosis.campaign.ranking`: half the fall of χ², less ½·ln N for each
-number that a candidate chooses (Schwarz 1978), tempered; "nothing is missing" has half of the prior belief.
-"""
+"""The search for the effect that explains the gap of a pulse test: every candidate is fitted by output error."""
 
 from __future__ import annotations
 
@@ -13,27 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.structure import Change
-from sindyjoint.diagnosis.structure.problem import Fit, PulseProblem, fit
+from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
+from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
 
-TEMPER = 2.0
-# A simulation follows a real structure no better than this share of the gap.
-SIMULATION_ERROR = 0.001
-# What effects found before got wrong, as a share of what they explained, is left over and no effect of its own.
-FOUND_ERROR = 0.01
-RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
-# Candidates so many tempered nats behind the best on a short horizon are not followed to a longer one.
-BEHIND = 40.0
 # All candidates get so many steps of the fit; those that then lie among the first get the rest.
-RACE_STEPS, RACED = 2, 12
-POLISHED = 4
-# With less than this left in units of noise, the response is linear in what is missing.
-LINEAR = 4.0
-# With no more than this left, there is nothing for spare ways to explain.
-LEFT_OVER = 1.1
-MOST_SCREENED = 10
+SCREEN_STEPS, SCREENED = 2, 12
+REFINED = 4
+MOST_LINEARISED = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +39,16 @@ class FittedChange:
     gain: float
 
     @property
+    def name(self) -> str:
+        """Id of the effect."""
+        return self.change.effect
+
+    @property
+    def family(self) -> str:
+        """Of the effect."""
+        return self.change.family
+
+    @property
     def own(self) -> Array:
         """The candidate's own numbers."""
         return self.x[self.x.size - self.change.size :]
@@ -64,60 +59,23 @@ class FittedChange:
         return self.change.report(self.own)
 
 
-@dataclass(frozen=True)
-class StructureRanking:
-    """The candidates, one per effect, in order of probability; the rest belongs to "nothing is missing"."""
-
-    fitted: tuple[FittedChange, ...]
-    probabilities: tuple[float, ...]
-    nothing: float
-
-    def members(self) -> tuple[FittedChange, ...]:
-        """Return the best candidate and those that the records cannot tell from it."""
-        limit = self.probabilities[0] * np.exp(-RIVAL_NATS)
-        return tuple(f for f, p in zip(self.fitted, self.probabilities, strict=True) if p >= limit)
-
-
-def rows_of(problem: PulseProblem, duration: float | None = None) -> float:
-    """Return the effective number of samples."""
-    duration = problem.duration if duration is None else duration
-    return sum(
-        problem.count(record, duration) / noise.length
-        for record, noise in zip(problem.records, problem.noise, strict=True)
-    )
-
-
-def rank(
-    fitted: Sequence[FittedChange], base_cost: float, rows: float, explained: float = 0.0
-) -> StructureRanking:
-    """Return the candidates with their probabilities, the best way of each effect alone.
+def rank_changes(
+    problem: PulseProblem, fitted: Sequence[FittedChange], base_cost: float, explained: float = 0.0
+) -> Ranking[FittedChange]:
+    """Return the candidates with their probabilities, the best variant of each effect alone.
 
     Parameters
     ----------
+    problem : PulseProblem
     fitted : sequence of FittedChange
     base_cost : float
         χ² without any of them.
-    rows : float
-        Effective samples.
     explained : float
         Fall of χ² that effects found before have brought.
     """
-    best: dict[str, tuple[float, FittedChange]] = {}
-    left = max(1.0, min((base_cost - f.gain) / rows for f in fitted))
-    blur = TEMPER + SIMULATION_ERROR**2 * max(f.gain for f in fitted) / left
-    for each in fitted:
-        gain = max(each.gain - FOUND_ERROR**2 * explained, 0.0)
-        evidence = 0.5 * gain / left / blur - 0.5 * each.change.size * np.log(rows) / TEMPER
-        if each.change.effect not in best or evidence > best[each.change.effect][0]:
-            best[each.change.effect] = evidence, each
-    kept = [each for _, each in best.values()]
-    values = np.array([*(e - np.log(len(kept)) for e, _ in best.values()), 0.0])
-    weight = np.exp(values - values.max())
-    weight /= weight.sum()
-    order = np.argsort(-weight[:-1], kind="stable")
-    return StructureRanking(
-        tuple(kept[i] for i in order), tuple(float(weight[i]) for i in order), float(weight[-1])
-    )
+    rows = problem.rows()
+    scale = EvidenceScale(base_cost, rows, rows, problem.policy.column_error, explained)
+    return rank(fitted, [f.change.size for f in fitted], scale, problem.policy)
 
 
 def horizons(problem: PulseProblem, period: float) -> tuple[float, ...]:
@@ -137,7 +95,7 @@ def search(
 ) -> list[FittedChange]:
     """Fit every candidate beside the base, and return those that were followed to the whole record.
 
-    Spare ways are tried only where the others leave more than noise.
+    Fallback variants are tried only where the others leave more than noise.
 
     Parameters
     ----------
@@ -149,11 +107,11 @@ def search(
         Of the main oscillation, s.
     say : callable
     """
-    found = _search(problem, base, [change for change in changes if not change.spare], period, say)
-    spare = [change for change in changes if change.spare]
-    left = min((base.cost - each.gain for each in found), default=base.cost) / rows_of(problem)
-    if spare and left > LEFT_OVER:
-        found += _search(problem, base, spare, period, say)
+    found = _search(problem, base, [change for change in changes if not change.fallback], period, say)
+    fallback = [change for change in changes if change.fallback]
+    residual = min((base.cost - each.gain for each in found), default=base.cost) / problem.rows()
+    if fallback and residual > problem.policy.fallback:
+        found += _search(problem, base, fallback, period, say)
     return found
 
 
@@ -161,13 +119,12 @@ def _search(
     problem: PulseProblem, base: Fit, changes: Sequence[Change], period: float, say: Callable[[str], None]
 ) -> list[FittedChange]:
     steps = horizons(problem, period)
-    rows = rows_of(problem)
-    small = base.cost < LINEAR * rows
+    small = base.cost < problem.policy.linear * problem.rows()
     start = base.x if small else _held(problem, base)
     say(f"trying {len({c.effect for c in changes})} effects")
     tried = _begin(problem, start, changes, steps[0])
     if small:
-        return _screened(problem, base, tried, period)
+        return _linearised(problem, base, tried)
     alive = tried
     anchor: tuple[Array, Change | None] = (start, None)
     fits: list[tuple[Change, Fit]] = []
@@ -176,16 +133,16 @@ def _search(
         jacobian = _base_jacobian(problem, anchor, horizon)
         if jacobian is None:
             jacobian = _base_jacobian(problem, (start, None), horizon)
-        if index == 0 and len(alive) > RACED:
-            alive = _raced(problem, alive, horizon, jacobian)
+        if index == 0 and len(alive) > SCREENED:
+            alive = _screened(problem, alive, horizon, jacobian)
         fits = _fits(problem, alive, horizon, jacobian, 6)
         if not fits:
             return []
         cost = min(f.cost for _, f in fits)
-        fits = _close(fits, cost, rows_of(problem, horizon), last=index == len(steps) - 1)
+        fits = _close(problem, fits, cost, horizon)
         best = min(fits, key=lambda each: each[1].cost)
         anchor, alive = (best[1].x, best[0]), [(change, found.x) for change, found in fits]
-    return _polished(problem, base, fits)
+    return _refined(problem, base, fits)
 
 
 def _held(problem: PulseProblem, base: Fit) -> Array:
@@ -237,12 +194,12 @@ def _promising(
 
 
 def _linear(columns: Array, residual: Array) -> tuple[float, Array]:
-    """Return the sum of squares that columns leave of a residual, and the numbers that do it."""
+    """Return the least sum of squares of a residual beside columns, and the numbers that do it."""
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
     numbers, *_ = np.linalg.lstsq(columns / size, -residual, rcond=1e-9)
-    left = residual + (columns / size) @ numbers
-    return float(left @ left), numbers / size
+    least = residual + (columns / size) @ numbers
+    return float(least @ least), numbers / size
 
 
 def _base_jacobian(
@@ -255,13 +212,14 @@ def _base_jacobian(
     return problem.derivatives(x, residual, horizon, range(problem.base_size), change)
 
 
-def _raced(
+def _screened(
     problem: PulseProblem, alive: Sequence[tuple[Change, Array]], horizon: float, jacobian: Array | None
 ) -> list[tuple[Change, Array]]:
     """Return the candidates that lead after a few steps, and all that are close to them."""
-    fits = sorted(_fits(problem, alive, horizon, jacobian, RACE_STEPS), key=lambda each: each[1].cost)
-    close = fits[0][1].cost + BEHIND * 2 * TEMPER * max(1.0, fits[0][1].cost / rows_of(problem, horizon))
-    return [(c, found.x) for i, (c, found) in enumerate(fits) if i < RACED or found.cost < close]
+    fits = sorted(_fits(problem, alive, horizon, jacobian, SCREEN_STEPS), key=lambda each: each[1].cost)
+    policy, least = problem.policy, fits[0][1].cost
+    close = least + policy.behind * 2 * policy.temper * max(1.0, least / problem.rows(horizon))
+    return [(c, found.x) for i, (c, found) in enumerate(fits) if i < SCREENED or found.cost < close]
 
 
 def _fits(
@@ -277,35 +235,39 @@ def _fits(
     return [(change, found) for change, found in _parallel(one, alive) if found is not None]
 
 
-def _close(fits: list[tuple[Change, Fit]], cost: float, rows: float, last: bool) -> list[tuple[Change, Fit]]:
-    """Return the candidates that can still win, and of each effect only its best way."""
-    left = max(1.0, cost / rows)
+def _close(
+    problem: PulseProblem, fits: Sequence[tuple[Change, Fit]], cost: float, horizon: float
+) -> list[tuple[Change, Fit]]:
+    """Return the candidates that can still win (at the end all), and of each effect only its best variant."""
+    policy, rows = problem.policy, problem.rows(horizon)
+    residual, last = max(1.0, cost / rows), horizon == problem.duration
     kept: dict[str, tuple[float, Change, Fit]] = {}
     for change, found in fits:
-        behind = (found.cost - cost) / (2 * left * TEMPER) + 0.5 * change.size * np.log(rows) / TEMPER
+        behind = (found.cost - cost) / (2 * residual * policy.temper)
+        behind += 0.5 * change.size * np.log(rows) / policy.temper
         if change.effect not in kept or behind < kept[change.effect][0]:
             kept[change.effect] = behind, change, found
     best = min(behind for behind, _, _ in kept.values())
-    limit = best + BEHIND + SIMULATION_ERROR * cost
+    limit = best + policy.behind + policy.column_error * cost
     return [(change, found) for behind, change, found in kept.values() if last or behind <= limit]
 
 
-def _polished(problem: PulseProblem, base: Fit, fits: Sequence[tuple[Change, Fit]]) -> list[FittedChange]:
+def _refined(problem: PulseProblem, base: Fit, fits: Sequence[tuple[Change, Fit]]) -> list[FittedChange]:
     """Return the candidates; the best few are fitted once more with every derivative worked out."""
     order = sorted(fits, key=lambda each: each[1].cost)
-    first = order[:POLISHED]
+    first = order[:REFINED]
 
     def one(change: Change, found: Fit) -> Fit:
         again = fit(problem, found.x, problem.duration, change, iterations=3)
         return found if again is None or again.cost > found.cost else again
 
     again = _parallel(one, first)
-    pairs = [(c, f) for (c, _), f in zip(first, again, strict=True)] + list(order[POLISHED:])
+    pairs = [(c, f) for (c, _), f in zip(first, again, strict=True)] + list(order[REFINED:])
     return [FittedChange(change, found.x, max(base.cost - found.cost, 0.0)) for change, found in pairs]
 
 
-def _screened(
-    problem: PulseProblem, base: Fit, tried: Sequence[tuple[Change, Array]], period: float
+def _linearised(
+    problem: PulseProblem, base: Fit, tried: Sequence[tuple[Change, Array]]
 ) -> list[FittedChange]:
     """Return candidates for a small gap: all by their linear gain, those that promise most by a fit."""
     duration = problem.duration
@@ -328,14 +290,14 @@ def _screened(
         return 0.0 if there is None else base.cost - _linear(columns, there)[0]
 
     gains = _parallel(score, tried)
-    rows = rows_of(problem)
+    rows = problem.rows()
     price = [
         0.5 * gain - 0.5 * change.size * np.log(rows) for gain, (change, _) in zip(gains, tried, strict=True)
     ]
     order = np.argsort(-np.array(price), kind="stable")
-    chosen = [int(i) for i in order[:MOST_SCREENED] if price[int(i)] > 0]
+    chosen = [int(i) for i in order[:MOST_LINEARISED] if price[int(i)] > 0]
     fits = _fits(problem, [_put(base, *tried[i]) for i in chosen], duration, columns, 4)
-    found = _polished(problem, base, fits) if fits else []
+    found = _refined(problem, base, fits) if fits else []
     others = [tried[int(i)] + (gains[int(i)],) for i in order if int(i) not in chosen]
     known = {f.change.effect for f in found}
     return found + [

@@ -19,7 +19,9 @@ COMMENTS = ("#", "%", "//")
 COMPARED = 20  # lines that the last one of a file is compared with
 # What no text table holds: control characters other than tab, line ends, form feed and DOS's end of file.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
+_HARMLESS = bytes(set(range(256)) - set(range(0x20)) | {0x09, 0x0A, 0x0C, 0x0D, 0x1A})
 _BLANK = re.compile(r"\A[ \t\f]*\n|\n[ \t\f]*\n|\n[ \t\f]+\Z")
+_BLANKS = ("\n", " ", "\t", "\f")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
 
 
@@ -78,7 +80,8 @@ def _decode(path: Path, data: bytes) -> str:
         except UnicodeDecodeError:
             # Instruments write µ and ° in the code page of their country; its letters occur in headers only.
             text = data.decode("latin-1")
-    rubbish = _CONTROL.search(text)
+    # In UTF-8 and its kin a control character is one byte; picking bytes is ten times as fast as a search.
+    rubbish = _CONTROL.search(text) if b"\0" in data or data.translate(None, _HARMLESS) else None
     if rubbish:
         raise InputError(
             f"{path}: is not a text table (byte {ord(rubbish[0])} at place {rubbish.start()}); "
@@ -126,7 +129,11 @@ def _layout(path: Path, text: str) -> Layout:
 
 def _irregular(text: str) -> bool:
     """Return whether a text may hold comments or blank lines; most hold none, and need no look at every line."""
-    return any(mark in text for mark in COMMENTS) or bool(_BLANK.search(text)) or not text.strip()
+    # The search takes long, and can only find something where a line begins with a blank.
+    indented = text[0] in _BLANKS or any("\n" + blank in text for blank in _BLANKS)
+    return (
+        any(mark in text for mark in COMMENTS) or (indented and bool(_BLANK.search(text))) or not text.strip()
+    )
 
 
 def _delimiter(lines: list[str]) -> str | None:

@@ -7,11 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from sindyjoint.reporting.figures.kind import Panel
-from sindyjoint.reporting.figures.loops import spread
+from sindyjoint.reporting.figures.kind import Panel, spread
 from sindyjoint.reporting.style import (
     DIVERGING,
     INK,
@@ -25,6 +23,8 @@ from sindyjoint.reporting.style import (
 from sindyjoint.reporting.units import quantities
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from sindyjoint.diagnosis.campaign.pictures import RunGap
     from sindyjoint.diagnosis.result import Diagnosis
 

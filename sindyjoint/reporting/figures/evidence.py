@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
-from sindyjoint.reporting.data import ReportData, gather
+from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.equation import split_symbol
 from sindyjoint.reporting.figures.residuals import nothing
 from sindyjoint.reporting.style import (
@@ -30,6 +28,8 @@ from sindyjoint.reporting.units import quantities
 from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from sindyjoint.discovery.frequency import FrequencyTest
     from sindyjoint.workflows.comparison import Comparison
 
@@ -38,9 +38,8 @@ EQUIVALENCE = 0.10
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
-def path(result: Any, ax: Axes) -> Axes:
+def path(data: ReportData, ax: Axes) -> Axes:
     """Draw the residual and the held-out error over the number of terms kept, and the chosen model."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     if not data.path:
         return nothing(ax, data.selection_reason)
@@ -67,6 +66,8 @@ def path(result: Any, ax: Axes) -> Axes:
     ax.set_yscale("log")
     ax.set_xlabel("Terms kept")
     ax.set_ylabel(f"RMS ({unit})")
+    from matplotlib.ticker import MaxNLocator, NullLocator
+
     ax.yaxis.set_minor_locator(NullLocator())
     ax.set_title("Path of models" + _chosen_note(data, size, "dotted"))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -74,9 +75,8 @@ def path(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def threshold(result: Any, ax: Axes) -> Axes:
+def threshold(data: ReportData, ax: Axes) -> Axes:
     """Draw how many terms survive a threshold on what each carries alone."""
-    data = gather(result)
     if not data.path:
         return nothing(ax, data.selection_reason)
     size = np.array([len(step.terms) for step in data.path])
@@ -93,37 +93,30 @@ def threshold(result: Any, ax: Axes) -> Axes:
     ax.set_xlabel("Threshold (share of RMS carried alone)")
     ax.set_ylabel("Terms kept")
     ax.set_title("Terms over the threshold" + _chosen_note(data, size, "shaded"))
+    from matplotlib.ticker import LogLocator, NullLocator
+
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(LogLocator(numticks=7))
     return ax
 
 
-def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
+def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
     """Draw one coefficient for each frequency alone, with 95 % intervals, a ±10 % band and the paper's values."""
-    data = gather(result)
     ids = data.model.ids
     index = ids.index(term) if term else 0
     item = data.model.terms[index]
     factor, unit = _scale(item.coefficient, item.unit)
-    centre = item.coefficient * factor
     groups = data.groups
-    ax.axhspan(*sorted((centre * (1 - EQUIVALENCE), centre * (1 + EQUIVALENCE))), color=RULE, alpha=0.6, lw=0)
-    ax.axhline(centre, color=INK, linewidth=0.8)
     x = np.arange(len(groups))
-    values = np.array([group.coefficients[index] for group in groups]) * factor
-    errors = np.array([group.standard_errors[index] for group in groups]) * abs(factor)
-    ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
+    values = np.array([group.coefficients[index] for group in groups])
+    errors = np.array([group.standard_errors[index] for group in groups])
     published = paper_values(data.model.joint.name, item.id)
-    where = [i for i, group in enumerate(groups) if group.group in published]
-    shown: list[float] = []
-    if where:
-        shown = [published[groups[i].group] * factor for i in where]
-        ax.plot(np.array(where) + 0.18, shown, linestyle="none", marker="x", markersize=4, color=ACCENT)
+    shown = [(i + 0.18, published[g.group]) for i, g in enumerate(groups) if g.group in published]
+    _estimates(ax, x, values, errors, (item.coefficient, EQUIVALENCE), shown, factor)
     ax.set_xticks(x, [plain(group.group) for group in groups])
     if len(groups) > 6:
         ax.tick_params(axis="x", rotation=60)
     ax.set_xlim(-0.6, len(groups) - 0.4)
-    _room(ax, values, errors, centre, shown)
     ax.set_ylabel(f"{_math(item.symbol)}" + (f" ({unit})" if unit else ""))
     ax.set_title(plain(item.name))
     return ax
@@ -132,22 +125,12 @@ def coefficient(result: Any, ax: Axes, term: str = "") -> Axes:
 def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     """Draw a coefficient by frequency, with 95 % intervals, the margin of equivalence and the answer of its tests."""
     factor, unit = _scale(test.mean, result.units.get(test.name, ""))
-    centre = test.mean * factor
-    band = sorted((centre * (1 - test.margin), centre * (1 + test.margin)))
-    ax.axhspan(band[0], band[1], color=RULE, alpha=0.6, lw=0)
-    ax.axhline(centre, color=INK, linewidth=0.8)
-    frequencies, values = np.array(test.frequencies), np.array(test.estimates) * factor
-    errors = np.array(test.standard_errors) * abs(factor)
-    ax.errorbar(
-        frequencies, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0]
-    )
-    published = paper_values(result.joint, test.name)
-    shown = [(f, published[f"{f:.4g} Hz"] * factor) for f in frequencies if f"{f:.4g} Hz" in published]
-    if shown:
-        x, y = zip(*shown, strict=True)
-        aside = 0.03 * float(np.ptp(frequencies))
-        ax.plot(np.array(x) + aside, y, linestyle="none", marker="x", markersize=4, color=ACCENT)
-    _room(ax, values, errors, centre, [value for _, value in shown])
+    frequencies = np.array(test.frequencies)
+    values, errors = np.array(test.estimates), np.array(test.standard_errors)
+    published, aside = paper_values(result.joint, test.name), 0.03 * float(np.ptp(frequencies))
+    names = [(f, f"{f:.4g} Hz") for f in frequencies]
+    shown = [(f + aside, published[name]) for f, name in names if name in published]
+    _estimates(ax, frequencies, values, errors, (test.mean, test.margin), shown, factor)
     ax.margins(x=0.12)
     ax.set_xlabel("Frequency (Hz)")
     ax.set_ylabel(unit)
@@ -155,9 +138,29 @@ def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     return ax
 
 
-def covariance(result: Any, ax: Axes) -> Axes:
+def _estimates(
+    ax: Axes,
+    x: Any,
+    values: Any,
+    errors: Any,
+    band: tuple[float, float],
+    published: list[tuple[float, float]],
+    factor: float,
+) -> None:
+    """Draw values with 95 % intervals over a centre and its relative margin, crosses beside them, all scaled."""
+    centre, margin = band[0] * factor, band[1]
+    ax.axhspan(*sorted((centre * (1 - margin), centre * (1 + margin))), color=RULE, alpha=0.6, lw=0)
+    ax.axhline(centre, color=INK, linewidth=0.8)
+    values, errors = values * factor, errors * abs(factor)
+    ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
+    shown = [y * factor for _, y in published]
+    if shown:
+        ax.plot([at for at, _ in published], shown, ls="none", marker="x", markersize=4, color=ACCENT)
+    _room(ax, values, errors, centre, shown)
+
+
+def covariance(data: ReportData, ax: Axes) -> Axes:
     """Draw the correlation of the coefficients' errors."""
-    data = gather(result)
     model = data.model
     if not model.terms:
         return nothing(ax, "no terms, no covariance")

@@ -1,14 +1,23 @@
-"""What a kind of figure is: a name, how to read it, and the panels that it is made of."""
+"""What a kind of figure is: a name, how to read it, and the panels that it is made of; and its drawing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from matplotlib.axes import Axes
+import numpy as np
 
-Panel = Callable[[Any, Axes], Axes]
+from sindyjoint.reporting.style import new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Panel: TypeAlias = "Callable[[Any, Axes], Axes]"
+
+MOST_PANELS = 6
 
 
 @dataclass(frozen=True)
@@ -45,3 +54,54 @@ class Kind:
 def fixed(*panels: Panel) -> Callable[[Any], list[Panel]]:
     """Return what gives the same panels for every result."""
     return lambda data: list(panels)
+
+
+def each(
+    items: Callable[[Any], Sequence[Any]], draw: Callable[[Any, Axes], Axes]
+) -> Callable[[Any], list[Panel]]:
+    """Return what gives a panel for each of some items of a result; ``draw`` draws one item."""
+    return lambda data: [lambda _, ax, item=item: draw(item, ax) for item in items(data)]  # type: ignore[misc]
+
+
+def spread(items: Sequence[Any], most: int = MOST_PANELS) -> list[Any]:
+    """Return at most ``most`` of the items, evenly over the sequence, first and last among them."""
+    if len(items) <= most:
+        return list(items)
+    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
+
+
+def by_name(*kinds: Kind) -> dict[str, Kind]:
+    """Return the kinds of figure of a result by their names, in order."""
+    return {kind.name: kind for kind in kinds}
+
+
+def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Figure:
+    """Return the panels of a kind of figure as one figure of a width in inches, free of any global state."""
+    columns = 1 if width < 5 or len(panels) == 1 else (3 if len(panels) > 4 else 2)
+    rows = math.ceil(len(panels) / columns)
+    cell = width / columns if len(panels) > 1 or chosen.wide else min(width, 4.6)
+    height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))
+    with style():
+        figure = new_figure(cell * columns, rows * height)
+        grid = figure.add_gridspec(rows, columns)
+        for index, panel in enumerate(panels):
+            row, column = divmod(index, columns)
+            # Of an odd number of panels in two columns the last takes the whole row.
+            alone = columns == 2 and index == len(panels) - 1 and column == 0
+            place = grid[row, :] if alone else grid[row, column]
+            _few_ticks(panel(data, figure.add_subplot(place, projection=chosen.projection)))
+        engine = figure.get_layout_engine()
+        assert engine is not None
+        engine.execute(figure)
+        # Laid out once: every later drawing would do it again, for half of the time that a figure takes.
+        figure.set_layout_engine("none")
+    return figure
+
+
+def _few_ticks(ax: Axes) -> None:
+    """Keep to six ticks: easier to read, and ticks are what drawing spends its time on."""
+    from matplotlib.ticker import AutoLocator, MaxNLocator
+
+    for axis in (ax.xaxis, ax.yaxis):
+        if isinstance(axis.get_major_locator(), AutoLocator):
+            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))

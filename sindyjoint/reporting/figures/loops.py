@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
-from sindyjoint.reporting.data import Loop, ReportData, gather
+from sindyjoint.reporting.data import Loop, ReportData
+from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.style import DASHES, INK, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_LOOPS = 6
 
 
-def loops(result: Any, ax: Axes, group: str | None = None) -> Axes:
+def loops(data: ReportData, ax: Axes, group: str | None = None) -> Axes:
     """Draw measured moment–angle loops (colours) and the model over them (black dots).
 
     Parameters
     ----------
-    result : Discovery or ReportData
+    data : ReportData
     ax : matplotlib Axes
     group : str, optional
         Label of a frequency, as :func:`loop_groups` gives it; ``None``: all runs.
@@ -30,7 +32,6 @@ def loops(result: Any, ax: Axes, group: str | None = None) -> Axes:
     matplotlib Axes
         The same.
     """
-    data = gather(result)
     groups = loop_groups(data)
     chosen = list(data.loops) if group is None else groups[group]
     chosen = spread(chosen, MOST_LOOPS)
@@ -70,13 +71,6 @@ def loop_groups(data: ReportData) -> dict[str, list[Loop]]:
         key = f"{loop.frequency:.4g} Hz" if loop.frequency is not None else "aperiodic"
         found.setdefault(key, []).append(loop)
     return found
-
-
-def spread(items: Sequence[Any], most: int) -> list[Any]:
-    """Return at most ``most`` of the items, evenly over the sequence, first and last among them."""
-    if len(items) <= most:
-        return list(items)
-    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
 
 
 def _label(loop: Loop, group: str | None) -> str:

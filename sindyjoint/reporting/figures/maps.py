@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from sindyjoint.reporting.data import ReportData, gather
+from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.style import (
     DIVERGING,
     FIXED_INK,
@@ -21,12 +20,14 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.units import quantities
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 Array = NDArray[np.float64]
 
 
-def map_moment(result: Any, ax: Axes) -> Axes:
+def map_moment(data: ReportData, ax: Axes) -> Axes:
     """Draw the averaged transfer moment of every cell, with the model's contours over it."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     limit = float(np.nanmax(np.abs(data.surface.moment)))
     factor, unit = prefixed(limit, q.moment_unit)
@@ -37,18 +38,16 @@ def map_moment(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def map_counts(result: Any, ax: Axes) -> Axes:
+def map_counts(data: ReportData, ax: Axes) -> Axes:
     """Draw how many moving samples each cell holds."""
-    data = gather(result)
     counts = np.where(data.surface.filled, data.surface.count.astype(float), np.nan)
     _cells(data, ax, counts, SEQUENTIAL, (0.0, float(np.nanmax(counts))), "samples")
     ax.set_title("Moving samples per cell")
     return ax
 
 
-def map_residual(result: Any, ax: Axes) -> Axes:
+def map_residual(data: ReportData, ax: Axes) -> Axes:
     """Draw the mean residual, measured less model, of every cell."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     values = data.residual_map.moment
     limit = float(np.nanmax(np.abs(values))) or 1.0
@@ -58,9 +57,8 @@ def map_residual(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def cut_at_rest(result: Any, ax: Axes) -> Axes:
+def cut_at_rest(data: ReportData, ax: Axes) -> Axes:
     """Draw the cut at θ̇ = 0: cell means just above and just below, the model, and the friction step between."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     middle = data.surface.n // 2
     x_factor, x_unit = prefixed(float(np.max(np.abs(data.surface.angle_edges))), q.angle_unit)
@@ -91,9 +89,8 @@ def cut_at_rest(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def cut_at_centre(result: Any, ax: Axes) -> Axes:
+def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
     """Draw the cut at the middle of the tested angles: cell means and model over θ̇, with the friction step."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     edges = data.surface.angle_edges
     middle, quarter = 0.5 * float(edges[0] + edges[-1]), 0.25 * float(edges[-1] - edges[0])

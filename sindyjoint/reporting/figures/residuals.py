@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
-from sindyjoint.reporting.data import gather, run_labels
-from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups, spread
+from sindyjoint.reporting.data import ReportData, run_labels
+from sindyjoint.reporting.figures.kind import spread
+from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-def residual_phase(result: Any, ax: Axes) -> Axes:
+
+def residual_phase(data: ReportData, ax: Axes) -> Axes:
     """Draw the mean residual over the phase of the cycle, one line per frequency; gaps where the joint sticks."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     lines: dict[str, Any] = {}
     for group, members in loop_groups(data).items():
@@ -51,9 +53,8 @@ def residual_phase(result: Any, ax: Axes) -> Axes:
     return ax
 
 
-def residual_time(result: Any, ax: Axes) -> Axes:
+def residual_time(data: ReportData, ax: Axes) -> Axes:
     """Draw the RMS residual in windows of time, with the noise floor."""
-    data = gather(result)
     q = quantities(data.model.joint.motion)
     labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
     chosen = spread(data.loops, MOST_LOOPS)

@@ -1,9 +1,9 @@
-"""Which effect explains the gap: every candidate is fitted beside the model, and probabilities follow.
+"""The regression of a gap: every candidate effect is fitted beside the model.
 
-For an effect the inner parameters are found by variable projection (Golub and Pereyra 1973): at given inner
-parameters everything else is linear and solved exactly, the model's own coefficients included, so only the inner ones
-are searched, within bounds, from a fixed grid. Rows are in units of noise, so the gain Δχ² is twice a log-likelihood
-ratio; an effect pays ½·ln N for each number that it chooses (Schwarz 1978).
+The nonlinear parameters of an effect are found by variable projection (Golub and Pereyra 1973): at given ones
+everything else is linear and solved exactly, the model's coefficients included, so only the nonlinear ones are
+searched, within bounds, from a fixed grid. Rows are in units of noise, so that a fall of χ² is twice a log-likelihood
+ratio.
 """
 
 from __future__ import annotations
@@ -19,35 +19,29 @@ from sindyjoint.diagnosis.campaign.half_cycles import correlation
 from sindyjoint.diagnosis.campaign.rows import base_columns
 from sindyjoint.diagnosis.campaign.run_rows import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
 
-# Per number of inner parameters: points of a grid, and from how many of the best a search starts.
+# Per number of nonlinear parameters: points of a grid, and from how many of the best a search starts.
 GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
 STARTS = {1: 1, 2: 3}
-# What the linearised noise model leaves out makes likelihoods overconfident; calibrated on simulated campaigns.
-TEMPER = 2.0
-COLUMN_ERROR = 0.01
-COLUMN_ERROR_ONCE = 0.03  # along a motion that does not repeat
-STATE_ERROR_ONCE = 0.08  # the same of internal states, which remember what smoothing took from the reversals
-FOUND_ERROR = 0.06
-CANCELS = 2.0
-# Inner parameters are refined until their gain rises by less than this, or by this share of it; searched less closely.
+# Nonlinear parameters are refined until their gain rises by less than this, or this share of it; the search is coarser.
 LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
-MOST_TRIALS = 80  # of inner parameters, per parameter; a ridge is followed slowly
-# Steps of integration over all runs for one trial of inner parameters.
+MOST_TRIALS = 80  # of nonlinear parameters, per parameter; a ridge is followed slowly
+# Steps of integration over all runs for one trial of nonlinear parameters.
 ROUGH_STEPS = 30_000
-# Inner parameters are refined where the search came within this share of the best gain.
+# Nonlinear parameters are refined where the search came within this share of the best gain.
 WORTH_REFINING = 0.3
-RIVAL_NATS = 3.0  # members of a class: within e³ = 20 times of the best
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """A gap to explain: rows of all runs in units of noise, and the columns that are fitted in any case.
+class GapRegression:
+    """Rows of all runs in units of noise, and the columns that are fitted in any case.
 
     Parameters
     ----------
@@ -58,6 +52,9 @@ class Problem:
     reference : Reference
     explained : float
         Fall of χ² that the effects already found have brought.
+    policy : DiagnosisPolicy
+    residual : ndarray, shape (N,)
+        Of the target, those columns fitted.
     """
 
     runs: tuple[GapRun, ...]
@@ -65,31 +62,43 @@ class Problem:
     target: Array
     reference: Reference
     explained: float = 0.0
+    policy: DiagnosisPolicy = CAMPAIGN
     _basis: Array = field(repr=False, default_factory=lambda: np.empty((0, 0)))
     residual: Array = field(repr=False, default_factory=lambda: np.empty(0))
 
     @classmethod
-    def build(cls, runs: Sequence[GapRun], model: JointModel, found: Sequence[FittedEffect] = ()) -> Problem:
-        """Return the problem of a model, with effects found before beside its terms."""
+    def build(
+        cls,
+        runs: Sequence[GapRun],
+        model: JointModel,
+        found: Sequence[FittedEffect] = (),
+        policy: DiagnosisPolicy = CAMPAIGN,
+    ) -> GapRegression:
+        """Return the regression of a model, with effects found before beside its terms."""
         columns = [stack(runs, lambda run: base_columns(model, run))]
         for each in found:
             columns.append(stack(runs, lambda run, e=each: e.variant.along(run.motion, e.values)))  # type: ignore[misc]
         base = np.hstack(columns)
         target = np.concatenate([run.white(run.target) for run in runs])
-        return cls.of_columns(runs, base, target, sum(each.gain for each in found))
+        return cls.of_columns(runs, base, target, sum(each.gain for each in found), policy)
 
     @classmethod
     def of_columns(
-        cls, runs: Sequence[GapRun], base: Array, target: Array, explained: float = 0.0
-    ) -> Problem:
-        """Return the problem of whitened columns and target, of whatever they are the rows."""
+        cls,
+        runs: Sequence[GapRun],
+        base: Array,
+        target: Array,
+        explained: float = 0.0,
+        policy: DiagnosisPolicy = CAMPAIGN,
+    ) -> GapRegression:
+        """Return the regression of whitened columns and target, of whatever they are the rows."""
         basis = _orthonormal(base)
         residual = target - basis @ (basis.T @ target)
-        return cls(tuple(runs), base, target, reference_scales(runs), explained, basis, residual)
+        return cls(tuple(runs), base, target, reference_scales(runs), explained, policy, basis, residual)
 
     @property
     def chi_square(self) -> float:
-        """Sum of squares of what is left, in units of noise."""
+        """Sum of squares of the residual, in units of noise."""
         return float(self.residual @ self.residual)
 
     @property
@@ -98,34 +107,43 @@ class Problem:
         return self.target.size - self._basis.shape[1]
 
     @property
-    def repeated(self) -> float:
-        """How many neighbouring rows say the same thing: one, but for the swings of free motion."""
-        if not any(run.swings for run in self.runs):
+    def free(self) -> bool:
+        """Whether rows are half-cycles of free motion."""
+        return any(run.half_cycles for run in self.runs)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether every row is of a mean period, whose noise repetition has measured."""
+        return all(run.folded for run in self.runs)
+
+    @property
+    def correlated(self) -> float:
+        """How many neighbouring rows say the same thing: one, but for the half-cycles of free motion."""
+        if not self.free:
             return 1.0
         ends = np.cumsum([run.white_size for run in self.runs])[:-1]
         parts = zip(self.runs, np.split(self.residual, ends), strict=True)
-        return max(correlation(part) for run, part in parts if run.swings)
+        return max(correlation(part) for run, part in parts if run.half_cycles)
 
     def choices(self, variant: Variant) -> int:
         """Numbers that a fit chooses; what repeats does not depend on the states it began with, a decay does."""
-        free = any(run.swings for run in self.runs)
-        return variant.degrees + (len(variant.states) if free else 0)
+        return variant.degrees + (len(variant.states) if self.free else 0)
 
-    def rough(self) -> Problem:
-        """Return the problem for searching: states follow the motion roughly, and windows of long records only."""
+    def rough(self) -> GapRegression:
+        """Return the regression for searching: states follow the motion roughly, and windows of long records only."""
         runs = [run.rough() for run in self.runs]
         share = ROUGH_STEPS / sum(run.motion.angle.size / run.motion.follow for run in runs)
-        if share >= 1 or any(run.folded or run.swings for run in runs):
+        if share >= 1 or any(run.folded or run.half_cycles for run in runs):
             return replace(self, runs=tuple(runs))
         parts = [excerpt(run, share) for run in runs]
         starts = np.cumsum([0, *(run.target.size for run in runs[:-1])])
         rows = np.concatenate([start + kept for start, (_, kept) in zip(starts, parts, strict=True)])
-        return Problem.of_columns(
-            [run for run, _ in parts], self.base[rows], self.target[rows], self.explained
+        return GapRegression.of_columns(
+            [run for run, _ in parts], self.base[rows], self.target[rows], self.explained, self.policy
         )
 
-    def beside(self, columns: Array) -> Array:
-        """Return whitened columns less what the columns that are there already explain of them."""
+    def projected(self, columns: Array) -> Array:
+        """Return whitened columns projected onto the orthogonal complement of those that are there already."""
         return columns - self._basis @ (self._basis.T @ columns)
 
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
@@ -142,33 +160,33 @@ class Problem:
         if not np.all(np.isfinite(columns)):
             return 0.0, np.zeros(columns.shape[1])
         size = np.linalg.norm(columns, axis=0)
-        rest = self.beside(columns)
-        left = np.linalg.norm(rest, axis=0)
+        projected = self.projected(columns)
+        norm = np.linalg.norm(projected, axis=0)
         # A column inside the span of what is there already explains nothing, only rounding.
-        if np.any(left <= 1e-6 * size) or np.any(size == 0):
+        if np.any(norm <= 1e-6 * size) or np.any(size == 0):
             return 0.0, np.zeros(columns.shape[1])
-        coefficients, *_ = np.linalg.lstsq(rest / left, self.residual, rcond=None)
-        explained = (rest / left) @ coefficients
-        coefficients = coefficients / left
+        coefficients, *_ = np.linalg.lstsq(projected / norm, self.residual, rcond=None)
+        explained = (projected / norm) @ coefficients
+        coefficients = coefficients / norm
         for column, value in zip(variant.columns, coefficients, strict=True):
             if column.positive and value <= 0:
                 return 0.0, coefficients
         # What is larger than the moment itself must be cancelled by the other terms, and is no effect.
-        if np.any(np.abs(coefficients) * size > CANCELS * np.linalg.norm(self.target)):
+        if np.any(np.abs(coefficients) * size > self.policy.cancelled * np.linalg.norm(self.target)):
             return 0.0, coefficients
         return float(2 * explained @ self.residual - explained @ explained), coefficients
 
 
 @dataclass(frozen=True, eq=False)
 class FittedEffect:
-    """An effect with its best inner parameters.
+    """An effect with its best nonlinear parameters.
 
     Parameters
     ----------
     effect : Effect
     variant : Variant
     values : ndarray
-        Inner parameters, SI.
+        Nonlinear parameters, SI.
     coefficients : ndarray
         Of the variant's columns beside the model's terms, SI.
     gain : float
@@ -182,8 +200,23 @@ class FittedEffect:
     gain: float
 
     @property
+    def name(self) -> str:
+        """Id of the effect."""
+        return self.effect.id
+
+    @property
+    def family(self) -> str:
+        """Of the effect."""
+        return self.effect.family
+
+    @property
+    def shifts(self) -> bool:
+        """Whether it is a time delay between the channels, which is removed from the states."""
+        return self.effect.enters == "time shift"
+
+    @property
     def parameters(self) -> dict[str, float]:
-        """Inner parameters and coefficients by name."""
+        """Nonlinear parameters and coefficients by name."""
         inner = dict(zip(self.variant.names, map(float, self.values), strict=True))
         return {
             **{c.symbol: float(v) for c, v in zip(self.variant.columns, self.coefficients, strict=True)},
@@ -191,51 +224,28 @@ class FittedEffect:
         }
 
 
-@dataclass(frozen=True)
-class Ranking:
-    """The candidates in order of probability.
-
-    Parameters
-    ----------
-    fitted : tuple of FittedEffect
-    probabilities : tuple of float
-        Of each; what is missing to one is the probability that nothing is missing.
-    nothing : float
-    """
-
-    fitted: tuple[FittedEffect, ...]
-    probabilities: tuple[float, ...]
-    nothing: float
-
-    def members(self) -> tuple[FittedEffect, ...]:
-        """Return the best candidate and those that the data cannot tell from it."""
-        best = self.probabilities[0]
-        limit = best * np.exp(-RIVAL_NATS)
-        return tuple(f for f, p in zip(self.fitted, self.probabilities, strict=True) if p >= limit)
-
-
-def fit_effect(problem: Problem, effect: Effect) -> FittedEffect:
-    """Return the variant and inner parameters of an effect that lower χ² most."""
+def fit_effect(problem: GapRegression, effect: Effect) -> FittedEffect:
+    """Return the variant and nonlinear parameters of an effect that lower χ² most."""
     return refine_effect(problem, _searched(problem, effect))
 
 
-def fit_effects(problem: Problem, effects: Sequence[Effect]) -> list[FittedEffect]:
+def fit_effects(problem: GapRegression, effects: Sequence[Effect]) -> list[FittedEffect]:
     """Fit several effects, side by side, in their order.
 
-    Inner parameters are searched along a roughly followed motion; those that come near the best are refined along the
-    motion itself.
+    Nonlinear parameters are searched along a roughly followed motion; those that come near the best are refined along
+    the motion itself.
     """
     found = side_by_side(_searched, effects, [problem])
     worth = WORTH_REFINING * max((f.gain for f in found), default=0.0)
     return side_by_side(_refined, [(f, bool(f.variant.states) and f.gain >= worth) for f in found], [problem])
 
 
-def _refined(problem: Problem, task: tuple[FittedEffect, bool]) -> FittedEffect:
+def _refined(problem: GapRegression, task: tuple[FittedEffect, bool]) -> FittedEffect:
     return refine_effect(problem, task[0]) if task[1] else task[0]
 
 
-def _searched(problem: Problem, effect: Effect) -> FittedEffect:
-    """Return the best variant and inner parameters that a search along the roughly followed motion finds."""
+def _searched(problem: GapRegression, effect: Effect) -> FittedEffect:
+    """Return the best variant and nonlinear parameters that a search along the roughly followed motion finds."""
     rough = problem.rough()
     best: FittedEffect | None = None
     for variant in effect.variants:
@@ -251,8 +261,8 @@ def _searched(problem: Problem, effect: Effect) -> FittedEffect:
     return best
 
 
-def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
-    """Return an effect with its inner parameters refitted near where they were."""
+def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
+    """Return an effect with its nonlinear parameters refitted near where they were."""
     if not fitted.values.size:
         return fitted
     from scipy.optimize import minimize
@@ -275,33 +285,22 @@ def refine_effect(problem: Problem, fitted: FittedEffect) -> FittedEffect:
     return replace(fitted, values=values, gain=gain, coefficients=coefficients)
 
 
-def rank(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking:
-    """Return the candidates with their probabilities, "nothing is missing" among the alternatives.
-
-    Three things keep likelihoods honest: what is left beyond noise counts as noise; columns are computed along an
-    estimated motion and err by :data:`COLUMN_ERROR`, which blurs differences in proportion to the gain; and half of
-    the prior belief is that nothing is missing.
-    """
-    repeated = problem.repeated
-    rows = problem.target.size / repeated
-    left = max(1.0, min((problem.chi_square - f.gain) / max(problem.degrees, 1) for f in fitted))
-    best = max(fitted, key=lambda f: f.gain)
-    error = COLUMN_ERROR
-    if not all(run.folded for run in problem.runs):
-        error = STATE_ERROR_ONCE if best.variant.states else COLUMN_ERROR_ONCE
-    blur = TEMPER * repeated + error**2 * max(f.gain for f in fitted) / left
-    # What the columns of effects found before got wrong is left over too, and is no effect of its own.
-    own = [max(f.gain - FOUND_ERROR**2 * problem.explained, 0.0) for f in fitted]
-    evidence = [
-        (0.5 * gain / left - 0.5 * problem.choices(f.variant) * np.log(rows) * repeated) / blur
-        for gain, f in zip(own, fitted, strict=True)
-    ]
-    values = np.array([*(e - np.log(len(fitted)) for e in evidence), 0.0])
-    weight = np.exp(values - values.max())
-    weight /= weight.sum()
-    # Effects whose columns span the same space tie but for rounding; the catalogue's order decides then.
-    order = np.argsort(-np.round(weight[:-1], 6), kind="stable")
-    return Ranking(tuple(fitted[i] for i in order), tuple(float(weight[i]) for i in order), float(weight[-1]))
+def rank_effects(problem: GapRegression, fitted: Sequence[FittedEffect]) -> Ranking[FittedEffect]:
+    """Return the candidates in order of probability."""
+    policy, correlated = problem.policy, problem.correlated
+    error = policy.column_error
+    if not problem.repeats:
+        best = max(fitted, key=lambda f: f.gain)
+        error = policy.state_error_once if best.variant.states else policy.column_error_once
+    scale = EvidenceScale(
+        problem.chi_square,
+        problem.degrees,
+        problem.target.size / correlated,
+        error,
+        problem.explained,
+        correlated,
+    )
+    return rank(fitted, [problem.choices(f.variant) for f in fitted], scale, policy)
 
 
 def stack(runs: Sequence[GapRun], columns: Callable[[GapRun], Array]) -> Array:
@@ -317,7 +316,7 @@ def _orthonormal(matrix: Array) -> Array:
 
 
 def _search(gain: Callable[[Array], float], bounds: Array) -> Array:
-    """Return the best inner parameters: a grid in their logarithms, then Nelder–Mead from its best points."""
+    """Return the best nonlinear parameters: a grid in their logarithms, then Nelder–Mead from its best points."""
     if bounds.shape[0] == 0:
         return np.empty(0)
     from scipy.optimize import minimize

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.reporting.figures.diagnosis import KINDS as DIAGNOSIS
+from sindyjoint.reporting.figures.diagnosis import budget_parts
+from sindyjoint.reporting.figures.kind import MOST_PANELS, Kind, by_name, each, fixed
+from sindyjoint.reporting.figures.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
 from sindyjoint.text import percent, spelled
@@ -17,6 +22,15 @@ if TYPE_CHECKING:
     from sindyjoint.diagnosis.structure.result import StructureDiagnosis
 
 CYCLES_SHOWN = 6
+
+
+def thinned(record: RecordGap) -> RecordGap:
+    """Return a record with no more samples than a picture shows."""
+    step = -(-record.time.size // KEPT_SAMPLES)
+    before, after = (None if x is None else x[::step] for x in (record.before, record.after))
+    return replace(
+        record, time=record.time[::step], measured=record.measured[::step], before=before, after=after
+    )
 
 
 def _curves(record: RecordGap) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
@@ -120,3 +134,49 @@ def envelope(record: RecordGap, ax: Axes) -> Axes:
     ax.set_ylabel(f"Envelope ({unit})")
     legend_above(ax, 4, columns=2)
     return ax
+
+
+def _records(result: StructureDiagnosis) -> tuple[RecordGap, ...]:
+    return result.records[:MOST_PANELS]
+
+
+KINDS = DIAGNOSIS | by_name(
+    Kind(
+        "gap",
+        "Gap by step",
+        "Response gap before and after each named effect, down to the noise floor; the scale is logarithmic.",
+        fixed(gap_by_step),
+        wide=True,
+    ),
+    Kind(
+        "overlay",
+        "Before and after",
+        "Measured displacement, and what the simulations miss of it: with the model alone and with the effects. "
+        "What lies behind the line was kept out of the fit that is drawn.",
+        each(_records, overlay),
+        wide=True,
+    ),
+    Kind(
+        "cycles",
+        "A few cycles",
+        "Some cycles of what was kept out of the fit, measured and simulated.",
+        each(_records, cycles),
+        wide=True,
+    ),
+    Kind(
+        "envelope",
+        "Envelope",
+        "Envelope of the measured and the simulated displacement, beside the noise.",
+        each(_records, envelope),
+        wide=True,
+    ),
+    Kind(
+        "budget",
+        "Budget of the gap",
+        "What the first gap is made of: memoryless effects of the joint and its coefficients (state), memory in "
+        "the joint (history), what lies outside the joint or is not explained (run), the time step (processing), "
+        "noise.",
+        fixed(budget_parts),
+        wide=True,
+    ),
+)

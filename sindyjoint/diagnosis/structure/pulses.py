@@ -9,29 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.result import Advice
-from sindyjoint.diagnosis.structure.problem import PulseProblem
-from sindyjoint.diagnosis.structure.search import SIMULATION_ERROR, TEMPER, FittedChange
+from sindyjoint.diagnosis.structure.output_error import PulseProblem
+from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.mechanics.rigs import MeasuredResponse
 
 Array = NDArray[np.float64]
 
 # Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
 FORCES = (1.0, 0.3, 3.0)
-# A pulse that would leave the rivals nearly as likely as before is no advice.
-LEAST_CONFIDENCE = 0.6
 
 
-def advise(
-    problem: PulseProblem, classes: Sequence[Sequence[FittedChange]], period: float
+def separating_pulses(
+    problem: PulseProblem, members: Sequence[FittedChange], period: float
 ) -> tuple[Advice, ...]:
-    """Return, for each class, the pulse and the output point that separate its two likeliest members best.
+    """Return the pulse and the output point that separate the two likeliest members of a class best, if any does.
 
     Parameters
     ----------
     problem : PulseProblem
         With everything that was named.
-    classes : sequence of sequence of FittedChange
-        The members of each named effect, itself first.
+    members : sequence of FittedChange
+        Of the class, the named effect itself first.
     period : float
         Of the main oscillation, s.
 
@@ -40,22 +38,14 @@ def advise(
     tuple of Advice
         The level is the peak displacement at the point, m.
     """
-    advice = []
-    for members in classes:
-        if len(members) < 2:
-            continue
-        found = _best_pulse(problem, members[0], members[1])
-        if found is not None and found[2] >= LEAST_CONFIDENCE:
-            force, point, confidence, level = found
-            same = (
-                "second record of the same pulse"
-                if force == 1
-                else f"pulse {force:g} times as strong, measured"
-            )
-            words = f"{same} at {point!r}"
-            names = (members[0].change.effect, members[1].change.effect)
-            advice.append(Advice(names, float(f"{1 / period:.3g}"), float(f"{level:.3g}"), words, confidence))
-    return tuple(advice)
+    found = _best_pulse(problem, members[0], members[1])
+    if found is None or found[2] < problem.policy.least_confidence:
+        return ()
+    force, point, confidence, level = found
+    pulse = "second record of the same pulse" if force == 1 else f"pulse {force:g} times as strong, measured"
+    names = (members[0].name, members[1].name)
+    frequency, peak = float(f"{1 / period:.3g}"), float(f"{level:.3g}")
+    return (Advice(names, frequency, peak, f"{pulse} at {point!r}", confidence),)
 
 
 def _best_pulse(
@@ -79,17 +69,19 @@ def _best_pulse(
             continue
         measured = tuple(replace(b, displacement=signal) for b, signal in zip(blank, truth, strict=True))
         new = replace(new, records=measured)
-        left = new.residuals(rival.x, duration, rival.change)
-        if left is None:
+        residual = new.residuals(rival.x, duration, rival.change)
+        if residual is None:
             continue
-        columns = new.derivatives(rival.x, left, duration, range(base.base_size, rival.x.size), rival.change)
-        # The same blur as in naming; the effect is as large a share of the gap as before.
-        blur = TEMPER + SIMULATION_ERROR**2 * mine.gain * force**2
+        columns = new.derivatives(
+            rival.x, residual, duration, range(base.base_size, rival.x.size), rival.change
+        )
+        # The same model-error inflation as in naming; the effect is as large a share of the gap as before.
+        inflated = problem.policy.temper + problem.policy.column_error**2 * mine.gain * force**2
         for i, point in enumerate(points):
             rows = slice(i * truth[i].size, (i + 1) * truth[i].size)
             basis, _ = np.linalg.qr(columns[rows])
-            rest = left[rows] - basis @ (basis.T @ left[rows])
-            confidence = float(1 / (1 + np.exp(-min(0.5 * float(rest @ rest) / blur, 50.0))))
+            apart = residual[rows] - basis @ (basis.T @ residual[rows])
+            confidence = float(1 / (1 + np.exp(-min(0.5 * float(apart @ apart) / inflated, 50.0))))
             if answer is None or confidence > answer[2] + 1e-3:
                 answer = force, point, confidence, float(np.abs(truth[i]).max())
     return answer

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sindyjoint.batch.summary import TEMPERATURE
+from sindyjoint.reporting.figures.kind import MOST_PANELS, Kind, by_name
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, prefixed, shortened
 from sindyjoint.text import spelled
 
@@ -24,20 +26,13 @@ NORMAL95 = 1.96
 
 def joints(result: Batch, ax: Axes, term: str) -> Axes:
     """Draw one coefficient of every joint."""
-    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     values, errors = result.values[term], result.errors[term]
     factor, unit = _scale(values, result.units[term])
-    out = np.zeros(values.size, dtype=bool)
-    out[list(scatter.outliers)] = True
-    here = np.isfinite(values)
     x = np.arange(values.size)
     _distribution(ax, scatter, factor)
-    for keep, colour, marker in ((here & ~out, PALETTE[0], "o"), (here & out, ACCENT, "D")):
-        if keep.any():
-            ax.errorbar(x[keep], factor * values[keep], yerr=factor * NORMAL95 * errors[keep], fmt=marker,
-                        color=colour, markersize=3.5, elinewidth=0.9)  # fmt: skip
     ids = [record.id for record in result.records]
-    for i in np.flatnonzero(here & out):
+    for i in _points(ax, x, factor * values, factor * errors, scatter, np.isfinite(values)):
         # Towards the middle, so that it stays on the paper.
         right = x[i] < 0.6 * values.size
         ax.annotate(
@@ -54,6 +49,19 @@ def joints(result: Batch, ax: Axes, term: str) -> Axes:
     return ax
 
 
+def _points(
+    ax: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, scatter: Scatter, use: np.ndarray
+) -> np.ndarray:
+    """Draw values with 95 % intervals, those that stand out in another colour, whose places are returned."""
+    out = np.zeros(values.size, dtype=bool)
+    out[list(scatter.outliers)] = True
+    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
+        if keep.any():
+            ax.errorbar(x[keep], values[keep], yerr=NORMAL95 * errors[keep], fmt=marker, color=colour,
+                        markersize=3.5, elinewidth=0.9)  # fmt: skip
+    return np.flatnonzero(use & out)
+
+
 def _distribution(ax: Axes, scatter: Scatter, factor: float) -> None:
     if np.isfinite(scatter.mean):
         ax.axhline(factor * scatter.mean, color=INK, linewidth=0.9)
@@ -67,15 +75,10 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     term = trend.coefficient
     values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
     factor, unit = _scale(values, result.units[term])
-    scatter = next(s for s in result.population.scatters if s.coefficient == term)
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     use = np.isfinite(values) & np.isfinite(x)
     shift = KELVIN if trend.covariate == TEMPERATURE else 0.0
-    out = np.zeros(values.size, dtype=bool)
-    out[list(scatter.outliers)] = True
-    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
-        if keep.any():
-            ax.errorbar(x[keep] - shift, factor * values[keep], yerr=factor * NORMAL95 * errors[keep], fmt=marker,
-                        color=colour, markersize=3.5, elinewidth=0.9)  # fmt: skip
+    _points(ax, x - shift, factor * values, factor * errors, scatter, use)
     centre = float(np.mean(x[use]))
     level = float(np.median(values[use] - trend.slope * (x[use] - centre)))
     line = np.linspace(x[use].min(), x[use].max(), 101)
@@ -95,3 +98,24 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
 def _scale(values: np.ndarray, unit: str) -> tuple[float, str]:
     here = np.abs(values[np.isfinite(values)])
     return prefixed(float(here.max()) if here.size else 1.0, unit)
+
+
+KINDS = by_name(
+    Kind(
+        "joints",
+        "Coefficients of every joint",
+        "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie. "
+        "Diamonds: joints that stand out.",
+        lambda result: [partial(joints, term=term) for term in result.common[:MOST_PANELS]],
+    ),
+    Kind(
+        "trends",
+        "Trends",
+        "Coefficients over what the manifests declare, where a trend stands at 5 % over all that was looked for. "
+        "Line: the robust fit, with the 95 % interval of its slope.",
+        lambda result: [
+            partial(trend, trend=trend)
+            for trend in [t for t in result.population.trends if t.significant][:MOST_PANELS]
+        ],
+    ),
+)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.paper import PULSE
+from sindyjoint.reporting.figures.kind import Kind, Panel, by_name, fixed
+from sindyjoint.reporting.figures.verification import amplitude, period, thinned
 from sindyjoint.reporting.style import DIVERGING, INK, PALETTE
-from sindyjoint.reporting.verification import amplitude, period
 from sindyjoint.response.verification import RunVerification
 from sindyjoint.states.surface import ForceStateMap
 
@@ -69,8 +72,6 @@ class ReproductionFigures:
 
 def figures_of(result: Reproduction) -> ReproductionFigures:
     """Return what is drawn of a reproduction."""
-    from sindyjoint.reporting.saved import thinned
-
     time = np.linspace(-0.005, 0.02, 501)
     values = np.where(time < 0, 0.0, result.pulse.rig.excitation(np.maximum(time, 0.0)))
     return ReproductionFigures(
@@ -182,3 +183,53 @@ def swings(result: ReproductionFigures, ax: Axes, truth: str, of: str) -> Axes:
     draw = amplitude if of == "amplitude" else period
     draw(getattr(result, truth), ax).set_title(TRUTHS[truth])
     return ax
+
+
+def _per_joint(panel: Callable[..., Any]) -> Callable[[Any], list[Panel]]:
+    return lambda result: [partial(panel, joint=joint) for joint in result.joints]
+
+
+_SOLID: dict[str, Any] = {"height": lambda _: 3.2, "projection": "3d"}
+
+KINDS = by_name(
+    Kind(
+        "figure-05",
+        "Figure 5",
+        "Figure 5: moment over angle at 3 Hz; four of nine levels, periods averaged.",
+        _per_joint(loops),
+    ),
+    Kind(
+        "figure-06",
+        "Figure 6",
+        "Figure 6: force–state map of a linear spring, mass and damper: an oblique plane.",
+        fixed(surface),
+        **_SOLID,
+    ),
+    Kind(
+        "figure-07",
+        "Figure 7",
+        "Figure 7: force–state maps at 3 Hz; moving samples averaged in 24 × 24 cells.",
+        _per_joint(surface),
+        **_SOLID,
+    ),
+    Kind("figure-09", "Figure 9", "Figure 9: the exciting force.", fixed(force)),
+    Kind(
+        "figure-10",
+        "Figure 10",
+        "Figure 10: displacement of the free end after the pulse, 20 s.",
+        fixed(measured),
+        wide=True,
+    ),
+    Kind(
+        "figure-11",
+        "Figure 11",
+        "Figure 11: virtual test and identified model, first 10 s.",
+        fixed(*(partial(compared, truth=truth) for truth in TRUTHS)),
+    ),
+    Kind(
+        "amplitude-and-period",
+        "Amplitude and period",
+        "Amplitude and period, swing by swing, of both virtual tests and the model.",
+        fixed(*(partial(swings, truth=truth, of=of) for truth in TRUTHS for of in ("amplitude", "period"))),
+    ),
+)

@@ -1,0 +1,253 @@
+"""A campaign as a problem: its runs as rows, the model with the effects so far, the effects that it can show."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from sindyjoint.diagnosis.budget import Budget
+from sindyjoint.diagnosis.campaign.add import add_effect
+from sindyjoint.diagnosis.campaign.budget import explained_by_state, make_budget
+from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
+from sindyjoint.diagnosis.campaign.free_decay import refined
+from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
+from sindyjoint.diagnosis.campaign.localisation import locate_gap
+from sindyjoint.diagnosis.campaign.outside import outside_probability
+from sindyjoint.diagnosis.campaign.pairs import hidden_pair
+from sindyjoint.diagnosis.campaign.pictures import run_gaps
+from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, fit_effects, rank_effects
+from sindyjoint.diagnosis.campaign.repair import Repaired, refit, whole_model
+from sindyjoint.diagnosis.campaign.response_gap import processing_error
+from sindyjoint.diagnosis.campaign.rivals import separating_runs
+from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.start import (
+    Work,
+    applicable,
+    cut_up,
+    first_model,
+    is_free,
+    one_after_another,
+)
+from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.localisation import Place
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
+from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
+from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
+from sindyjoint.equation.dimensions import unit_for
+from sindyjoint.equation.model import JointModel
+from sindyjoint.record import Campaign
+from sindyjoint.soundness.identifiability import limits
+from sindyjoint.soundness.warnings import falling
+from sindyjoint.states import ForceStates, campaign_states
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignProblem(Problem):
+    """A campaign, and a model with the effects added so far.
+
+    Parameters
+    ----------
+    work : Work
+        Rows, with delays and drifts of the channels put right.
+    repaired : Repaired
+        Model and effects, fitted together.
+    candidates : tuple of Effect
+        That the campaign can show.
+    states : tuple of ForceStates
+        Of whole runs, as measured.
+    drift : ChannelDrift, optional
+        Of a channel; put right by :meth:`corrected`.
+    """
+
+    work: Work
+    repaired: Repaired
+    candidates: tuple[Effect, ...]
+    states: tuple[ForceStates, ...]
+    drift: ChannelDrift | None = None
+
+    @classmethod
+    def build(
+        cls,
+        campaign: Campaign,
+        model: JointModel | None,
+        base: Any,
+        effects: Sequence[Effect],
+        policy: DiagnosisPolicy,
+    ) -> CampaignProblem:
+        """Return the problem of a campaign, and of a model or the terms of a library fitted to it."""
+        share = policy.rate_share
+        states = one_after_another(campaign, campaign_states(campaign, rate_share=share))
+        whole = campaign.identification_runs
+        runs, parts, groups = cut_up(whole, states, share, policy)
+        fitted = first_model(campaign, parts, model, base, policy)
+        return cls(
+            work=Work.build(campaign, runs, parts, groups, fitted, (), policy),
+            repaired=Repaired(fitted, ()),
+            candidates=applicable(campaign, effects, parts),
+            states=states,
+            # In segments, drifts of the channels are effects like others.
+            drift=find_drift(whole, states, policy) if len(parts) == len(states) else None,
+        )
+
+    @property
+    def policy(self) -> DiagnosisPolicy:
+        """Its limits."""
+        return self.work.policy
+
+    @property
+    def found(self) -> tuple[FittedEffect, ...]:
+        """The effects added."""
+        return self.repaired.effects
+
+    @property
+    def dropped(self) -> tuple[str, ...]:
+        """Terms of the model that the last effect made needless."""
+        return self.repaired.dropped
+
+    @property
+    def noise_measured(self) -> bool:
+        """Whether repetition has measured the noise of every row."""
+        return self.regression.repeats
+
+    @cached_property
+    def regression(self) -> GapRegression:
+        """The rows on model and effects."""
+        return self.work.regression(self.found)
+
+    @cached_property
+    def gap(self) -> Gap:
+        """On runs left out of the fit."""
+        return gap_of(self.work, self.repaired.model, self.found)
+
+    @property
+    def noise_floor(self) -> Gap:
+        """What does not repeat."""
+        return noise_floor(self.work)
+
+    def corrected(self) -> tuple[Self, tuple[Step, ...]]:
+        """Return the problem with a drifting channel put right, and the step that this is."""
+        work, drift = self.work, self.drift
+        if drift is None:
+            return self, ()
+        runs = tuple(without_drift(run, drift) for run in work.runs)
+        campaign = work.campaign.with_runs((*runs, *work.campaign.validation_runs))
+        states = campaign_states(campaign, rate_share=self.policy.rate_share)
+        rows = gap_runs(states, work.model, work.groups, self.policy)
+        model = refit(rows, work.model, (), self.policy).model
+        later = Work.build(campaign, runs, states, work.groups, model, (), self.policy)
+        straight = replace(self, work=later, repaired=Repaired(model, ()))
+        return straight, (_drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
+
+    def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
+        """Return the candidates in order of probability, a clearly better pair before the best single effect."""
+        taken = {*refused, *(each.name for each in self.found)}
+        candidates = [effect for effect in self.candidates if effect.id not in taken]
+        say(f"trying {len(candidates)} effects")
+        problem = self.regression
+        fitted = fit_effects(problem, candidates)
+        if not fitted:
+            return None
+        pair = hidden_pair(problem, fitted) if pairs else None
+        if pair is not None:
+            first, second = pair
+            say(f"trying them beside {second.effect.name}")
+            both = self.work.regression([*self.found, second])
+            beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
+            if beside.fitted[0].name == first.name:
+                return Proposal(beside, paired=True)
+        return Proposal(rank_effects(problem, fitted))
+
+    def add(self, best: FittedEffect) -> Added[Self]:
+        """Return the problem with an effect more, everything fitted together."""
+        work, repaired, again = add_effect(self.work, self.found, best, self.candidates)
+        return Added(replace(self, work=work, repaired=repaired), again)
+
+    def units(self, fitted: FittedEffect) -> dict[str, str]:
+        """Return the units of an effect's parameters."""
+        return fitted.variant.units(self.work.campaign.joint.motion)
+
+    def finished(self) -> Self:
+        """Return the problem with the coefficients of free motion refined on the simulated response."""
+        if not is_free(self.work.campaign):
+            return self
+        return replace(
+            self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
+        )
+
+    def residual(self, straight: Self) -> Residual:
+        """Return what the effects leave of the gap that channels put right had."""
+        first, last, policy = straight.regression, self.regression, self.policy
+        # Free motion has measured its noise from half-cycle to half-cycle.
+        measured = all(run.folded or run.half_cycles is not None for run in first.runs)
+        outside = 0.0
+        if self.found and last.repeats:
+            outside = outside_probability(first, last, self.found)
+        most = policy.unexplained if measured else policy.unexplained_once
+        if self.drift is not None:
+            return Residual(0.0, most, outside)
+        if measured:
+            share = share_beyond_noise(
+                (first.chi_square, first.degrees), (last.chi_square, last.degrees), policy
+            )
+            return Residual(share, most, outside)
+        return Residual(self._unexplained_once(straight), most, outside)
+
+    def _unexplained_once(self, first: Self) -> float:
+        """Return the same share where nothing repeats: what a law without memory could still win, cross-validated."""
+        noise, initial = first.noise_floor.moment, first.gap.moment
+        beyond = initial**2 - noise**2
+        if beyond <= 0 or self.gap.moment <= self.policy.significant_gap * noise:
+            return 0.0
+        could = explained_by_state(self.regression) * (self.gap.moment**2 - noise**2)
+        return float(np.clip(could / beyond, 0.0, 1.0))
+
+    def budget(self, first: Self, last: Self) -> Budget:
+        """Return the parts of the first gap, which differs from this one by the drift of a channel."""
+        moments = GapRegression.build(self.work.moment_rows(), self.work.model, (), self.policy)
+        total = first.gap.moment**2
+        return make_budget(
+            moments,
+            total,
+            first.noise_floor.moment**2,
+            processing_error(first.work),
+            total - self.gap.moment**2,
+        )
+
+    def places(self) -> tuple[Place, ...]:
+        """Return where the gap lies."""
+        moments = GapRegression.build(self.work.moment_rows(), self.work.model, (), self.policy)
+        return locate_gap(moments, self.work.campaign.joint.motion)
+
+    def separating_runs(self, step: Step, ranking: Ranking[FittedEffect]) -> tuple[Advice, ...]:
+        """Return the runs that would tell the members of a class apart."""
+        return separating_runs(self.work, self.found, step, [f.effect for f in ranking.members[1:]])
+
+    def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
+        """Return the result."""
+        repaired, campaign = self.repaired, self.work.campaign
+        return Diagnosis(
+            **found,
+            warnings=(*limits(campaign, self.states), *falling(repaired.model)),
+            model=repaired.model,
+            effects=self.found,
+            whole=whole_model(
+                replace(repaired, effects=tuple(e for e in self.found if not e.shifts)), self.work.rows
+            ),
+            before=run_gaps(first.work.moment_rows(), first.work.model),
+            after=run_gaps(self.work.moment_rows(), repaired.model, self.found) if found["steps"] else (),
+        )
+
+
+def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
+    slope = float(np.median(list(drift.slopes.values())))
+    # A slope of so many standard errors, tempered as likelihoods of effects are.
+    belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2 / policy.temper)))
+    unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
+    units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
+    return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": slope}, (), before, after, units)

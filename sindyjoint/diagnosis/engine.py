@@ -1,0 +1,45 @@
+"""A diagnosis from the first gap to the verdict, alike for a campaign and for a structure."""
+
+from __future__ import annotations
+
+from sindyjoint.diagnosis.advice import advise
+from sindyjoint.diagnosis.loop import Progress, add_effects
+from sindyjoint.diagnosis.problem import P, Say
+from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.diagnosis.verdict import discount, judge
+
+
+def explain_gap(first: P, most: int, say: Say) -> Diagnosis:
+    """Add what is missing to a model, and return what that comes to.
+
+    Parameters
+    ----------
+    first : Problem
+        A model and its data.
+    most : int
+        Most effects that are added.
+    say : callable
+        Called with the name of each stage.
+    """
+    say("the gap")
+    initial = first.initial_gap
+    straight, steps = first.corrected()
+    before = steps[-1].gap_after if steps else initial
+    progress = add_effects(Progress(straight, before, steps), most, say)
+    say("advice")
+    residual = progress.problem.residual(straight)
+    last = progress.problem.finished()
+    verdict, reason = judge(progress.steps, residual, first.policy)
+    steps = discount(progress.steps, verdict, residual.outside, first.policy)
+    found = {
+        "verdict": verdict,
+        "reason": reason,
+        "initial": initial,
+        "final": steps[-1].gap_after if steps else first.gap,
+        "noise_floor": first.noise_floor,
+        "budget": straight.budget(first, last),
+        "where": first.places() if verdict != "nothing_missing" else (),
+        "steps": steps,
+        "advice": advise(last, steps, progress.rankings),
+    }
+    return last.diagnosis(first, found)

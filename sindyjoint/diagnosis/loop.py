@@ -1,0 +1,192 @@
+"""The loop of a diagnosis: rank what may be missing, accept or refuse the best, until a reason to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any, Generic
+
+import numpy as np
+
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.problem import Added, P, Say
+from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.result import Gap, Step
+
+# Of the rivals of a step so many are told, with more than this probability.
+RIVALS, LEAST_RIVAL = 6, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Progress(Generic[P]):
+    """How far the loop has come.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the effects of all steps.
+    gap : Gap
+        From which the next effect must lead down.
+    steps : tuple of Step
+    rankings : mapping of str to Ranking
+        By the effects named in the steps.
+    """
+
+    problem: P
+    gap: Gap
+    steps: tuple[Step, ...] = ()
+    rankings: Mapping[str, Ranking[Any]] = field(default_factory=dict)
+
+
+class Outcome(Enum):
+    """What a round of the loop comes to."""
+
+    ACCEPT = "accept"
+    REFUSE = "refuse"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, eq=False)
+class Round(Generic[P]):
+    """One round of the loop.
+
+    Parameters
+    ----------
+    outcome : Outcome
+    reason : str
+    effect : str
+        The one that was tried, if any.
+    progress : Progress, optional
+        Of an effect that was accepted.
+    paired : bool
+        Whether it was proposed because of a second one beside it.
+    """
+
+    outcome: Outcome
+    reason: str
+    effect: str = ""
+    progress: Progress[P] | None = None
+    paired: bool = False
+
+
+def add_effects(start: Progress[P], most: int, say: Say) -> Progress[P]:
+    """Add effects until the gap is noise, nothing explains it, or the count is reached."""
+    here, refused = start, frozenset[str]()
+    # Where a pair was begun: the first of it may win nothing until the second is there.
+    begun: Progress[P] | None = None
+    while True:
+        tried = try_effect(here, refused, most, say)
+        if tried.outcome is Outcome.REFUSE:
+            refused |= {tried.effect}
+        elif tried.outcome is Outcome.STOP or tried.progress is None:
+            break
+        else:
+            later = tried.progress
+            if begun is None:
+                begun = here if tried.paired and not here.problem.noise_measured else None
+            elif no_joint_gain(begun.gap, later.gap, here.problem.policy):
+                break
+            else:
+                begun = None
+            here = later
+    return without_begun_pair(here, begun)
+
+
+def without_begun_pair(here: Progress[P], begun: Progress[P] | None) -> Progress[P]:
+    """Return where a pair was begun whose first effect wins nothing and whose second was never accepted."""
+    if begun is not None and no_joint_gain(begun.gap, here.gap, here.problem.policy):
+        return begun
+    return here
+
+
+def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) -> Round[P]:
+    """Propose, add and judge one effect."""
+    problem, policy = here.problem, here.problem.policy
+    if len(here.steps) >= most:
+        return Round(Outcome.STOP, f"{most} effects are enough")
+    if here.steps and problem.is_noise:
+        return Round(Outcome.STOP, "the residual is noise")
+    proposal = problem.propose(refused, len(here.steps) + 2 <= most, say)
+    if proposal is None or 1 - proposal.ranking.nothing < policy.belief:
+        return Round(Outcome.STOP, "nothing is believed to be missing")
+    best = proposal.ranking.fitted[0]
+    say(f"adding {best.name.replace('_', ' ')}")
+    added = problem.add(best)
+    if added is None:
+        return Round(Outcome.REFUSE, "its fit fails", best.name)
+    after = added.problem.gap
+    may_refuse = len(refused) < policy.most_refusals
+    if overfits(here.gap, after, policy):
+        outcome = Outcome.REFUSE if may_refuse else Outcome.STOP
+        return Round(outcome, "runs left out are missed by far more with it", best.name)
+    if not proposal.paired:
+        if may_refuse and degrades_response(here.gap, after, policy):
+            return Round(Outcome.REFUSE, "it makes the simulated response worse", best.name)
+        if not problem.noise_measured and no_gain(here.gap, after, policy):
+            return Round(Outcome.STOP, "it wins nothing on what was left out of the fit", best.name)
+    later = _accepted(here, proposal.ranking, added, after)
+    return Round(Outcome.ACCEPT, "the gap falls with it", best.name, later, proposal.paired)
+
+
+def degrades_response(before: Gap, after: Gap, policy: DiagnosisPolicy) -> bool:
+    """Return whether an effect wins little of the moment and loses much of the simulated response, or all of it."""
+    kept = after.response <= policy.worse_response * before.response or np.isnan(before.response)
+    return not kept and after.moment > policy.little_help * before.moment
+
+
+def overfits(before: Gap, after: Gap, policy: DiagnosisPolicy) -> bool:
+    """Return whether runs left out are missed by far more with an effect: it is determined by single runs only."""
+    return after.moment > policy.worse_moment * before.moment and not after.response < before.response
+
+
+def no_gain(before: Gap, after: Gap, policy: DiagnosisPolicy) -> bool:
+    """Return whether no gap falls on what was left out of the fit."""
+    pairs = zip(_figures(after), _figures(before), strict=True)
+    return not any(later < (1 - policy.least_gain) * earlier for later, earlier in pairs)
+
+
+def no_joint_gain(before: Gap, after: Gap, policy: DiagnosisPolicy) -> bool:
+    """Return whether two effects that were found as a pair win nothing together: what one gap wins another loses."""
+    later, earlier = (np.log(np.maximum(_figures(gap), 1e-300)) for gap in (after, before))
+    return not float(np.nansum(later - earlier)) < np.log(1 - policy.least_gain)
+
+
+def _figures(gap: Gap) -> tuple[float, float, float]:
+    return gap.moment, gap.weighted, gap.response
+
+
+def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: Gap) -> Progress[P]:
+    """Return the progress with a step more; earlier ones under the names that they have beside it, or gone."""
+    problem, rankings = added.problem, dict(here.rankings)
+    steps = []
+    for step in here.steps:
+        again = added.again.get(step.effect)
+        if step.effect not in added.again:
+            steps.append(step)
+        elif again is not None:
+            del rankings[step.effect]
+            steps.append(_step(problem, again, step.gap_before, step.gap_after))
+            rankings[steps[-1].effect] = again
+    steps.append(_step(problem, ranking, here.gap, after))
+    rankings[steps[-1].effect] = ranking
+    now = {f.name: f.parameters for f in problem.found}
+    told = tuple(replace(s, parameters=now.get(s.effect, s.parameters)) for s in steps)
+    return Progress(problem, after, told, rankings)
+
+
+def _step(problem: P, ranking: Ranking[Any], before: Gap, after: Gap) -> Step:
+    best = ranking.fitted[0]
+    others = zip(ranking.fitted[1:], ranking.probabilities[1:], strict=True)
+    return Step(
+        effect=best.name,
+        family=best.family,
+        members=tuple(f.name for f in ranking.members),
+        probability=ranking.probabilities[0],
+        rivals=tuple((f.name, p) for f, p in others if p > LEAST_RIVAL)[:RIVALS],
+        parameters=best.parameters,
+        terms_dropped=problem.dropped,
+        gap_before=before,
+        gap_after=after,
+        units=problem.units(best),
+    )

@@ -1,0 +1,132 @@
+"""The limits that decide what a diagnosis answers, and in which of them a structure differs from a campaign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+from sindyjoint.policy import limit
+
+calibrated = partial(limit, source="calibrated on simulated campaigns and structures with hidden effects")
+convention = partial(limit, source="convention")
+
+
+@dataclass(frozen=True)
+class DiagnosisPolicy:
+    """Limits of a diagnosis; each field says what it decides."""
+
+    # Evidence: from the fall of χ² to probabilities.
+    temper: float = calibrated(2.0, "divides log-likelihoods: linearised noise models are overconfident")
+    column_error: float = calibrated(0.01, "relative error of an effect's columns where the motion repeats")
+    column_error_once: float = calibrated(0.03, "the same along a motion that does not repeat")
+    state_error_once: float = calibrated(0.08, "the same of internal states: smoothing rounds off reversals")
+    found_error: float = calibrated(
+        0.06, "share of what effects found before explained that is their own error"
+    )
+    price_inflated: bool = calibrated(
+        True, "whether model error, as it deflates gains, also makes the numbers of a candidate cheaper"
+    )
+    cancelled: float = convention(
+        2.0, "a column so many times the moment is cancelled by others, and no effect"
+    )
+    rival_nats: float = convention(3.0, "effects so close to the best one are of its class", unit="nat")
+    belief: float = convention(0.9, "least probability that something is missing for an effect to be added")
+
+    # The loop: what is accepted, refused, taken back.
+    most_effects: int = convention(4, "most effects that are added")
+    most_refusals: int = convention(2, "most effects that are refused before the loop stops")
+    worse_response: float = calibrated(
+        1.5, "an effect that makes the response gap so much worse is refused ..."
+    )
+    little_help: float = calibrated(0.7, "... unless the moment gap falls to this share")
+    worse_moment: float = calibrated(
+        2.0, "an effect that makes the gap of runs left out so much worse overfits"
+    )
+    least_gain: float = convention(0.05, "share of a held-out gap to be won where noise was not measured")
+    pair_gain: float = calibrated(1.2, "factor by which a pair beats the best effect and any companion")
+    pair_residual: float = calibrated(0.67, "the same in free motion: share of their residual that it leaves")
+    realign: float = convention(4.0, "fall of χ² at which a delay is corrected beside a later effect")
+    needless_ratio: float = convention(3.0, "coefficient over standard error below which a term may go ...")
+    needless_share: float = convention(0.02, "... if it carries less than this share of the moment's RMS")
+    needless_gain: float = calibrated(
+        12.0, "rise of χ² per number, without it, below which an effect of a structure found earlier goes"
+    )
+    explained_sure: float = convention(
+        3.0, "standard deviations of χ² within which the residual of a structure is noise and the loop stops"
+    )
+
+    # The verdict.
+    unexplained: float = calibrated(0.15, "share of the gap beyond noise above which the rest is unknown")
+    unexplained_once: float = calibrated(0.3, "the same where nothing repeats, and that share is an estimate")
+    unexplained_rms: bool = convention(False, "whether that share is of the RMS, not of the mean square")
+    significant_excess: float = calibrated(1.25, "mean square, in units of noise, up to which all is noise")
+    significant_gap: float = calibrated(
+        2.0, "gap over noise floor that processing explains if nothing repeats"
+    )
+    outside: float = convention(0.5, "probability of an effect of no catalogue above which it is unknown")
+    least_outside: float = convention(0.005, "probability of that below which it is left out of the rivals")
+    outside_prior: tuple[float, ...] = calibrated(
+        (-4.5, -4.5, -2.0, -0.5, 1.0), "log-odds of that with 0, 1, 2, 3 or more effects found", unit="nat"
+    )
+    outside_error: float = calibrated(
+        0.03, "share of what was explained within which a residual is model error"
+    )
+    shapeless: float = calibrated(0.02, "the same of a residual without form: sharp corners leave some")
+    noise_known: float = calibrated(1.5, "factor within which the noise near sharp corners is known")
+
+    # Budget and localisation; drift of channels and change of the joint.
+    significant_fall: float = convention(3.0, "standard deviations of χ² from which a held-out error falls")
+    alike: float = convention(1.0, "standard deviations of χ² within which two kinds of law predict alike")
+    same_level: float = convention(0.05, "runs whose amplitudes differ by a smaller share are of one level")
+    region_share: float = convention(0.15, "least share of the gap that a region told holds ...")
+    region_excess: float = convention(1.3, "... and least ratio of it to its share of the samples")
+    phase_share: float = convention(0.65, "least share of a gap to lie in periods, or in amplitudes")
+    most_regions: int = convention(4, "most regions that are told")
+    drift_ratio: float = convention(6.0, "slope over standard error from which a channel drifts ...")
+    drift_share: float = convention(0.005, "... if that moves it by this share of its RMS over a run")
+    change_ratio: float = convention(6.0, "difference over standard error from which a stiffness changes ...")
+    change_share: float = convention(0.002, "... if it changes by this share")
+    change_start: float = convention(0.25, "share of a run from which a start left out was another joint ...")
+    change_steady: float = convention(0.5, "... if this share of that start was steady")
+
+    # Rows, gaps and simulations.
+    rate_share: float = calibrated(0.02, "rates below this share of the RMS have no sign")
+    processing_error: float = calibrated(5e-4, "share of the moment within which processing errs")
+    training_share: float = convention(2 / 3, "share of a free run that is fitted to predict the rest")
+    pure: float = calibrated(
+        1.5, "moment beside its sinusoid, over noise, from which the motion was the drive"
+    )
+    drive_band: float = calibrated(1.5, "bandwidth of a replicate's moment over that of its angle")
+    audible: float = convention(3.0, "envelope over noise at which the record of a structure ends")
+    model_error: float = calibrated(
+        0.003, "least relative standard error in the prior of a model in a structure"
+    )
+    behind: float = calibrated(40.0, "distance at which candidates of a structure are given up", unit="nat")
+    linear: float = calibrated(4.0, "mean square, in units of noise, below which a response is linear")
+    fallback: float = calibrated(
+        1.1, "mean square, in units of noise, above which fallback variants are tried"
+    )
+
+    # Advice.
+    most_runs: int = convention(2, "most runs advised for one class")
+    enough: float = convention(0.95, "expected confidence at which a run by a moment is as good as any")
+    clear: float = convention(20.0, "margin after which no further run is advised", unit="nat")
+    little_confidence: float = convention(0.02, "least gain of expected confidence by a further run ...")
+    little_margin: float = convention(0.3, "... or of the margin", unit="nat")
+    lowest_level: float = convention(0.7, "share of the lowest level tested from which a moment is advised")
+    least_confidence: float = convention(0.6, "least expected confidence of a pulse that is advised")
+
+
+CAMPAIGN = DiagnosisPolicy()
+#: A structure is simulated and not regressed: columns are nearly exact, the response is nearly proportional to what is
+#: missing, and numbers keep their price, for a long simulation fits anything.
+STRUCTURE = replace(
+    CAMPAIGN,
+    column_error=0.001,
+    found_error=0.01,
+    price_inflated=False,
+    most_effects=3,
+    unexplained=0.25,
+    unexplained_rms=True,
+    most_regions=5,
+)

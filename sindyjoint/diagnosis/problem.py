@@ -1,0 +1,114 @@
+"""What a diagnosis asks of its data: of a campaign of runs, or of the pulse record of a structure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, Self, TypeVar
+
+from sindyjoint.diagnosis.budget import Budget
+from sindyjoint.diagnosis.localisation import Place
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.ranking import Candidate, Ranking
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
+from sindyjoint.diagnosis.verdict import Residual
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The candidates in order; ``paired`` where the first one stands there because of a second beside it."""
+
+    ranking: Ranking[Any]
+    paired: bool = False
+
+
+P = TypeVar("P", bound="Problem")
+
+
+@dataclass(frozen=True)
+class Added(Generic[P]):
+    """A problem with one effect more.
+
+    Parameters
+    ----------
+    problem : Problem
+    again : mapping of str to Ranking or None
+        Effects found before that were tested again: the candidates for their place, or None where they are needless.
+    """
+
+    problem: P
+    again: Mapping[str, Ranking[Any] | None]
+
+
+class Problem(Protocol):
+    """A gap to explain, and the effects added to the model so far. Immutable: adding one gives another problem."""
+
+    @property
+    def policy(self) -> DiagnosisPolicy:
+        """Its limits."""
+
+    @property
+    def found(self) -> Sequence[Candidate]:
+        """The effects added, with the numbers of the last fit."""
+
+    @property
+    def dropped(self) -> tuple[str, ...]:
+        """Terms of the model that the last effect made needless."""
+        return ()
+
+    @property
+    def noise_measured(self) -> bool:
+        """Whether repetition, or the record itself, has measured the noise of every row: any gain then counts."""
+        return True
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether it is sure, without a further search, that nothing but noise remains."""
+        return False
+
+    @property
+    def gap(self) -> Gap:
+        """On data left out of the fit, with the effects."""
+
+    @property
+    def initial_gap(self) -> Gap:
+        """On data left out of the fit, of the model as it was given."""
+        return self.gap
+
+    @property
+    def noise_floor(self) -> Gap:
+        """What does not repeat."""
+
+    def corrected(self) -> tuple[Self, tuple[Step, ...]]:
+        """Return the problem with channels put right that drift for all to see, and the steps that this took."""
+        return self, ()
+
+    def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
+        """Return the candidates in order of probability; None where there are none."""
+
+    def add(self, best: Any) -> Added[Self] | None:
+        """Return the problem with an effect more, everything fitted together; None where the fit fails."""
+
+    def units(self, fitted: Any) -> dict[str, str]:
+        """Return the units of an effect's parameters."""
+
+    def finished(self) -> Self:
+        """Return the problem after a last refinement of its numbers."""
+        return self
+
+    def residual(self, straight: Self) -> Residual:
+        """Return what the effects leave of the gap that channels put right had."""
+
+    def budget(self, first: Self, last: Self) -> Budget:
+        """Return the parts of the first problem's gap; this one is it with its channels put right."""
+
+    def places(self) -> tuple[Place, ...]:
+        """Return where the gap of the model as it was given lies."""
+
+    def separating_runs(self, step: Step, ranking: Ranking[Any]) -> tuple[Advice, ...]:
+        """Return the runs that would tell the members of a class apart."""
+
+    def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
+        """Return the result: what was found, completed by model, effects, pictures and warnings."""

@@ -1,0 +1,127 @@
+"""From the fall of χ² to probabilities, and to the class of effects that the data cannot tell apart.
+
+Half the fall of χ² is a log-likelihood ratio; a candidate pays ½·ln N for each number that it chooses (Schwarz 1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+
+
+class Candidate(Protocol):
+    """An effect with its best numbers, and the fall of χ² that they bring."""
+
+    @property
+    def name(self) -> str:
+        """Id of the effect."""
+
+    @property
+    def family(self) -> str:
+        """Of the effect."""
+
+    @property
+    def gain(self) -> float:
+        """Fall of χ²."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Its numbers by name, SI."""
+
+
+C = TypeVar("C", bound=Candidate)
+
+
+@dataclass(frozen=True)
+class EvidenceScale:
+    """What gains are measured against.
+
+    Parameters
+    ----------
+    chi_square : float
+        Without any candidate.
+    degrees, rows : float
+        Degrees of freedom, and rows of independent noise.
+    column_error : float
+        Relative error of the candidates' columns.
+    explained : float
+        Fall of χ² that the effects found before have brought.
+    correlated : float
+        Neighbouring rows that say the same thing.
+    """
+
+    chi_square: float
+    degrees: float
+    rows: float
+    column_error: float
+    explained: float = 0.0
+    correlated: float = 1.0
+
+
+@dataclass(frozen=True)
+class Ranking(Generic[C]):
+    """The candidates in order of probability.
+
+    Parameters
+    ----------
+    fitted : tuple of Candidate
+        One for each effect.
+    probabilities : tuple of float
+        Of each; what is missing to one is the probability that nothing is missing.
+    nothing : float
+    members : tuple of Candidate
+        The best one and those that the data cannot tell from it.
+    """
+
+    fitted: tuple[C, ...]
+    probabilities: tuple[float, ...]
+    nothing: float
+    members: tuple[C, ...]
+
+
+def rank(
+    fitted: Sequence[C], sizes: Sequence[float], scale: EvidenceScale, policy: DiagnosisPolicy
+) -> Ranking[C]:
+    """Return the candidates with their probabilities, the best variant of each effect alone.
+
+    Three things keep likelihoods honest: a residual beyond noise counts as noise; columns err, which inflates the
+    scale of differences in proportion to the gain; and half of the prior belief is that nothing is missing.
+
+    Parameters
+    ----------
+    fitted : sequence of Candidate
+    sizes : sequence of float
+        How many numbers each chooses.
+    scale : EvidenceScale
+    policy : DiagnosisPolicy
+    """
+    largest = max(f.gain for f in fitted)
+    residual = max(1.0, (scale.chi_square - largest) / max(scale.degrees, 1))
+    tempered = policy.temper * scale.correlated
+    inflated = tempered + scale.column_error**2 * largest / residual
+    price = 0.5 * np.log(scale.rows) * scale.correlated / (inflated if policy.price_inflated else tempered)
+    best: dict[str, tuple[float, C]] = {}
+    for each, size in zip(fitted, sizes, strict=True):
+        # What the columns of effects found before got wrong is left over too, and is no effect of its own.
+        gain = max(each.gain - policy.found_error**2 * scale.explained, 0.0)
+        evidence = 0.5 * gain / residual / inflated - price * size
+        if each.name not in best or evidence > best[each.name][0]:
+            best[each.name] = evidence, each
+    kept = [each for _, each in best.values()]
+    values = np.array([*(e - np.log(len(kept)) for e, _ in best.values()), 0.0])
+    weight = np.exp(values - values.max())
+    weight /= weight.sum()
+    # Effects whose columns span the same space tie but for rounding; the catalogue's order decides then.
+    order = np.argsort(-np.round(weight[:-1], 6), kind="stable")
+    least = weight[order[0]] * np.exp(-policy.rival_nats)
+    return Ranking(
+        fitted=tuple(kept[i] for i in order),
+        probabilities=tuple(float(weight[i]) for i in order),
+        nothing=float(weight[-1]),
+        members=tuple(kept[i] for i in order if weight[i] >= least),
+    )

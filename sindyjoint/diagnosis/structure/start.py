@@ -1,0 +1,133 @@
+"""What a diagnosis of a structure starts from: the rig, the model in its joint, its records, the effects to try."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes
+from sindyjoint.diagnosis.effects.structure import Change, Scales, load_structure_effects, structure_changes
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test, model_of_law
+from sindyjoint.diagnosis.structure.noise import record_noise
+from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.terms import Reference
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics.pulse_test import hinges, with_laws
+from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.response.model_law import model_law
+from sindyjoint.response.oscillation import main_frequency
+from sindyjoint.response.verify_rig import MODEL_PLACE, model_places
+
+
+def open_rig(rig: Rig | str | Path) -> Rig:
+    """Return a rig, the rig of a file, or a shipped one by its name."""
+    if isinstance(rig, Rig):
+        return rig
+    if str(rig) in shipped_rigs():
+        return load_rig(str(rig))
+    return load_rig(rig, {"model": MODEL_PLACE})
+
+
+def model_in_place(rig: Rig, model: JointModel | None) -> tuple[JointModel, frozenset[str], bool]:
+    """Return the model, the joints it stands for, and whether it was made of the rig's own law."""
+    if model is not None:
+        if model.joint.motion != "rotation":
+            raise InputError("the model is of a joint in translation; the joints of a rig rotate")
+        if not [term for term in model.terms if term.id != INERTIA]:
+            raise InputError("the model has no terms: there is nothing to simulate; run discover first")
+        return model, frozenset(model_places(rig, model)), False
+    laws = {hinge.law for hinge in hinges(rig)}
+    if not laws or MODEL_PLACE in laws or not all(isinstance(law, PaperLaw) for law in laws):
+        raise InputError(
+            f"the rig {rig.name!r} gives no law for its joint; give the model that stands there (--model)"
+        )
+    law = hinges(rig)[0].law
+    try:
+        motion = rig.respond()
+    except SimulationError as error:
+        raise InputError(f"the rig {rig.name!r} cannot be simulated: {error}") from error
+    assert isinstance(law, PaperLaw)
+    size = [float(np.abs(x).max(initial=0.0)) for x in (motion.angle, motion.rate)]
+    places = frozenset(h.name for h in hinges(rig) if h.law == law)
+    return model_of_law(law, *size), places, True
+
+
+def virtual_pulse_test(
+    rig: Rig, places: frozenset[str], model: JointModel, generator: np.random.Generator, drawn: bool
+) -> tuple[Rig, str]:
+    """Return a rig that names no records with those of a virtual test, and what the generator hid in it."""
+    if any(hinge.law is MODEL_PLACE for hinge in hinges(rig)):
+        raise InputError(
+            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
+            "true law; add a [measured] table, or name a shipped joint as the law"
+        )
+    return hidden_pulse_test(rig, places, model, generator, drawn)
+
+
+def pulse_problem(
+    rig: Rig,
+    model: JointModel,
+    places: frozenset[str],
+    effects: Sequence[Effect],
+    policy: DiagnosisPolicy,
+) -> tuple[PulseProblem, tuple[Change, ...], float]:
+    """Return the problem, its candidates and the period of the main oscillation, s."""
+    assert rig.measured is not None
+    records = (rig.measured, *rig.also_measured)
+    noise = tuple(record_noise(r.displacement, r.sample_rate) for r in records)
+    law = model_law(model)
+    laws = JointLaws(model, getattr(law, "softening_limit", (-np.inf, np.inf)))
+    problem = PulseProblem(
+        rig, places, model, laws, records, noise, pulse_uncertainty=rig.pulse_uncertainty, policy=policy
+    )
+    in_place = with_laws(rig, lambda hinge: law if hinge.name in places else hinge.law)
+    try:
+        motion = in_place.respond(duration=problem.duration)
+    except SimulationError as error:
+        raise InputError(f"the rig {rig.name!r} cannot be simulated with the model: {error}") from error
+    rows = [i for i, hinge in enumerate(hinges(rig)) if hinge.name in places]
+    angle, rate, moment = (float(np.abs(x[rows]).max()) for x in (motion.angle, motion.rate, motion.moment))
+    problem = with_step_error(problem, problem.start())
+    period = 1 / main_frequency(records[0].displacement, records[0].sample_rate)
+    scales = Scales(period, float(np.std(records[0].displacement)), problem.duration)
+    outside = structure_changes(load_structure_effects(), problem.setup(problem.start()), scales)
+    return problem, (*outside, *joint_changes(laws, effects, Reference(angle, rate), moment)), period
+
+
+def with_step_error(problem: PulseProblem, x: np.ndarray) -> PulseProblem:
+    """Return the problem with what the time step does to the response, by Richardson's rule for order two."""
+    setup = problem.setup(x)
+    whole = problem.simulate(setup, problem.duration)
+    half = problem.simulate(setup, problem.duration, 0.5 * problem.rig.step)
+    if whole is None or half is None:
+        return replace(problem, step_error=())
+    return replace(problem, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
+
+
+def other_pulse(problem: PulseProblem, rig: Rig) -> PulseProblem:
+    """Return the problem of another pulse of the same structure."""
+    if rig.measured is None:
+        raise InputError(f"the rig {rig.name!r} of hold_out names no measured response")
+    if [type(i) for i in rig.items] != [type(i) for i in problem.rig.items]:
+        raise InputError(f"the rig {rig.name!r} of hold_out has another chain than {problem.rig.name!r}")
+    records = (rig.measured, *rig.also_measured)
+    noise = tuple(record_noise(r.displacement, r.sample_rate) for r in records)
+    return replace(problem, rig=rig, records=records, noise=noise, step_error=(), _kept={})
+
+
+def first_fit(problem: PulseProblem) -> Fit:
+    """Return the model's coefficients within their uncertainty."""
+    # Whole cycles off, the model's coefficients only follow the gap: a few parts in a hundred are not worth the time.
+    best = fit(problem, problem.start(), problem.duration, iterations=4, relative=0.02)
+    if best is None:
+        raise InputError(
+            f"the rig {problem.rig.name!r} cannot be simulated with the model and its uncertainty"
+        )
+    return best

@@ -1,0 +1,136 @@
+"""Passes over rows that are not in memory.
+
+Where a library's inner parameters are shares of the largest angle or rate, a part of the rows tells these first. Only
+where the pass then meets values that are larger by more than :data:`LARGER`, a second one follows under those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from sindyjoint.discovery.factors import Factor
+from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
+from sindyjoint.equation.evaluation import TermFunction
+from sindyjoint.equation.formula import compile_terms
+from sindyjoint.parallel import Executor, ordered_map
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.equation.terms import ResolvedTerm
+
+# By this share values may pass the scale that inner parameters, round shares such as a tenth, are shares of: the maxima
+# of random motion, a stretch at a time, differ by less.
+LARGER = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """What one stretch of rows leaves.
+
+    Parameters
+    ----------
+    factors : tuple of Factor
+        One for each of its blocks; none where only the extremes were asked for.
+    largest : tuple of float
+        Largest angle, rate and moment.
+    moving, samples : int
+        Rows, and samples of the record they come from.
+    failure : str
+        Why there is nothing to use in it; empty otherwise.
+    """
+
+    factors: tuple[Factor, ...]
+    largest: tuple[float, float, float]
+    moving: int
+    samples: int
+    failure: str = ""
+
+
+class StretchTask(Protocol):
+    """A dataclass that says where a stretch of rows is to be had, and what terms to evaluate on it."""
+
+    @property
+    def function(self) -> TermFunction | None:
+        """Of the terms; None: only the extremes are wanted."""
+
+
+TaskType = TypeVar("TaskType", bound=StretchTask)
+
+
+@dataclass(frozen=True, eq=False)
+class Passed:
+    """The outcome of the passes.
+
+    Parameters
+    ----------
+    terms : tuple of ResolvedTerm
+    stretches : list of Stretch
+        One per task.
+    reference : Reference
+        Largest angle, rate and moment of all rows.
+    """
+
+    terms: tuple[ResolvedTerm, ...]
+    stretches: list[Stretch]
+    reference: Reference
+
+
+def pass_over(
+    regressor: JointRegressor,
+    work: Callable[[TaskType], Stretch],
+    tasks: Sequence[TaskType],
+    here: Executor,
+    *,
+    looked: Reference | None,
+    largest: Callable[[Sequence[Stretch]], Reference],
+    with_acceleration: bool,
+    say: Callable[[str], None],
+) -> Passed:
+    """Evaluate a regressor's candidates on all stretches and add them up.
+
+    Parameters
+    ----------
+    regressor : JointRegressor
+    work : callable
+        Does one task; to be sent to other processes.
+    tasks : sequence of StretchTask
+    here : Executor
+    looked : Reference or None
+        Scales as far as they are known; ``None``: the library refers to none.
+    largest : callable
+        Gives the scales of all rows once the stretches are known.
+    with_acceleration : bool
+        Whether the inertia is to be identified as a term.
+    say : callable
+    """
+
+    def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[Stretch]]:
+        terms = regressor.candidates(scale, with_acceleration)
+        function = compile_terms([term.expression for term in terms])
+        with_terms: list[Any] = [replace(task, function=function) for task in tasks]  # type: ignore[type-var]
+        return terms, ordered_map(here, work, with_terms)
+
+    terms, done = one_pass(looked or Reference(1.0, 1.0, 1.0))
+    reference = largest(done)
+    if looked is not None and _exceeded(looked, reference, as_catalogue(regressor.library)):
+        say("larger values than those looked at: once more under their scale")
+        terms, done = one_pass(reference)
+    return Passed(terms, done, reference)
+
+
+def largest_of(parts: Iterable[Sequence[float]]) -> Reference:
+    """Return the largest angle, rate and moment of all parts, each given as three numbers."""
+    return Reference(*(max(values) for values in zip(*parts, strict=True)))
+
+
+def relative(catalogue: Catalogue) -> set[str]:
+    """Return the scales of the data that inner parameters of a catalogue are shares of."""
+    named = {parameter.relative_to for term in catalogue for parameter in term.parameters}
+    return {scale for scale in named if scale is not None}
+
+
+def _exceeded(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
+    """Return whether values pass the scale of inner parameters by more than they may."""
+    return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))

@@ -1,0 +1,73 @@
+"""Small pieces of numerics that several folders need and none owns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def chunks(count: int, size: int) -> Iterator[slice]:
+    """Yield slices that cut ``count`` items into runs of ``size``; the last one may be shorter.
+
+    Examples
+    --------
+    >>> list(chunks(5, 2))
+    [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
+    """
+    for start in range(0, count, size):
+        yield slice(start, min(start + size, count))
+
+
+def scaled_least_squares(columns: Array, target: Array, rcond: float | None = None) -> Array:
+    """Return least-squares coefficients, solved with columns and target of unit norm.
+
+    Columns of very different units then count alike in the decision what is singular; of several solutions the one of
+    least norm in these units is returned, and a column of zeros gets no coefficient.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, p)
+    target : ndarray, shape (n,)
+    rcond : float, optional
+        Least singular value relative to the largest. Default: that of :func:`numpy.linalg.lstsq`.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+    """
+    matrix = np.column_stack([columns, target])
+    norms = np.linalg.norm(matrix, axis=0)
+    norms[norms == 0] = 1.0
+    matrix = matrix / norms
+    return np.linalg.lstsq(matrix[:, :-1], matrix[:, -1], rcond=rcond)[0] * norms[-1] / norms[:-1]
+
+
+def line_spectrum(signal: ArrayLike) -> Array:
+    """Return the amplitude spectrum of a signal less its mean, under Hann's window, shape (n // 2 + 1,)."""
+    values = np.asarray(signal, dtype=np.float64)
+    return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size)))
+
+
+def main_frequency(signal: ArrayLike, sample_rate: float, between_bins: bool = False) -> float:
+    """Return the frequency of the strongest line of a signal's spectrum, Hz, zero frequency left out.
+
+    Parameters
+    ----------
+    signal : array_like, shape (n,)
+    sample_rate : float
+        Hz.
+    between_bins : bool
+        Place the line between bins by a parabola through the logarithm of the three about it.
+    """
+    size, spectrum = np.size(signal), line_spectrum(signal)
+    if not between_bins:
+        return float((np.argmax(spectrum[1:]) + 1) * sample_rate / size)
+    peak = int(np.argmax(spectrum[1:-1])) + 1
+    left, middle, right = np.log(spectrum[peak - 1 : peak + 2] + np.finfo(float).tiny)
+    curvature = left - 2 * middle + right
+    shift = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
+    return float((peak + shift) * sample_rate / size)

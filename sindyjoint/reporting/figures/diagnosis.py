@@ -1,0 +1,188 @@
+"""The figures of a diagnosis: its gap by step, where it lies, what it is made of, and what would explain it."""
+
+from __future__ import annotations
+
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+from sindyjoint.reporting.figures import before_after
+from sindyjoint.reporting.figures.kind import Kind, by_name, fixed
+from sindyjoint.reporting.style import (
+    DASHES,
+    INK,
+    MARKERS,
+    MUTED,
+    PALETTE,
+    legend_above,
+    plain,
+    shortened,
+)
+from sindyjoint.reporting.units import quantities
+from sindyjoint.text import percent, spelled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from sindyjoint.diagnosis.result import Diagnosis
+
+NARROW = 5  # inches, below which a legend has one column
+MOST_RIVALS = 4
+FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
+
+
+def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the moment and response gap after each step, down to the noise floor.
+
+    The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
+    """
+    labels = ["model alone", *(f"+ {spelled(s.effect)}" for s in result.steps)]
+    gaps = [result.initial, *(s.gap_after for s in result.steps)]
+    names = {"moment": quantities(result.model.joint.motion).moment.lower(), "response": "response"}
+    shown = [100 * getattr(gap, name) for gap in gaps for name in names]
+    shown = [value for value in shown if value == value and value > 0]
+    floors = [100 * getattr(result.noise_floor, name) for name in names]
+    # A floor of rounding alone would be all that a picture shows; the legend tells it.
+    known = shown + [floor for floor in floors if shown and floor > min(shown) / FAR**2]
+    for index, (name, called) in enumerate(names.items()):
+        values = [100 * getattr(gap, name) for gap in gaps]
+        colour = PALETTE[index]
+        ax.plot(
+            range(len(gaps)),
+            values,
+            color=colour,
+            ls=DASHES[index],
+            marker=MARKERS[index],
+            label=f"{called} gap",
+        )
+        for place, value in enumerate(values):
+            if value == value:
+                # The larger of the two gaps is told above its mark, the other below.
+                other = 100 * getattr(gaps[place], "response" if name == "moment" else "moment")
+                below = value < other or (index == 1 and value == other)
+                ax.annotate(
+                    percent(value / 100),
+                    (place, value),
+                    # A gap that falls comes from the upper left and leaves to the lower right.
+                    (-6, -3) if below else (6, 3),
+                    textcoords="offset points",
+                    ha="right" if below else "left",
+                    va="top" if below else "bottom",
+                    color=colour,
+                )
+        floor = 100 * getattr(result.noise_floor, name)
+        if floor == floor:
+            label = f"noise floor of the {called}, {percent(floor / 100)}"
+            if shown and floor not in known:
+                label += ", below the axis"
+            ax.axhline(floor, color=colour, lw=0.8, ls=(0, (1, 1.5)), label=label)
+    if known and max(known) > FAR * min(known):
+        ax.set_yscale("log")
+        ax.set_ylim(0.5 * min(known), 2 * max(known))
+    elif known:
+        ax.set_ylim(0, 1.1 * max(known))
+    ax.set_xticks(range(len(labels)), labels)
+    ax.set_xlim(-0.3, len(labels) - 0.5)
+    ax.set_ylabel("relative RMS (%)")
+    ax.set_title("Gap between model and measurement")
+    narrow = ax.figure.bbox.width < NARROW * ax.figure.dpi
+    legend_above(ax, 4 if narrow else 2, columns=1 if narrow else 2)
+    return ax
+
+
+def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw what the first gap is made of, in mean square."""
+    names = ("state", "history", "run", "processing", "noise")
+    total = result.budget.total or 1.0
+    shares = [100 * getattr(result.budget, name) / total for name in names]
+    ax.barh(range(len(names)), shares, color=[*PALETTE[:4], MUTED])
+    for index, share in enumerate(shares):
+        ax.text(share + 0.8, index, f"{share:.1f} %", va="center", color=INK)
+    ax.set_yticks(range(len(names)), names)
+    ax.invert_yaxis()
+    ax.set_xlim(0, 112)
+    ax.set_xlabel("share of the mean square gap (%)")
+    ax.set_title("Budget of the first gap")
+    return ax
+
+
+def rivals_height(result: Diagnosis) -> float:
+    """Return the height of the picture of the rivals, inches: a bar is as thick whatever their number."""
+    return 1.1 + 0.28 * sum(1 + len(step.rivals[:MOST_RIVALS]) for step in result.steps)
+
+
+def rivals(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the probability of the named effect of each step and of its rivals."""
+    rows = []
+    for index, step in enumerate(result.steps):
+        rows.append((f"{index + 1}. {spelled(step.effect)}", step.probability, PALETTE[0]))
+        rows += [(f"    {spelled(name)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
+    for place, (_, probability, colour) in enumerate(rows):
+        ax.barh(place, probability, height=0.6, color=colour)
+        ax.text(probability + 0.008, place, f"{probability:.2f}", va="center", color=INK)
+    ax.set_yticks(range(len(rows)), [label for label, _, _ in rows])
+    ax.set_ylim(len(rows) - 0.5, -0.5)
+    ax.set_xlim(0, 1.08)
+    ax.set_xlabel("probability")
+    ax.set_title("Named effects and their rivals")
+    return ax
+
+
+def where(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the regions that hold more of the gap than their share of the samples."""
+    places = list(result.where)
+    ax.barh(range(len(places)), [100 * place.share for place in places], height=0.6, color=PALETTE[0])
+    labels = [plain(fill(shortened(place.words.partition(":")[0], 60), 26)) for place in places]
+    ax.set_yticks(range(len(places)), labels)
+    ax.invert_yaxis()
+    ax.set_xlim(0, 100)
+    ax.set_xlabel("share of the mean square gap (%)")
+    ax.set_title("Where the gap lies")
+    return ax
+
+
+KINDS = by_name(
+    Kind(
+        "gap",
+        "Gap by step",
+        "Gap between model and measurement before and after each named effect, beside the noise floor.",
+        fixed(gap_by_step),
+        wide=True,
+    ),
+    Kind(
+        "maps",
+        "Maps before and after",
+        "Mean of measured less model over cells of angle and rate, with the model alone and with the effects, in "
+        "the same colours.",
+        before_after.maps,
+    ),
+    Kind(
+        "overlay",
+        "Runs before and after",
+        "Some runs beside the model alone and with the effects, and what either leaves of them beside the noise. "
+        "Coefficients are those of the fit to all runs.",
+        before_after.overlays,
+    ),
+    Kind(
+        "where",
+        "Where the gap lies",
+        "Regions of the motion that hold more of the first gap than their share of the samples.",
+        lambda result: [where] if result.where else [],
+        wide=True,
+    ),
+    Kind(
+        "budget",
+        "Budget of the gap",
+        "What the first gap is made of: a function of the state, memory, differences between runs, processing, "
+        "noise.",
+        fixed(budget_parts),
+        wide=True,
+    ),
+    Kind(
+        "rivals",
+        "Rivals",
+        "Probability of each named effect, and of the effects that would explain nearly as much.",
+        lambda result: [rivals] if result.steps else [],
+        wide=True,
+        height=rivals_height,
+    ),
+)

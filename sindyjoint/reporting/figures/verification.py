@@ -1,0 +1,204 @@
+"""The figures of a verification: measured and simulated response, swing by swing too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sindyjoint.reporting.figures.kind import Kind, Panel, by_name, spread
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
+from sindyjoint.response.oscillation import hilbert_envelope
+from sindyjoint.response.verification import Band, RunVerification, Verification
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CYCLES_SHOWN = 6
+UNITS = {"angle": "rad", "displacement": "m", "moment": "N*m", "force": "N"}
+# More samples of a response than these no picture shows.
+KEPT_SAMPLES = 6000
+
+
+def thinned(result: Verification) -> Verification:
+    """Return a verification with no more samples than a picture shows."""
+    return replace(result, runs=tuple(_thinned(run) for run in result.runs))
+
+
+def _thinned(run: RunVerification) -> RunVerification:
+    step = -(-run.time.size // KEPT_SAMPLES)
+    band = run.band and Band(run.band.low[::step], run.band.high[::step], run.band.draws, run.band.failed)
+    simulated = None if run.simulated is None else run.simulated[::step]
+    return replace(run, time=run.time[::step], measured=run.measured[::step], simulated=simulated, band=band)
+
+
+def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
+    """Draw measured and simulated response over time; zoomed, the first cycles alone."""
+    factor, unit = prefixed(float(np.abs(run.measured).max()), UNITS[run.channel])
+    kept = slice(0, _first_cycles(run)) if zoom else slice(None)
+    time = run.time[kept]
+    ax.plot(time, run.measured[kept] * factor, color=PALETTE[0], lw=1.6, label="measured")
+    if run.simulated is not None:
+        ax.plot(time, run.simulated[kept] * factor, color=INK, lw=0.8, ls=(0, (4, 1.5)), label="simulated")
+    if run.band is not None:
+        ax.fill_between(
+            time, run.band.low[kept] * factor, run.band.high[kept] * factor, color=PALETTE[1], alpha=0.35,
+            lw=0, label="95 % of the model", rasterized=time.size > 4000,
+        )  # fmt: skip
+    ax.set_xlabel("Time (s)")
+    ax.set_ylabel(f"{run.channel.capitalize()} ({unit})")
+    if zoom:
+        legend_above(ax, 2, columns=2)
+    else:
+        ax.set_title(plain(shortened(run.name)))
+    return ax
+
+
+def _first_cycles(run: RunVerification) -> int:
+    swings = run.oscillations[0]
+    if swings is None:
+        return max(2, run.time.size // 10)
+    rate = 1 / (run.time[1] - run.time[0])
+    return min(run.time.size, int(CYCLES_SHOWN * float(np.median(swings.period)) * rate))
+
+
+def amplitude(run: RunVerification, ax: Axes) -> Axes:
+    """Draw the amplitude of each swing, as a mark, and the envelope by Hilbert's transform as a line."""
+    factor, unit = prefixed(float(np.abs(run.measured).max()), UNITS[run.channel])
+    # At either end the transform extrapolates: over one period here, over two below.
+    _by_swing(
+        run, ax, 1, lambda s: (s.amplitude_time, s.amplitude * factor), lambda height, _: height * factor
+    )
+    ax.set_yscale("log")
+    ax.set_ylabel(f"Amplitude ({unit})")
+    legend_above(ax, 1, columns=2)
+    return ax
+
+
+def period(run: RunVerification, ax: Axes) -> Axes:
+    """Draw the period from each turning point to the next but one as a mark, and Hilbert's as a line."""
+    _by_swing(run, ax, 2, lambda s: (s.time[1:-1], 1e3 * s.period), lambda _, frequency: 1e3 / frequency)
+    ax.set_ylabel("Period (ms)")
+    legend_above(ax, 1, columns=2)
+    return ax
+
+
+def _by_swing(
+    run: RunVerification,
+    ax: Axes,
+    cut: int,
+    marks: Callable[[Any], tuple[Any, Any]],
+    line: Callable[[Any, Any], Any],
+) -> None:
+    """Draw what swings say as marks, and as a line what Hilbert's envelope and frequency say, its ends cut off."""
+    rate = 1 / (run.time[1] - run.time[0])
+    signals = zip(("measured", "simulated"), run.oscillations, (run.measured, run.simulated), strict=True)
+    for (label, swings, signal), color, marker in zip(signals, (PALETTE[0], INK), "ox", strict=True):
+        if swings is None or signal is None:
+            continue
+        time, values = marks(swings)
+        ax.plot(time + run.time[0], values, color=color, ls="none", marker=marker, ms=2.5, label=label)
+        kept = slice(*(cut * int(float(np.median(swings.period)) * rate) * side for side in (1, -1)))
+        ax.plot(run.time[kept], line(*hilbert_envelope(signal, rate))[kept], color=color, lw=0.7)
+    ax.set_xlabel("Time (s)")
+
+
+def error(run: RunVerification, ax: Axes) -> Axes:
+    """Draw what is left between measurement and simulation."""
+    if run.simulated is not None:
+        left = run.simulated - run.measured
+        factor, unit = prefixed(float(np.abs(left).max()), UNITS[run.channel])
+        ax.plot(run.time, left * factor, color=MUTED, lw=0.4, rasterized=left.size > 4000)
+        ax.set_ylabel(f"Simulated − measured ({unit})")
+    ax.set_xlabel("Time (s)")
+    return ax
+
+
+def energy(run: RunVerification, ax: Axes) -> Axes:
+    """Draw the energy dissipated in each cycle."""
+    if run.energy is not None:
+        largest = float(np.abs(run.energy).max())
+        factor, unit = prefixed(largest, "J")
+        cycles = np.arange(1, run.energy.shape[1] + 1)
+        for values, color, marker, label in zip(
+            run.energy, (PALETTE[0], INK), ("o", "x"), ("measured", "simulated"), strict=True
+        ):
+            seen = values > 1e-4 * largest
+            ax.plot(
+                cycles[seen],
+                values[seen] * factor,
+                color=color,
+                ls="none",
+                marker=marker,
+                ms=2.5,
+                label=label,
+            )
+        shown = run.energy[run.energy > 1e-4 * largest]
+        if shown.size and shown.max() > 5 * shown.min():
+            ax.set_yscale("log")
+        ax.set_ylabel(f"Dissipated per cycle ({unit})")
+        legend_above(ax, 1, columns=2)
+    ax.set_xlabel("Cycle")
+    return ax
+
+
+def _of_runs(draw: Callable[[Any, Axes], Axes], has: Callable[[Any], bool]) -> Callable[[Any], list[Panel]]:
+    """Return panels that draw one run each."""
+
+    def panels(result: Any) -> list[Panel]:
+        shown = spread([run for run in result.runs if has(run)])
+        return [partial(_of_run, draw=draw, run=run, named=len(result.runs) > 1) for run in shown]
+
+    return panels
+
+
+def _of_run(result: Any, ax: Axes, draw: Callable[[Any, Axes], Axes], run: Any, named: bool) -> Axes:
+    draw(run, ax)
+    if named:
+        ax.set_title(plain(shortened(run.name)))
+    return ax
+
+
+KINDS = by_name(
+    Kind(
+        "response",
+        "Response",
+        "Measured and simulated response over time, with the band that the uncertainty of the coefficients allows.",
+        _of_runs(response, lambda run: True),
+        wide=True,
+    ),
+    Kind(
+        "cycles",
+        "First cycles",
+        "The first cycles of the measured and the simulated response.",
+        _of_runs(partial(response, zoom=True), lambda run: True),
+    ),
+    Kind(
+        "envelope",
+        "Envelope",
+        "Amplitude of every swing, measured and simulated, with the envelope by Hilbert's transform.",
+        _of_runs(amplitude, lambda run: any(run.oscillations)),
+    ),
+    Kind(
+        "period",
+        "Period",
+        "Period of every cycle, measured and simulated.",
+        _of_runs(period, lambda run: any(run.oscillations)),
+    ),
+    Kind(
+        "error",
+        "Error",
+        "Simulated less measured response over time.",
+        _of_runs(error, lambda run: run.simulated is not None),
+        wide=True,
+    ),
+    Kind(
+        "energy",
+        "Energy",
+        "Energy dissipated in every cycle, measured and simulated.",
+        _of_runs(energy, lambda run: run.energy is not None),
+    ),
+)

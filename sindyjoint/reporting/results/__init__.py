@@ -1,0 +1,1 @@
+"""How each kind of result is told, drawn and written: one file, one view for each."""

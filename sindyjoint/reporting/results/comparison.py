@@ -1,0 +1,274 @@
+"""A comparison: its tables, and every form they take; on a terminal, as a page, as files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
+from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.reporting.figures.comparison import KINDS
+from sindyjoint.reporting.provenance import Provenance, provenance
+from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.reporting.tables import interval_text, superscripted
+from sindyjoint.reporting.text_table import DASH, TextTable, aligned, csv_text, short_number
+from sindyjoint.reporting.view import FINDING, View
+from sindyjoint.text import rounded, spelled
+from sindyjoint.workflows.comparison import Comparison
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.comparison import Choice
+
+
+class ComparisonView(View[Comparison, Comparison]):
+    """A comparison."""
+
+    results = (Comparison,)
+    data = Comparison
+    kind = "Comparison"
+    kinds = KINDS
+    template = "comparison.html.j2"
+    record_file = "comparison.json"
+    judged_by = FINDING
+    unsaved = {"discovery": None, "left_out": {}}  # noqa: RUF012
+
+    def tables(self, result: Comparison) -> tuple[TextTable, ...]:
+        """Return the tables of a comparison."""
+        tables = [_against_terms("methods", "Methods against terms", result, result.methods)]
+        if result.frequencies:
+            title = "Each frequency alone against terms"
+            tables.append(_against_terms("frequencies", title, result, result.frequencies))
+        tables.append(_against_terms("libraries", "Libraries against terms", result, result.libraries))
+        tables.append(_coefficients(result))
+        if result.tests:
+            tables.append(_tests(result.tests))
+        if result.left_out:
+            tables.append(_folds(result))
+        return tuple(tables)
+
+    def content(self, result: Comparison, data: Comparison, folder: Path | None) -> dict[str, Any]:
+        """Return what the page shows."""
+        return {"title": _title(result)}
+
+    def origin(self, result: Comparison, command_line: Any, seed: object, files: Any) -> Provenance:
+        """Return the origin of the campaign's runs, too."""
+        return provenance(result.discovery.campaign, seed, command_line, files)
+
+    def files(self, result: Comparison, data: Comparison) -> dict[str, str]:
+        """Return the tables as CSV, Markdown and LaTeX."""
+        tables = self.tables(result)
+        return {
+            "comparison.csv": long_csv(result),
+            "comparison.md": _markdown(result, tables),
+            "comparison.tex": "% needs \\usepackage{booktabs}\n"
+            + "\n".join(table.latex() for table in tables),
+        }
+
+    def show(self, result: Comparison) -> None:
+        """Print the comparison for a person."""
+        simulated = " (simulated)" if result.simulated else ""
+        print(f"{result.joint}{simulated}\n{result.agreement}\n")
+        wide = max(len(choice.name) for choice in (*result.methods, *result.libraries))
+        for choice in (*result.methods, *result.frequencies, *result.libraries):
+            error = f"  left-out moment {_percent(choice.held_out)}" if np.isfinite(choice.held_out) else ""
+            print(f"  {choice.name:<{wide}}  {_difference(choice)}{error}")
+        if result.tests:
+            print("\nthe same at every frequency?")
+            for test in result.tests:
+                print(f"  {spelled(test.name)}: {test.answer}; {test.reason}")
+        for text in (*result.undetermined, *result.warnings):
+            print(f"\nnote: {text}")
+
+    def details(self, result: Comparison) -> Iterator[str]:
+        """Yield how long each method took, and what it led to."""
+        rows = [("method", "time", "held out", "response", "terms")]
+        for choice in (*result.methods, *result.frequencies, *result.libraries):
+            rows.append(
+                (
+                    choice.name,
+                    _seconds(choice.seconds),
+                    short_number(choice.held_out),
+                    short_number(choice.response),
+                    " ".join(term.id for term in choice.terms) or "none",
+                )
+            )
+        yield from aligned(rows)
+        yield from (f"{stage}: {_seconds(spent)}" for stage, spent in result.seconds.items())
+
+
+def _title(result: Comparison) -> str:
+    return f"{result.joint}: terms by method, frequency and library"
+
+
+def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
+    rows = []
+    for term in result.shown_ids:
+        if any(choice[term] for choice in choices) or term in PAPER_TERMS:
+            rows.append(
+                (
+                    f"{spelled(term)} ({pretty_unit(result.units.get(term, '?'))})",
+                    *(_cell(c, term) for c in choices),
+                )
+            )
+    rows.append(("terms", *(str(len(c.terms)) for c in choices)))
+    rows.append(("the paper's set", *("yes" if c.agrees else "no" for c in choices)))
+    if any(np.isfinite(c.held_out) for c in choices):
+        rows.append(("error of left-out moment", *(_percent(c.held_out) for c in choices)))
+    if any(np.isfinite(c.response) for c in choices):
+        rows.append(("error of left-out response", *(_percent(c.response) for c in choices)))
+    if any(np.isfinite(c.seconds) for c in choices):
+        rows.append(("time of the path, s", *(f"{c.seconds:.2f}" for c in choices)))
+    return TextTable(name, title, ("term", *(c.name for c in choices)), tuple(rows))
+
+
+def _coefficients(result: Comparison) -> TextTable:
+    """Tell each term of the model: inclusion, value and interval after correction, and the bias that was corrected."""
+    share = dict(zip(result.ids, result.inclusion, strict=True))
+    rows = []
+    for term in result.model.terms:
+        rows.append(
+            (
+                f"{spelled(term.id)} ({pretty_unit(result.units[term.id])})",
+                _percent(share.get(term.id, float("nan"))),
+                _value(term.coefficient, term.standard_error),
+                interval_text(*term.interval95, term.standard_error),
+                f"{100 * (result.bias[term.id] / abs(term.coefficient)):+.2f} %".replace("-", "−")
+                if term.id in result.bias
+                else DASH,
+            )
+        )
+    return TextTable(
+        "coefficients",
+        "Coefficients",
+        ("term", "in resampled campaigns", "value", "95 % interval", "bias taken out"),
+        tuple(rows),
+    )
+
+
+def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
+    columns = (
+        "term",
+        *(f"{f:.4g} Hz" for f in tests[0].frequencies),
+        "Q",
+        "I²",
+        "τ / mean",
+        "trend over band",
+        "p",
+        "at most",
+        "answer",
+    )
+    rows = []
+    for test in tests:
+        values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
+        spread = (f"{test.q:.1f}", f"{100 * test.i_squared:.0f} %", _percent(test.tau / abs(test.mean)))
+        trend = f"{100 * test.change:+.1f} %".replace("-", "−")
+        said: str = test.answer
+        if said == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
+            said += f"; a change of {trend} is significant"
+        answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), said)
+        rows.append((spelled(test.name), *values, *spread, *answer))
+    return TextTable(
+        "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)
+    )
+
+
+def _folds(result: Comparison) -> TextTable:
+    rows = [
+        (
+            f"{kind}: {', '.join(fold.left_out)}",
+            _percent(fold.moment_error),
+            "the same"
+            if fold.kept == result.model.ids
+            else ", ".join(spelled(term) for term in fold.kept) or "none",
+        )
+        for kind, validation in result.left_out.items()
+        for fold in validation.folds
+    ]
+    single = set(result.left_out) == {"time"}
+    return TextTable(
+        "left-out",
+        "Without one part of the run" if single else "Without the runs of one frequency or level",
+        ("left out", "error of its moment", "terms found"),
+        tuple(rows),
+    )
+
+
+def long_csv(result: Comparison) -> str:
+    """Return every choice, term by term, as CSV: numbers in full, SI."""
+    numbers = ("coefficient", "standard_error", "interval95_low", "interval95_high")
+    groups = {
+        "method": result.methods,
+        "frequency": result.frequencies,
+        "library": result.libraries,
+        "model": (result.model,),
+    }
+    rows: list[tuple[Any, ...]] = []
+    for kind, choices in groups.items():
+        for choice in choices:
+            for term in result.shown_ids:
+                held, unit = choice[term], result.units.get(term, "")
+                values = (
+                    (held.coefficient, held.standard_error, *held.interval95)
+                    if held
+                    else ("",) * len(numbers)
+                )
+                rows.append((kind, choice.name, term, int(held is not None), *values, unit))
+    return csv_text(("kind", "name", "term", "chosen", *numbers, "unit"), rows)
+
+
+def _markdown(result: Comparison, tables: Sequence[TextTable]) -> str:
+    notes = [f"- {text}" for text in (*result.undetermined, *result.warnings)]
+    head = (
+        f"# {_title(result)}\n\n"
+        + ("Simulated, not measured.\n\n" if result.simulated else "")
+        + result.agreement
+        + ".\n"
+    )
+    return "\n".join(
+        [
+            head,
+            *(f"## {table.title}\n\n{table.markdown()}\n" for table in tables),
+            *(["## To be aware of\n", *notes, ""] if notes else []),
+        ]
+    )
+
+
+def _difference(choice: Choice) -> str:
+    if not choice.terms:
+        return "no model"
+    if choice.agrees:
+        return "the paper's five"
+    parts = [f"without {_list(choice.missing)}"] if choice.missing else []
+    parts += [f"with {_list(choice.extra)}"] if choice.extra else []
+    return f"{len(choice.terms)} terms: the paper's " + ", ".join(parts)
+
+
+def _list(terms: Sequence[str]) -> str:
+    return " and ".join(spelled(term) for term in terms)
+
+
+def _cell(choice: Choice, term: str) -> str:
+    held = choice[term]
+    return DASH if held is None else _value(held.coefficient, held.standard_error)
+
+
+def _value(value: float, error: float) -> str:
+    return superscripted(rounded(value, error)) if np.isfinite(error) else f"{value:.4g}".replace("-", "−")
+
+
+def _percent(value: float) -> str:
+    return (
+        f"{100 * value:.2f} %"
+        if np.isfinite(value) and value < 0.1
+        else f"{100 * value:.0f} %"
+        if np.isfinite(value)
+        else DASH
+    )
+
+
+def _seconds(value: float) -> str:
+    return "–" if not np.isfinite(value) else f"{value:.2f} s"

@@ -1,0 +1,319 @@
+"""A discovery: which terms the joint's equation has, on a terminal, as a page, as files."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sindyjoint.errors import InputError
+from sindyjoint.reporting.data import ReportData, gather
+from sindyjoint.reporting.equation import mathml, symbol_html
+from sindyjoint.reporting.figures.discovery import KINDS
+from sindyjoint.reporting.interactive import loops_payload, map_payload
+from sindyjoint.reporting.page import markup
+from sindyjoint.reporting.provenance import Provenance, provenance
+from sindyjoint.reporting.style import prefixed, pretty_unit
+from sindyjoint.reporting.tables import term_rows, terms_csv
+from sindyjoint.reporting.text_table import (
+    TextTable,
+    aligned,
+    natural_width,
+    print_whole,
+    short_number,
+    terminal,
+    terminal_table,
+)
+from sindyjoint.reporting.units import quantities
+from sindyjoint.reporting.view import FINDING, View
+from sindyjoint.text import rounded
+from sindyjoint.workflows.discover import Discovery
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from sindyjoint.states import ForceStates
+
+HEADLINES = {
+    "confirmed": "The paper’s five terms describe this joint.",
+    "refuted": "The paper’s five terms, as they stand, do not describe this joint.",
+    "undecided": "These data do not decide whether the paper’s five terms describe this joint.",
+}
+NO_MODEL = "No set of terms passed: these data give no model of this joint."
+# Steps of a path shown on either side of the chosen one.
+NEIGHBOURS = 3
+
+
+class DiscoveryView(View[Discovery, ReportData]):
+    """A discovery; its data are gathered into small arrays, and its page is made of them alone."""
+
+    results = (Discovery, ReportData)
+    data = ReportData
+    kind = "ReportData"
+    kinds = KINDS
+    template = "discovery.html.j2"
+    judged_by = FINDING
+
+    def gather(self, result: Discovery | ReportData) -> ReportData:
+        """Return what is saved, so that a figure drawn again later is the same to the last byte."""
+        return result if isinstance(result, ReportData) else self.restore(self.save(gather(result)))
+
+    def save(self, data: ReportData) -> dict[str, Any]:
+        """Return the data with the version of their layout."""
+        return {"schema": 1, **super().save(data)}
+
+    def restore(self, record: Mapping[str, Any]) -> ReportData:
+        """Return data of matching shapes."""
+        read: ReportData = super().restore(record)
+        cells = (read.surface.n, read.surface.n)
+        shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
+        if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
+            raise InputError("not a saved ReportData: loops and a square map are wanted")
+        return read
+
+    def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
+        """Return the terms."""
+        rows = []
+        for term in result.model.terms:
+            low, high = term.interval95
+            value = rounded(term.coefficient, term.standard_error)
+            share = f"{100 * term.unique_share:.1f} %"
+            rows.append(
+                (term.id, term.symbol, value, pretty_unit(term.unit), f"{low:.4g} … {high:.4g}", share)
+            )
+        columns = ("term", "", "coefficient", "unit", "95 % interval", "alone")
+        return (TextTable("terms", "Terms", columns, tuple(rows)),)
+
+    def content(
+        self, result: Discovery | ReportData, data: ReportData, folder: Path | None
+    ) -> dict[str, Any]:
+        """Return what the page shows."""
+        return {
+            "title": f"{data.model.joint.name}: terms of the joint",
+            "headline": HEADLINES[data.verdict] if data.model.terms else NO_MODEL,
+            "facts": key_facts(data),
+            "equation": markup(mathml(data.model)),
+            "equation_text": data.model.equation(),
+            "equation_latex": data.model.latex(),
+            "terms": term_rows(data.model),
+            "symbols": [markup(symbol_html(term.symbol)) for term in data.model.terms],
+            "runs": run_rows(data),
+            "steps": step_rows(data),
+            "payload": {"map": map_payload(data), "loops": loops_payload(data)},
+        }
+
+    def origin(self, result: Discovery, command_line: Any, seed: object, files: Any) -> Provenance:
+        """Return the origin of the campaign's runs, too."""
+        return provenance(result.campaign, result.regressor.random_state, command_line, files)
+
+    def files(self, result: Discovery, data: ReportData) -> dict[str, str]:
+        """Return the model and its terms."""
+        return {"model.json": result.model.to_json() + "\n", "terms.csv": terms_csv(result.model)}
+
+    def show(self, result: Discovery) -> None:
+        """Print equation, terms, fit, verdict and cautions."""
+        from rich.markup import escape
+
+        console = terminal()
+        model, fitted = result.model, result.model.fitted
+        simulated = " (simulated)" if fitted.simulated else ""
+        at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
+        title = f"[bold]{escape(model.joint.name + simulated)}[/]"
+        console.print(f"{title}: {fitted.runs} run(s){at}, {fitted.samples} moving samples")
+        if not result.found:
+            console.print(f"\nno model: {escape(result.reason)}")
+        else:
+            console.print(f"\n  {escape(model.equation())}\n")
+            print_whole(_terms(self.tables(result)[0], console), console)
+            what = quantities(model.joint.motion).moment.lower()
+            console.print(f"\nalone: share of the {what} that no other term can take over")
+        _show_fit(result, console)
+        verdict = result.verdict
+        console.print(f"\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}")
+        for warning in result.warnings:
+            console.print(f"- {escape(warning)}")
+
+    def details(self, result: Discovery) -> Iterator[str]:
+        """Yield states, the path round the choice, and what each term carries."""
+        model = result.model
+        yield from state_lines(result.states, model.joint.motion)
+        if result.skew is not None:
+            late, error = 1e3 * result.skew.time, 1e3 * result.skew.standard_error
+            yield f"time by which the moment lags: {late:.4f} ms ± {error:.4f} ms"
+        path, chosen = result.selection.path, result.selection.chosen
+        yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
+        first, last = (
+            (0, len(path)) if chosen is None else (max(0, chosen - NEIGHBOURS), chosen + NEIGHBOURS + 1)
+        )
+        rows = [("", "terms", "residual", "held out", "threshold", "least |t| over groups")]
+        for index, step in enumerate(path[first:last], first):
+            least = float(np.min(step.group_t_ratios)) if step.group_t_ratios.size else float("inf")
+            rows.append(
+                (
+                    "chosen" if index == chosen else "",
+                    str(step.size),
+                    f"{step.fit.residual_rms:.4g}",
+                    short_number(step.held_out_rms),
+                    f"{step.threshold:.2e}",
+                    short_number(least),
+                )
+            )
+        yield from aligned(rows)
+        fitted = model.fitted
+        yield (
+            f"moment {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
+            f"{fitted.noise_floor:.4g}"
+        )
+        yield from _shares(result)
+
+
+def _terms(table: TextTable, console: Console) -> Table:
+    """Return the terms for a terminal; in a narrow window without the interval: the uncertainty says as much."""
+    whole = terminal_table(table.columns, table.rows, "llrlrr", ruled=True)
+    if not sys.stdout.isatty() or natural_width(whole, console) <= console.width:
+        return whole
+    columns, *rows = ((*row[:4], *row[5:]) for row in (table.columns, *table.rows))
+    return terminal_table(columns, rows, "llrlr", ruled=True)
+
+
+def _show_fit(result: Discovery, console: Console) -> None:
+    """Print the inertia, how well the model fits, and the delay between the channels."""
+    model, fitted = result.model, result.model.fitted
+    rotation = model.joint.motion == "rotation"
+    what, unit = ("moment", "N·m") if rotation else ("force", "N")
+    if model.joint.inertia is not None:
+        console.print(f"inertia {model.joint.inertia:g} {'kg·m²' if rotation else 'kg'}, declared")
+    console.print(
+        f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
+        f"({100 * (fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0):.2f} %), "
+        f"noise floor {fitted.noise_floor:.3g} {unit}, moving {100 * fitted.moving_fraction:.0f} % of the time"
+    )
+    if result.skew is not None:
+        console.print(
+            f"the {what} lags the {'angle' if rotation else 'displacement'} by "
+            f"{rounded(1e3 * result.skew.time, 1e3 * result.skew.standard_error)} ms"
+        )
+
+
+def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iterator[str]:
+    """Yield a line per run: its samples, how its rate was made, how much of it moves, and its noise."""
+    angle, moment = ("rad", "N·m") if motion == "rotation" else ("m", "N")
+    yield from aligned(
+        [
+            (
+                "run",
+                "samples",
+                "rate",
+                "states",
+                "band",
+                "moving",
+                "noise of the motion",
+                "noise of the moment",
+            ),
+            *(
+                (
+                    state.run,
+                    str(state.n_samples),
+                    f"{state.sample_rate:.4g} Hz",
+                    state.method,
+                    f"{state.bandwidth:.3g} Hz",
+                    f"{100 * state.moving.mean():.1f} %",
+                    f"{state.noise.angle:.2e} {angle}",
+                    f"{state.noise.moment:.2e} {moment}",
+                )
+                for state in states
+            ),
+        ]
+    )
+
+
+def _shares(result: Discovery) -> Iterator[str]:
+    bias = {} if result.bias is None else dict(zip(result.bias.ids, result.bias.pooled, strict=True))
+    rows = [("term", "share it carries alone", "relative error", "bias taken out")]
+    for term in result.model.terms:
+        size = abs(term.coefficient) or 1.0
+        out = f"{100 * (bias[term.id] / size):+.3f} %" if term.id in bias else "–"
+        rows.append(
+            (term.id, f"{100 * term.unique_share:.2f} %", f"{100 * (term.standard_error / size):.3f} %", out)
+        )
+    yield from aligned(rows)
+
+
+def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
+    """Return what the first screen states in numbers: (label, value, explanation)."""
+    fitted, q = data.model.fitted, quantities(data.model.joint.motion)
+    factor, unit = prefixed(fitted.residual_rms, q.moment_unit)
+    explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2 if fitted.moment_rms > 0 else math.nan
+    floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
+    frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
+    inertia = data.model.inertia
+    known = "declared" if data.model.joint.inertia is not None else "identified" if inertia else "not known"
+    facts = [
+        (
+            f"{q.moment} explained",
+            f"{100 * explained:.2f} %" if data.model.terms else "none",
+            "of the mean square, where it moves",
+        ),
+        ("Left over", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
+        (
+            "Tested",
+            f"{fitted.runs} run{'s' if fitted.runs != 1 else ''}",
+            f"{frequencies} Hz" if frequencies else "aperiodic",
+        ),
+        (
+            "Moving samples",
+            f"{fitted.samples:,}".replace(",", "\u202f"),
+            f"{100 * fitted.moving_fraction:.0f} % of all; the rest sticks or reverses",
+        ),
+    ]
+    unit = "kg" if data.translation else "kg*m^2"
+    facts.append(("Mass" if data.translation else "Inertia", f"{inertia:.4g} {pretty_unit(unit)}", known))
+    return facts
+
+
+def run_rows(data: ReportData) -> list[dict[str, Any]]:
+    """Return one row for each run."""
+    q = quantities(data.model.joint.motion)
+    factor, unit = prefixed(data.model.fitted.residual_rms, q.moment_unit)
+    return [
+        {
+            "run": loop.run,
+            "frequency": loop.frequency,
+            "level": loop.level or "",
+            "method": loop.method,
+            "samples": loop.samples,
+            "moving": loop.moving_fraction,
+            "noise": loop.moment_noise * factor,
+            "residual": loop.residual_rms * factor,
+            "unit": unit,
+        }
+        for loop in data.loops
+    ]
+
+
+def step_rows(data: ReportData) -> list[dict[str, Any]]:
+    """Return the models of the path around the chosen one, with what the next larger one added."""
+    q = quantities(data.model.joint.motion)
+    factor, unit = prefixed(data.model.fitted.residual_rms, q.moment_unit)
+    rows = []
+    for index, step in enumerate(data.path):
+        smaller = set(data.path[index + 1].terms) if index + 1 < len(data.path) else set()
+        rows.append(
+            {
+                "size": len(step.terms),
+                "added": [t for t in step.terms if t not in smaller],
+                "dropped": sorted(smaller - set(step.terms)),
+                "residual": step.residual_rms * factor,
+                "held_out": step.held_out_rms * factor,
+                "threshold": step.threshold,
+                "least_t": step.least_t,
+                "chosen": index == data.chosen,
+                "unit": unit,
+            }
+        )
+    return rows

@@ -1,0 +1,175 @@
+"""A verification: a model beside measured response, on a terminal, as a page, as files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.figures.verification import KINDS, thinned
+from sindyjoint.reporting.interactive import response_payload
+from sindyjoint.reporting.page import markup
+from sindyjoint.reporting.style import shortened
+from sindyjoint.reporting.tables import model_table
+from sindyjoint.reporting.text_table import (
+    DASH,
+    TextTable,
+    aligned,
+    milliseconds,
+    print_whole,
+    short_number,
+    terminal,
+    terminal_table,
+)
+from sindyjoint.reporting.view import View
+from sindyjoint.response.verification import Verification
+from sindyjoint.text import percent
+
+# Of each run, as it is.
+PRINTED = ("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference")
+
+
+class VerificationView(View[Verification, Verification]):
+    """A verification."""
+
+    results = (Verification,)
+    data = Verification
+    kind = "Verification"
+    kinds = KINDS
+    template = "verification.html.j2"
+    record_file = "verification.json"
+    judged_by = ("states", "response", "workflows")
+    # "kind" marks what the file holds.
+    renamed = {"kind": "subject_kind"}  # noqa: RUF012
+
+    def kept(self, data: Verification) -> Verification:
+        """Return it with no more samples than a picture shows."""
+        return thinned(data)
+
+    def to_dict(self, result: Verification) -> dict[str, Any]:
+        """Return what ``--json`` prints, and beside it what each run shows cycle by cycle."""
+        record = result.to_dict()
+        record["subject"] = {"kind": result.kind, "name": result.subject}
+        record["reason"], record["tolerance"] = result.reason, result.tolerance
+        for entry, run in zip(record["runs"], result.runs, strict=True):
+            entry |= {
+                **{name: getattr(run, name) for name in PRINTED},
+                "failure": run.failure or None,
+                "cycles": {
+                    name: None
+                    if swings is None
+                    else {
+                        "time": swings.amplitude_time.tolist(),
+                        "amplitude": swings.amplitude.tolist(),
+                        "period": swings.period.tolist(),
+                    }
+                    for name, swings in zip(("measured", "simulated"), run.oscillations, strict=True)
+                },
+                "energy_per_cycle": None
+                if run.energy is None
+                else {"measured": run.energy[0].tolist(), "simulated": run.energy[1].tolist()},
+            }
+        return record
+
+    def tables(self, result: Verification) -> tuple[TextTable, ...]:
+        """Return the runs and the model's terms."""
+        rows = tuple(
+            (
+                run.name,
+                run.drive,
+                percent(run.response_nrmse),
+                percent(run.noise_floor),
+                percent(run.moment_nrmse),
+                percent(run.amplitude_rms_error),
+                milliseconds(run.mean_period_difference),
+            )
+            for run in result.runs
+        )
+        columns = (
+            "Run",
+            "Simulated by",
+            "Response error",
+            "Noise floor",
+            "Moment error",
+            "Amplitude",
+            "Period",
+        )
+        caption = "Errors relative to the RMS of what was measured."
+        return TextTable("runs", caption, columns, rows), model_table(result.model)
+
+    def content(self, result: Verification, data: Verification, folder: Path | None) -> dict[str, Any]:
+        """Return what the page shows."""
+        passed = result.verdict == "passed"
+        return {
+            "title": f"{result.model.joint.name} against {result.subject}",
+            "headline": f"The model {'gives the measured' if passed else 'misses the'} response.",
+            "facts": [
+                (
+                    "Response error",
+                    percent(result.response_nrmse),
+                    f"noise floor {percent(result.noise_floor)}",
+                ),
+                ("Tolerated", percent(result.tolerance), "beyond the noise"),
+                ("Moment error", percent(result.moment_nrmse), "relative RMS"),
+                (
+                    "Amplitude",
+                    percent(result.amplitude_rms_error),
+                    "RMS difference, of the first amplitude",
+                ),
+                ("Period", milliseconds(result.mean_period_difference), "mean difference"),
+            ],
+            "failures": [f"{run.name}: {run.failure}." for run in result.runs if run.failure],
+            "equation": markup(mathml(result.model)),
+            "payload": {"loops": response_payload(result.runs)},
+        }
+
+    def files(self, result: Verification, data: Verification) -> dict[str, str]:
+        """Return the model."""
+        return {"model.json": result.model.to_json() + "\n"}
+
+    def show(self, result: Verification) -> None:
+        """Print verdict, figures and cautions."""
+        from rich.markup import escape
+
+        console = terminal()
+        where = "the rig" if result.kind == "rig" else "the runs of"
+        console.print(f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}\n")
+        console.print(f"  {escape(result.model.equation())}\n")
+        columns = ("run", "simulated by", "response NRMSE", "noise", "moment NRMSE", "amplitude", "period")
+        rows = [(shortened(name), *others) for name, *others in self.tables(result)[0].rows]
+        print_whole(terminal_table(columns, rows, "llr"), console)
+        console.print(f"\n[bold]{result.verdict}[/]: {escape(result.reason)}")
+        for warning in result.warnings:
+            console.print(f"- {escape(warning)}")
+
+    def details(self, result: Verification) -> Iterator[str]:
+        """Yield how each run was simulated and judged."""
+        rows = [
+            (
+                "run",
+                "simulated by",
+                "samples",
+                "error",
+                "noise",
+                "beyond noise",
+                "tolerated",
+                "band drawn",
+                "failed",
+            )
+        ]
+        for run in result.runs:
+            rows.append(
+                (
+                    run.name,
+                    run.drive,
+                    str(run.measured.size),
+                    short_number(run.response_nrmse),
+                    short_number(run.noise_floor),
+                    short_number(run.beyond_noise),
+                    f"{result.tolerance:g}",
+                    DASH if run.band is None else str(run.band.draws),
+                    DASH if run.band is None else str(run.band.failed),
+                )
+            )
+        yield from aligned(rows)

@@ -1,0 +1,163 @@
+"""A table of text, and every form it takes: Markdown, LaTeX, CSV, aligned lines, a table on a terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+DASH = "–"
+WIDTH = 100  # characters, where no terminal says how wide it is
+LATEX = {
+    "&": r"\&",
+    "%": r"\%",
+    "_": r"\_",
+    "#": r"\#",
+    "$": r"\$",
+    "{": r"\{",
+    "}": r"\}",
+    "\\": r"\textbackslash{}",
+    "–": "--",
+    "−": r"$-$",
+    "±": r"$\pm$",
+    "·": r"$\cdot$",
+    "τ": r"$\tau$",
+    "…": r"\ldots{}",
+}
+SUPERSCRIPT = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table of text that every format is made of.
+
+    Parameters
+    ----------
+    name, title : str
+        The name stands in files and links, the title is what people read.
+    columns : tuple of str
+    rows : tuple of tuple of str
+    """
+
+    name: str
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def markdown(self) -> str:
+        """Return the table as Markdown."""
+        lines = [self.columns, ("---",) * len(self.columns), *self.rows]
+        return "\n".join(
+            "| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines
+        )
+
+    def latex(self) -> str:
+        """Return the table as LaTeX for the package booktabs."""
+        lines = [" & ".join(_tex(cell) for cell in line) + r" \\" for line in (self.columns, *self.rows)]
+        head, body = lines[0], "\n".join(lines[1:])
+        align = "l" + "r" * (len(self.columns) - 1)
+        return (
+            f"\\begin{{table}}\n\\caption{{{_tex(self.title)}}}\n\\begin{{tabular}}{{{align}}}\n\\toprule\n{head}\n\\midrule\n"
+            f"{body}\n\\bottomrule\n\\end{{tabular}}\n\\end{{table}}\n"
+        )
+
+
+def short_number(value: float | None) -> str:
+    """Return a number to four digits; a dash where there is none."""
+    return DASH if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def milliseconds(value: float | None) -> str:
+    """Return a time in ms; a dash where there is none."""
+    return DASH if value is None or not math.isfinite(value) else f"{1e3 * value:.3g} ms"
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield rows, headings first, with columns under each other: the first to the left, others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        yield "  ".join([row[0].ljust(widths[0]), *cells])
+
+
+def csv_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table as CSV text."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def terminal(width: int = WIDTH, markup: bool = True) -> Console:
+    """Return the console that results are printed on: as wide as its window, or ``width`` where output is piped."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else width, highlight=False, markup=markup)
+
+
+def terminal_table(
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    align: str = "lr",
+    ruled: bool = False,
+    wraps: bool = False,
+) -> Table:
+    """Return a table for a terminal.
+
+    Parameters
+    ----------
+    columns : sequence of str
+    rows : sequence of sequence of str
+    align : str
+        A letter for each column, l or r; the last one holds for all that follow.
+    ruled : bool
+        Whether a line stands below the headings.
+    wraps : bool
+        Whether cells may be broken into lines.
+    """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = (
+        Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+        if ruled
+        else Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    )
+    for column, side in zip(columns, align.ljust(len(columns), align[-1]), strict=False):
+        table.add_column(column, justify="left" if side == "l" else "right", no_wrap=not wraps)
+    for row in rows:
+        # Names are a person's own: Text keeps square brackets from being markup.
+        table.add_row(*(Text(cell) for cell in row))
+    return table
+
+
+def natural_width(table: Table, console: Console) -> int:
+    """Return how many characters a table takes where nothing limits it."""
+    from rich.measure import Measurement
+
+    return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+
+
+def print_whole(table: Table, console: Console) -> None:
+    """Print a table as wide as it is: a number that is cut off is a wrong number."""
+    from rich.console import Console
+
+    Console(width=max(console.width, natural_width(table, console)), highlight=False).print(table)
+
+
+def _tex(text: str) -> str:
+    text = re.sub(r"·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: f"\0{found[1].translate(SUPERSCRIPT)}\1", text)
+    text = "".join(LATEX.get(char, char) for char in text)
+    text = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: f"$^{{{found[1].translate(SUPERSCRIPT)}}}$", text)
+    return text.replace("\0", r"$\cdot 10^{").replace("\1", "}$")

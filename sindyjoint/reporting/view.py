@@ -1,0 +1,166 @@
+"""What every kind of result offers, once: its record, tables, figures, page, lines, and what is kept of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+from sindyjoint.reporting.packing import pack, unpack
+from sindyjoint.reporting.units import in_words_of
+
+if TYPE_CHECKING:
+    from sindyjoint.reporting.figures.kind import Kind
+    from sindyjoint.reporting.provenance import Provenance
+    from sindyjoint.reporting.text_table import TextTable
+
+# The policies by which terms are found.
+FINDING = ("states", "equation", "discovery", "bias", "soundness", "workflows")
+
+R = TypeVar("R")
+D = TypeVar("D")
+
+
+class View(Generic[R, D]):
+    """How one kind of result is told, drawn, written, and read again.
+
+    A result (R) is what a workflow returned. Its data (D) are what figures are drawn from and what is saved beside
+    them: of most results the result itself, of others a small part.
+
+    Attributes
+    ----------
+    results : tuple of type
+        What it shows. For a subclass of one of them that has a view of its own, that one holds.
+    data : type
+        Of the data; ``None`` where nothing is saved and drawn.
+    kind : str
+        What saved data of this kind are marked with.
+    kinds : mapping of str to Kind
+        Its figures.
+    template : str
+        Of its page.
+    record_file : str
+        The file that :meth:`to_dict` is written to; empty: none.
+    judged_by : tuple of str
+        The policies that decided it, by their names in :func:`sindyjoint.workflows.policies.policies`.
+    unsaved : mapping of str to object
+        Fields of the data that no figure needs, and what stands for each when they are read again.
+    renamed : mapping of str to str
+        Fields of the data that are saved under another name.
+    """
+
+    results: ClassVar[tuple[type, ...]] = ()
+    data: ClassVar[type | None] = None
+    kind: ClassVar[str] = ""
+    kinds: ClassVar[Mapping[str, Kind]] = {}
+    template: ClassVar[str] = ""
+    record_file: ClassVar[str] = ""
+    judged_by: ClassVar[tuple[str, ...]] = ()
+    unsaved: ClassVar[Mapping[str, Any]] = {}
+    renamed: ClassVar[Mapping[str, str]] = {}
+
+    def gather(self, result: Any) -> Any:
+        """Return what the figures of a result are drawn from; of data, the data."""
+        return result
+
+    def to_dict(self, result: R) -> dict[str, Any]:
+        """Return everything that is known, as JSON data."""
+        record: dict[str, Any] = result.to_dict()  # type: ignore[attr-defined]
+        return record
+
+    def tables(self, result: R) -> tuple[TextTable, ...]:
+        """Return the tables that people read, in order."""
+        return ()
+
+    def figures(self, data: Any) -> Mapping[str, Kind]:
+        """Return the kinds of figure of this kind of result, in the words of its kind of motion."""
+        joint = getattr(getattr(data, "model", None), "joint", None)
+        if joint is None or joint.motion == "rotation":
+            return self.kinds
+        return {
+            name: replace(
+                kind,
+                title=in_words_of(joint.motion, kind.title),
+                caption=in_words_of(joint.motion, kind.caption),
+            )
+            for name, kind in self.kinds.items()
+        }
+
+    def content(self, result: R, data: Any, folder: Path | None) -> dict[str, Any]:
+        """Return what the page's template needs beside result, tables, figures and origin."""
+        raise NotImplementedError
+
+    def page(
+        self,
+        result: R,
+        data: Any,
+        origin: Provenance,
+        pictures: Mapping[str, bytes],
+        folder: Path | None = None,
+    ) -> str:
+        """Return the report as one HTML text.
+
+        Parameters
+        ----------
+        result, data
+        origin : Provenance
+        pictures : mapping of str to bytes
+            SVG by kind of figure.
+        folder : Path, optional
+            Where it will stand, for links to what lies there.
+        """
+        from sindyjoint.reporting.page import inline_svg, markup, render
+
+        kinds = self.figures(data)
+        return render(
+            self.template,
+            result=result,
+            data=data,
+            origin=origin,
+            tables={table.name: table for table in self.tables(result)},
+            kinds=kinds,
+            pictures={
+                name: markup(inline_svg(svg, name, kinds[name].title)) for name, svg in pictures.items()
+            },
+            **self.content(result, data, folder),
+        )
+
+    def origin(self, result: R, command_line: Any, seed: object, files: Any) -> Provenance:
+        """Return where a result came from."""
+        from sindyjoint.reporting.provenance import provenance
+
+        return provenance(None, seed, command_line, files)
+
+    def files(self, result: R, data: Any) -> dict[str, str]:
+        """Return the texts that are written beside page, record and figures, by name of file."""
+        return {}
+
+    def show(self, result: R) -> None:
+        """Print the result for a person."""
+        raise NotImplementedError
+
+    def details(self, result: R) -> Iterator[str]:
+        """Yield the numbers behind it as lines: what ``--verbose`` adds."""
+        return iter(())
+
+    def kept(self, data: Any) -> Any:
+        """Return what is saved of the data: no more samples than a picture shows."""
+        return data
+
+    def save(self, data: Any) -> dict[str, Any]:
+        """Return data as plain JSON data."""
+        record = pack(self.kept(data), self.unsaved)
+        return {**{self.renamed.get(name, name): value for name, value in record.items()}, "kind": self.kind}
+
+    def restore(self, record: Mapping[str, Any]) -> Any:
+        """Return data from what :meth:`save` made of them.
+
+        Raises
+        ------
+        InputError
+            If it is something else; the message names the field.
+        """
+        if self.renamed and isinstance(record, Mapping):
+            record = {**record, **{name: record.get(saved) for name, saved in self.renamed.items()}}
+        return unpack(self.data, record, self.unsaved)

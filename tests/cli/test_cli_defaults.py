@@ -1,0 +1,121 @@
+"""The command line and Python give the same result: every default of an option is that of the function it reaches."""
+
+import importlib
+import inspect
+
+import pytest
+import typer
+
+from sindyjoint.cli.app import app
+from sindyjoint.cli.defaults import default_of, given
+
+REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
+TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
+SPREAD = ("jobs", "workers", "cluster")
+OF_REGRESSOR = {"method": "method", "selection": "selection", "threshold": "threshold"}
+OF_DISCOVER = ("states", "bandwidth", "align", "random_state")
+
+# Command: option → function and parameter that it becomes.
+REACHED = {
+    "discover": {
+        **{name: (DISCOVER, name) for name in (*OF_DISCOVER, "correct", *SPREAD)},
+        **{name: (REGRESSOR, name) for name in OF_REGRESSOR},
+    },
+    "batch": {
+        **{name: (DISCOVER, name) for name in OF_DISCOVER},
+        **{name: (REGRESSOR, name) for name in OF_REGRESSOR},
+        **{name: ("workflows.batch:batch", name) for name in SPREAD},
+    },
+    "compare": {
+        name: ("workflows.compare:compare", name)
+        for name in ("replicates", "margin", "random_state", *SPREAD)
+    },
+    "diagnose": {name: ("workflows.diagnose:diagnose", name) for name in ("model", "random_state", *SPREAD)},
+    "verify": {
+        name: ("workflows.verify:verify", name)
+        for name in ("tolerance", "draws", "window", "noise", "presliding", "loss_factor", "random_state")
+    },
+    "rig": {"model": ("workflows.rig:rig_motion", "model")},
+    "reproduce": {"random_state": ("workflows.reproduce:reproduce", "random_state")},
+    "simulate": {
+        **{name: (TEST, name) for name in ("joint", "noise", "frequencies", "levels")},
+        **{name: (PLAN, name) for name in ("drive", "sample_rate", "duration", "settling", "skew")},
+        "bits": (TEST, "quantisation"),
+        "raw": (TEST, "raw_channels"),
+        "format": ("files.writers:write_campaign", "format"),
+    },
+    "plot": {
+        "width": ("reporting.registry:draw", "width"),
+        "dpi": ("reporting.style:figure_bytes", "dpi"),
+    },
+}
+# Not given to a function where they are not given to the command: it then takes its own default.
+PASSED_ON = {"library", "base", "hold_out", "max_effects", "method", "force", "forbid", "rig", "nuisance"}
+# What the command itself does.
+OF_THE_COMMAND = {
+    "out",
+    "as_json",
+    "quiet",
+    "verbose",
+    "refine",
+    "reports",
+    "diagnose",
+    "campaign",
+    "kind",
+    "help",
+}
+# Of the virtual test's own noise, which only a command makes.
+OWN = {("simulate", "random_state"): 0}
+
+
+def options():
+    commands = typer.main.get_command(app).commands
+    for name, command in commands.items():
+        if name in ("libraries", "schema", "export"):
+            continue
+        for parameter in command.params:
+            if not parameter.required:
+                yield pytest.param(name, parameter.name, parameter.default, id=f"{name}-{parameter.name}")
+
+
+def signature_default(function, name):
+    module, _, wanted = function.partition(":")
+    found = getattr(importlib.import_module(f"sindyjoint.{module}"), wanted)
+    return inspect.signature(found).parameters[name].default
+
+
+def plain(value):
+    """Return a default as the function has it: enumerations by their value, lists of numbers as numbers."""
+    value = getattr(value, "value", value)
+    if isinstance(value, str) and "," in value:
+        return tuple(float(part) for part in value.split(","))
+    return value
+
+
+@pytest.mark.parametrize(("command", "option", "default"), [*options()])
+def test_every_default_is_that_of_the_function(command, option, default):
+    if option in REACHED[command]:
+        assert plain(default) == signature_default(*REACHED[command][option])
+    elif (command, option) in OWN:
+        assert default == OWN[command, option]
+    elif option in PASSED_ON:
+        assert default is None
+    else:
+        assert option in OF_THE_COMMAND, f"{command} --{option}: say here which function's default it is"
+        assert default in (None, False)
+
+
+@pytest.mark.parametrize("reached", sorted({pair for table in REACHED.values() for pair in table.values()}))
+def test_a_default_read_from_the_source_is_the_one_in_force(reached):
+    assert default_of(*reached) == signature_default(*reached)
+
+
+def test_what_is_not_there_is_refused():
+    with pytest.raises(LookupError, match="has no parameter 'speed'"):
+        default_of(DISCOVER, "speed")
+    with pytest.raises(LookupError, match="has no parameter 'jobs'"):
+        default_of("workflows.discover:find", "jobs")
+
+
+def test_only_what_is_given_is_passed_on():
+    assert given(library=None, base=[], jobs=0, align=False) == {"jobs": 0, "align": False}

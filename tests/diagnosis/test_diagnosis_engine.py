@@ -1,0 +1,141 @@
+"""The loop of a diagnosis on a problem made by hand: what is accepted, refused, taken back, and why it stops."""
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.diagnosis.loop import Outcome, Progress, add_effects, try_effect
+from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
+from sindyjoint.diagnosis.problem import Added, Proposal
+from sindyjoint.diagnosis.ranking import EvidenceScale, rank
+from sindyjoint.diagnosis.result import Gap
+from sindyjoint.diagnosis.verdict import Residual, discount, judge, share_beyond_noise
+from sindyjoint.policy import described
+
+
+@dataclass(frozen=True)
+class Effect:
+    name: str
+    gain: float
+    gap: Gap
+    family: str = "made"
+    parameters: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Made:
+    """Effects that each bring the gap to a figure of their own; ``second`` is proposed as the other of a pair."""
+
+    candidates: tuple
+    found: tuple = ()
+    gap: Gap = Gap(1.0, 1.0, 1.0)
+    noise_measured: bool = False
+    is_noise: bool = False
+    paired: tuple = ()
+    needless: str = ""
+    dropped: tuple = ()
+    policy: object = CAMPAIGN
+
+    def propose(self, refused, pairs, say):
+        open_ones = [c for c in self.candidates if c.name not in refused and c not in self.found]
+        if not open_ones:
+            return None
+        scale = EvidenceScale(2000.0, 1000.0, 1000.0, 0.0)
+        ranking = rank(open_ones, [1] * len(open_ones), scale, self.policy)
+        return Proposal(ranking, pairs and ranking.fitted[0].name in self.paired)
+
+    def add(self, best):
+        if np.isnan(best.gap.moment):
+            return None
+        again = {self.needless: None} if self.needless in [f.name for f in self.found] else {}
+        found = (*(f for f in self.found if f.name not in again), best)
+        return Added(replace(self, found=found, gap=best.gap), again)
+
+    def units(self, fitted):
+        return {}
+
+
+def outcome(**changes):
+    problem = Made(**changes)
+    return try_effect(Progress(problem, problem.gap), frozenset(), 4, lambda words: None)
+
+
+def added(**changes):
+    problem = Made(**changes)
+    return [s.effect for s in add_effects(Progress(problem, problem.gap), 4, lambda words: None).steps]
+
+
+GOOD, NAN = Gap(0.5, 0.5, 0.5), float("nan")
+
+
+@pytest.mark.parametrize(
+    ("gain", "gap", "measured", "expected", "reason"),
+    [
+        (500.0, GOOD, False, Outcome.ACCEPT, "gap falls"),
+        (1.0, GOOD, False, Outcome.STOP, "nothing is believed"),
+        (500.0, Gap(3.0, 1.0, 1.0), False, Outcome.REFUSE, "left out"),
+        (500.0, Gap(0.9, 2.0, 0.9), False, Outcome.REFUSE, "response worse"),
+        # A response that is worse is the price of a moment that is much better.
+        (500.0, Gap(0.5, 2.0, 0.5), False, Outcome.ACCEPT, "gap falls"),
+        (500.0, Gap(0.99, 1.0, 0.99), False, Outcome.STOP, "wins nothing"),
+        (500.0, Gap(0.99, 1.0, 0.99), True, Outcome.ACCEPT, "gap falls"),
+        (500.0, Gap(NAN, NAN, NAN), False, Outcome.REFUSE, "fit fails"),
+    ],
+)
+def test_a_round_says_what_it_came_to_and_why(gain, gap, measured, expected, reason):
+    tried = outcome(candidates=(Effect("one", gain, gap),), noise_measured=measured)
+    assert tried.outcome is expected and reason in tried.reason
+    assert (tried.progress is not None) is (expected is Outcome.ACCEPT)
+
+
+def test_after_a_refusal_the_next_effect_has_its_turn():
+    bad, good = Effect("bad", 600.0, Gap(3.0, 1.0, 1.0)), Effect("good", 500.0, GOOD)
+    assert added(candidates=(bad, good)) == ["good"]
+    worse = [Effect(f"bad{i}", 900.0 - i, Gap(3.0, 1.0, 1.0)) for i in range(3)]
+    assert added(candidates=(*worse, good)) == []  # two are refused, the third ends it
+
+
+def test_the_first_of_a_pair_goes_where_the_second_never_comes():
+    first = Effect("first", 600.0, Gap(1.0, 1.0, 1.0))
+    assert added(candidates=(first, Effect("second", 500.0, GOOD)), paired=("first",)) == ["first", "second"]
+    vain = Effect("second", 500.0, Gap(0.99, 1.0, 1.0))
+    assert added(candidates=(first, vain), paired=("first",)) == []
+
+
+def test_an_effect_that_a_later_one_makes_needless_leaves_the_steps():
+    early, late = Effect("early", 600.0, GOOD), Effect("late", 500.0, Gap(0.1, 0.1, 0.1))
+    assert added(candidates=(early, late)) == ["early", "late"]
+    assert added(candidates=(early, late), needless="early") == ["late"]
+
+
+def test_nothing_is_searched_once_the_residual_is_surely_noise():
+    one = Effect("one", 600.0, GOOD)
+    assert added(candidates=(one, replace(one, name="two", gap=Gap(0.1, 0.1, 0.1))), is_noise=True) == ["one"]
+
+
+def test_what_remains_is_a_share_of_the_mean_square_or_of_the_rms():
+    before, after = (5000.0, 1000.0), (2000.0, 1000.0)
+    assert share_beyond_noise(before, after, CAMPAIGN) == pytest.approx(0.25)
+    assert share_beyond_noise(before, after, STRUCTURE) == pytest.approx(0.5)
+    assert share_beyond_noise(before, (1200.0, 1000.0), CAMPAIGN) == 0.0
+
+
+def test_where_something_unknown_remains_no_name_is_surer_than_it():
+    problem = Made((Effect("one", 600.0, GOOD),))
+    steps = add_effects(Progress(problem, problem.gap), 4, lambda words: None).steps
+    for policy in (CAMPAIGN, STRUCTURE):
+        verdict, reason = judge(steps, Residual(0.9, policy.unexplained), policy)
+        assert verdict == "unknown" and "90 %" in reason
+        (step,) = discount(steps, verdict, 0.0, policy)
+        assert step.probability == pytest.approx(0.5 * steps[0].probability)
+        assert dict(step.rivals)["unknown"] == 0.5
+        assert discount(steps, "named", 0.0, policy) == steps
+
+
+def test_a_structure_differs_from_a_campaign_in_what_is_said_and_every_limit_is_explained():
+    differing = {f.name for f in fields(CAMPAIGN) if getattr(CAMPAIGN, f.name) != getattr(STRUCTURE, f.name)}
+    assert differing == {"column_error", "found_error", "price_inflated", "most_effects", "unexplained",
+                         "unexplained_rms", "most_regions"}  # fmt: skip
+    for each in described(STRUCTURE):
+        assert len(each.meaning.split()) > 2 and each.source and each.unit
