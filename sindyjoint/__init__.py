@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.library import TermLibrary
+    from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
     from sindyjoint.equation.model import JointModel
     from sindyjoint.files import load_campaign
     from sindyjoint.record import Campaign, Joint, Run
@@ -22,6 +23,7 @@ __all__ = [
     "JointRegressor",
     "Run",
     "TermLibrary",
+    "UniqueShareSTLSQ",
     "discover",
     "load_campaign",
 ]
@@ -34,6 +36,7 @@ _HOMES = {
     "JointModel": "equation.model",
     "JointRegressor": "discovery.estimator",
     "TermLibrary": "discovery.library",
+    "UniqueShareSTLSQ": "discovery.optimizer",
     "discover": "workflows.discover",
     "load_campaign": "files",
 }

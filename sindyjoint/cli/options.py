@@ -13,19 +13,10 @@ import typer
 
 from sindyjoint.cli.defaults import default_of
 
-
-class Method(StrEnum):
-    """How the path of models is made."""
-
-    stlsq = "stlsq"
-    best_subset = "best_subset"
-    backward = "backward"
-    coefficient_stlsq = "coefficient_stlsq"
-    sr3 = "sr3"
-    ssr = "ssr"
-    frols = "frols"
-    ensemble = "ensemble"
-    lasso_lars = "lasso_lars"
+METHODS = (
+    "stlsq", "best_subset", "backward", "coefficient_stlsq", "sr3", "ssr", "frols", "ensemble", "lasso_lars",
+)  # fmt: skip
+"""Ways to make the path of models, as discovery has them."""
 
 
 class Selection(StrEnum):
@@ -52,7 +43,7 @@ class States(StrEnum):
 
 
 REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
-METHOD = Method(default_of(REGRESSOR, "method"))
+METHOD: str = default_of(REGRESSOR, "method")
 SELECTION = Selection(default_of(REGRESSOR, "selection"))
 STATES = States(default_of(DISCOVER, "states"))
 ALIGN: bool = default_of(DISCOVER, "align")
@@ -82,7 +73,13 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 class Finding:
     """How terms are found: the options of every command that finds them."""
 
-    method: Annotated[Method, typer.Option(help="How the path of models is made.")] = METHOD
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help=f"How the path of models is made: {', '.join(METHODS)}; or pysindy:NAME for an optimizer of pysindy.",
+        ),
+    ] = METHOD
     selection: Annotated[Selection, typer.Option(help="How one model of the path is chosen.")] = SELECTION
     threshold: Annotated[
         float | None,
@@ -105,7 +102,7 @@ class Finding:
     def arguments(self) -> dict[str, Any]:
         """Return what :func:`sindyjoint.discover` takes."""
         return {
-            "method": self.method.value,
+            "method": self.method,
             "selection": self.selection.value,
             "threshold": self.threshold,
             "forced": tuple(self.force or ()),

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import check_array, check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
+from sindyjoint.discovery.choice import SelectionRules
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
-from sindyjoint.discovery.methods import METHODS, column_path
+from sindyjoint.discovery.foreign_library import catalogue_of
+from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, gather, state_columns
-from sindyjoint.discovery.selection import (
-    Selection,
-    choose_by_evidence,
-    choose_by_one_standard_error,
-    choose_by_threshold,
-    path_of,
-)
-from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue, load_catalogue
+from sindyjoint.discovery.rows import RowLabels, gather, row_weights, state_columns
+from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
@@ -32,22 +26,19 @@ from sindyjoint.record import Joint, Motion
 
 Array = NDArray[np.float64]
 
-# What noise of a smoothed motion feigns grows with the noise. In low-passed virtual tests at 5 % noise most terms that
-# were not there carried below 0.13 of the residual alone, and nearly all true ones above 0.2.
-SHARE_OF_RESIDUAL = 0.15
-SELECTIONS = ("evidence", "one_standard_error")
-
 
 class JointRegressor(RegressorMixin, BaseEstimator):
     """Sparse regression of a joint's moment on candidate terms of its state.
 
     Parameters
     ----------
-    library : str, Path, Catalogue, or sequence of these
-        Candidate terms: names of shipped catalogues, paths of TOML files, or catalogues.
-    method : str
-        How the path of models is made: ``"stlsq"`` (sequentially thresholded least squares on unique shares) or any
-        other of :data:`sindyjoint.discovery.methods.METHODS`.
+    library : str, Path, Catalogue, feature library of pysindy, or sequence of these
+        Candidate terms: names of shipped catalogues, paths of TOML files, catalogues, or libraries of features of
+        (θ, θ̇).
+    method : str or optimizer of pysindy
+        How the path of models is made: ``"stlsq"`` (sequentially thresholded least squares on unique shares), any
+        other of :data:`sindyjoint.discovery.methods.METHODS`, ``"pysindy:NAME"``, or an optimizer: of these the sets
+        of terms that they pass through.
     selection : {"evidence", "one_standard_error"}
         How the threshold is chosen where ``threshold`` is None.
     threshold : float, optional
@@ -102,8 +93,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
 
     def __init__(
         self,
-        library: str | Path | Catalogue | Sequence[str | Path | Catalogue] = "extended",
-        method: str = "stlsq",
+        library: Any = "extended",
+        method: Any = "stlsq",
         selection: str = "evidence",
         threshold: float | None = None,
         significance: float = POLICY.term_significance,
@@ -171,7 +162,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             raise InputError(
                 f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected"
             )
-        weight = _row_weights(sample_weight, X.shape[0])
+        weight = row_weights(sample_weight, X.shape[0])
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
         reference = Reference.of(X[:, 0], X[:, 1], y)
         terms = self.candidates(reference, X.shape[1] == 3)
@@ -234,7 +225,11 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         gathered = self._without_dependent(evidence)
         self._moment_rms = gathered.target_rms
         self.evidence_ = self._with_fixed(gathered)
-        self.selection_result_ = self._select(shared_motion)
+        self.optimizer_ = UniqueShareSTLSQ(**vars(self._rules())).fit_evidence(
+            self.evidence_, shared_motion=shared_motion
+        )
+        self.selection_result_ = self.optimizer_.selection_result_
+        self.least_share_ = self.optimizer_.least_share_
         self._keep_model(samples, len(evidence.runs))
         return self
 
@@ -249,25 +244,13 @@ class JointRegressor(RegressorMixin, BaseEstimator):
 
     def check_parameters(self) -> None:
         """Refuse a method, a selection or a number that there is not."""
-        if self.method not in METHODS:
-            raise UnknownNameError(f"method is {self.method!r}; one of {', '.join(METHODS)} is wanted")
-        if self.selection not in SELECTIONS:
-            raise UnknownNameError(
-                f"selection is {self.selection!r}; one of {', '.join(SELECTIONS)} is wanted"
-            )
-        if self.threshold is not None and not 0 <= self.threshold < 1:
-            raise InputError(
-                f"threshold is {self.threshold!r}; a share of the moment's RMS, from 0 to below 1, is wanted"
-            )
-        for term, sign in (self.signs or {}).items():
-            if sign not in (1, -1):
-                raise InputError(f"signs: {term!r} is {sign!r}; +1 or -1 is wanted")
+        self._rules().check()
         for term, value in (self.fixed or {}).items():
             if not np.isfinite(value):
                 raise InputError(f"fixed: {term!r} is {value!r}; a finite coefficient is wanted")
 
     def _catalogue(self, with_inertia: bool) -> Catalogue:
-        catalogue = as_catalogue(self.library)
+        catalogue = catalogue_of(self.library)
         if with_inertia and "inertia" not in catalogue:
             catalogue = catalogue.union(load_catalogue("inertia"))
         elif not with_inertia and "inertia" in catalogue:
@@ -295,30 +278,17 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         self.terms_ = tuple(self.terms_[i] for i in keep)
         return evidence.take(keep)
 
-    def _select(self, shared_motion: bool) -> Selection:
-        self.least_share_ = self.least_share
-        forced = [self._index("forced", term) for term in self.forced]
-        signs = {self._index("signs", term): int(sign) for term, sign in (self.signs or {}).items()}
-        if self.evidence_.pooled.squared_target == 0:
-            return Selection((), None, "the moment is zero throughout")
-        sets = column_path(self.method, self.evidence_, forced, self.random_state, signs)
-        path = path_of(self.evidence_, sets)
-        if self.threshold is not None:
-            return choose_by_threshold(path, self.threshold, forced, signs)
-        if self.selection == "one_standard_error":
-            return choose_by_one_standard_error(path, signs)
-        if shared_motion:
-            residual = path[0].fit.residual_rms / self.evidence_.target_rms
-            self.least_share_ = max(self.least_share, SHARE_OF_RESIDUAL * residual)
-        return choose_by_evidence(path, self.significance, self.least_share_, forced, signs)
-
-    def _index(self, option: str, term_id: str) -> int:
-        ids = self.evidence_.ids
-        if term_id not in ids:
-            raise UnknownNameError(
-                f"{option} names {term_id!r}, which is not among the candidates: {', '.join(ids)}"
-            )
-        return ids.index(term_id)
+    def _rules(self) -> SelectionRules:
+        return SelectionRules(
+            method=self.method,
+            selection=self.selection,
+            threshold=self.threshold,
+            significance=self.significance,
+            least_share=self.least_share,
+            forced=tuple(self.forced),
+            signs=dict(self.signs or {}),
+            random_state=self.random_state,
+        )
 
     def _with_fixed(self, evidence: Evidence) -> Evidence:
         """Take what the fixed terms carry out of the target, and remember their share of it."""
@@ -373,24 +343,3 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 rate=float(self.reference_.rate or 0.0),
             ),
         )
-
-
-def _row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float64] | None:
-    """Return the weights of rows as an array; a number weighs every row alike."""
-    if sample_weight is None:
-        return None
-    weight = check_array(
-        np.full(count, sample_weight) if isinstance(sample_weight, int | float) else sample_weight,
-        dtype=np.float64,
-        ensure_2d=False,
-        input_name="sample_weight",
-    )
-    if weight.shape != (count,):
-        raise InputError(
-            f"sample_weight has shape {weight.shape}; one weight for each row is expected, ({count},)"
-        )
-    if not np.any(weight):
-        raise InputError("sample_weight is zero for every row; at least one row must count")
-    if np.any(weight < 0):
-        raise InputError(f"sample_weight holds {weight.min():g}; weights that are not negative are expected")
-    return weight

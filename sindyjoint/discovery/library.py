@@ -15,7 +15,8 @@ from pysindy.feature_library.base import BaseFeatureLibrary, x_sequence_or_item
 from pysindy.utils import AxesArray, comprehend_axes
 from sklearn.utils.validation import check_is_fitted
 
-from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue, load_catalogue, term_columns
+from sindyjoint.discovery.foreign_library import catalogue_of
+from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue, term_columns
 from sindyjoint.errors import InputError
 
 
@@ -96,7 +97,7 @@ class TermLibrary(BaseFeatureLibrary):
             raise InputError(
                 "some trajectories have 2 columns and some 3; the same columns are wanted in all of them"
             )
-        catalogue = as_catalogue(self.library)
+        catalogue = catalogue_of(self.library)
         if self.include_inertia:
             catalogue = catalogue.union(load_catalogue("inertia"))
         self.reference_ = self._reference(runs)

@@ -9,6 +9,8 @@ choice on the path are the same for all.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.discovery.selection import backward_path, elimination_path
+from sindyjoint.errors import InputError, MissingExtraError, UnknownNameError
 
 Array = NDArray[np.float64]
 Path = list[tuple[int, ...]]
@@ -144,8 +147,81 @@ METHODS: dict[str, Method] = {
 }
 
 
+# ``pysindy:SR3`` is any optimiser of pysindy with its default settings.
+PREFIX = "pysindy:"
+
+
+def check_method(method: Any) -> None:
+    """Refuse a method that there is not, in one line: UnknownNameError, MissingExtraError."""
+    if method in METHODS if isinstance(method, str) else hasattr(method, "fit"):
+        return
+    if isinstance(method, str) and method.startswith(PREFIX):
+        _named_optimiser(method)
+        return
+    raise UnknownNameError(
+        f"method is {method!r}; one of {', '.join(METHODS)}, {PREFIX}NAME for an optimizer of pysindy, or such an "
+        "object is expected"
+    )
+
+
+def label_of(method: Any) -> str:
+    """Return the name under which a method is reported."""
+    return method if isinstance(method, str) else f"{PREFIX}{type(method).__name__}"
+
+
+def optimisers() -> dict[str, Any]:
+    """Return the optimisers that the installed pysindy has and that can do without further arguments."""
+    import inspect
+
+    import pysindy
+    from pysindy.optimizers.base import BaseOptimizer
+
+    found = {}
+    for name in dir(pysindy):
+        kind = getattr(pysindy, name)
+        if not (inspect.isclass(kind) and issubclass(kind, BaseOptimizer)) or inspect.isabstract(kind):
+            continue
+        parameters = [*inspect.signature(kind).parameters.values()]
+        if all(p.default is not p.empty or p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD) for p in parameters):
+            found[name] = kind
+    return found
+
+
+def _named_optimiser(method: str) -> Any:
+    """Return a fresh optimiser of the name behind the prefix."""
+    name, known = method.removeprefix(PREFIX), optimisers()
+    if name not in known:
+        close = get_close_matches(name, known, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(known)}"
+        raise UnknownNameError(
+            f"method is {method!r}; the installed pysindy has no optimizer {name!r}; {hint}"
+        )
+    try:
+        return known[name]()
+    except Exception as error:  # whatever an optimizer wants that is not installed
+        raise MissingExtraError(f"method {method!r} cannot be used here: {error}") from error
+
+
+def _foreign(method: Any) -> Method:
+    """Return a method that gives the set which an optimiser of pysindy keeps at its own settings, and its history."""
+
+    def proposed(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+        optimiser = _named_optimiser(method) if isinstance(method, str) else deepcopy(method)
+        scaled, _, _ = evidence.pooled.normalised()
+        columns, target = scaled.triangle[:, :-1], scaled.triangle[:, -1:]
+        try:
+            _quiet(lambda: optimiser.fit(columns, target))
+        except Exception as error:  # a foreign optimizer may raise anything
+            raise InputError(f"{label_of(method)} cannot fit these candidates: {error}") from error
+        history = [np.atleast_2d(np.asarray(c)) for c in getattr(optimiser, "history_", [])]
+        kept = [c for c in [*history, np.atleast_2d(optimiser.coef_)] if c.shape == (1, scaled.n_columns)]
+        return [*(_nonzero(c, forced) for c in kept)]
+
+    return proposed
+
+
 def column_path(
-    method: str,
+    method: Any,
     evidence: Evidence,
     forced: Sequence[int] = (),
     random_state: Any = None,
@@ -155,8 +231,8 @@ def column_path(
 
     Parameters
     ----------
-    method : str
-        One of :data:`METHODS`.
+    method : str or optimizer of pysindy
+        One of :data:`METHODS`, ``"pysindy:NAME"`` or an object; of the latter two the sets of its history.
     evidence : Evidence
     forced : sequence of int
         Columns that every set holds.
@@ -167,7 +243,9 @@ def column_path(
         without the offenders.
     """
     signs = dict(signs or {})
-    sets = METHODS[method](evidence, tuple(forced), signs, np.random.default_rng(random_state))
+    known = METHODS.get(method) if isinstance(method, str) else None
+    propose = known or _foreign(method)
+    sets = propose(evidence, tuple(forced), signs, np.random.default_rng(random_state))
     if signs:
         sets = [s for each in sets for s in (each, obedient(evidence.pooled, each, signs))]
     unique = dict.fromkeys(tuple(sorted(s)) for s in sets if s)

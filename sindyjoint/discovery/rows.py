@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import check_array
 
 from sindyjoint.discovery.accumulate import Base, FactorSum, GramSum, Tiles, accurate
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
@@ -162,6 +163,53 @@ def gather(
         for run, blocks, pooled in zip(labels.runs, factors[:n], factors[-n:], strict=True)
     ]
     return Evidence(tuple(term.id for term in terms), tuple(runs))
+
+
+def gather_columns(
+    ids: Sequence[str],
+    columns: Array,
+    y: Array,
+    labels: RowLabels,
+    weight: Array | None = None,
+    columns_replicate: Array | None = None,
+    y_replicate: Array | None = None,
+) -> Evidence:
+    """Return the factors of every run and block of columns that are there, shape (n, p); else as :func:`gather`."""
+    given = (columns, y)
+    replicate = (
+        given if columns_replicate is None else (columns_replicate, y if y_replicate is None else y_replicate)
+    )
+
+    def factor(rows: Index, matrix: Array, target: Array) -> Factor:
+        return Factor.of(matrix[rows], target[rows], None if weight is None else weight[rows])
+
+    runs = []
+    for run in labels.runs:
+        blocks = tuple(factor(rows, *replicate) for rows in run.blocks)
+        pooled = merge(blocks if replicate is given else [factor(rows, *given) for rows in run.blocks])
+        runs.append(RunEvidence(run.name, run.group, pooled, blocks))
+    return Evidence(tuple(ids), tuple(runs))
+
+
+def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float64] | None:
+    """Return the weights of rows as an array; a number weighs every row alike."""
+    if sample_weight is None:
+        return None
+    weight = check_array(
+        np.full(count, sample_weight) if isinstance(sample_weight, int | float) else sample_weight,
+        dtype=np.float64,
+        ensure_2d=False,
+        input_name="sample_weight",
+    )
+    if weight.shape != (count,):
+        raise InputError(
+            f"sample_weight has shape {weight.shape}; one weight for each row is expected, ({count},)"
+        )
+    if not np.any(weight):
+        raise InputError("sample_weight is zero for every row; at least one row must count")
+    if np.any(weight < 0):
+        raise InputError(f"sample_weight holds {weight.min():g}; weights that are not negative are expected")
+    return weight
 
 
 def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[list[Factor]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.discovery.delay import Skew, estimate_skew, reference_of, shifted
 from sindyjoint.discovery.segments import LONGEST, Tally, fit_long, has_long_runs
-from sindyjoint.equation.catalogue import Catalogue, as_catalogue, load_catalogue
+from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -116,7 +116,7 @@ class Discovery:
 
 def discover(
     campaign: Campaign | str | Path | None = None,
-    library: str | Path | Catalogue | Sequence[str | Path | Catalogue] = "extended",
+    library: Any = "extended",
     *,
     states: str = "auto",
     bandwidth: float | None = None,
@@ -135,8 +135,8 @@ def discover(
     ----------
     campaign : Campaign, path of a campaign.toml, or None
         ``None``: the built-in virtual test of the paper's inter-panel joint, which is simulated.
-    library : str, Path, Catalogue, or sequence of these
-        Candidate terms.
+    library : str, Path, Catalogue, feature library of pysindy, or sequence of these
+        Candidate terms; see :class:`~sindyjoint.JointRegressor`.
     states : {"auto", "periodic", "broadband"}
         How force states are made of signals.
     bandwidth : float, optional
@@ -165,9 +165,10 @@ def discover(
         For data or options that cannot be used.
     """
     from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.foreign_library import catalogue_of
 
     say = progress or (lambda stage: None)
-    catalogue = as_catalogue(library)
+    catalogue = catalogue_of(library)
     if campaign is None:
         say("simulating the virtual test")
     campaign = the_campaign(campaign, random_state, LONGEST)

@@ -1,8 +1,26 @@
-"""The command line offers every method that discovery has, and no other."""
+"""The command line offers every method that discovery has, and pysindy's own optimizers."""
 
-from sindyjoint.cli.options import Method
-from sindyjoint.discovery.methods import METHODS
+import pytest
+
+from sindyjoint.cli.options import METHODS as OFFERED
+from sindyjoint.discovery.methods import METHODS, check_method, optimisers
+from sindyjoint.errors import UnknownNameError
 
 
 def test_methods_of_the_command_line_are_those_of_discovery():
-    assert {method.value for method in Method} == set(METHODS)
+    assert OFFERED == tuple(METHODS)
+
+
+def test_every_optimizer_of_pysindy_that_needs_no_argument_is_a_method():
+    assert {"STLSQ", "SR3", "SSR", "FROLS"} <= set(optimisers())
+    for name in optimisers():
+        check_method(f"pysindy:{name}")
+
+
+def test_an_unknown_method_is_one_line():
+    with pytest.raises(UnknownNameError, match="no optimizer 'STLQ'; did you mean STLSQ?"):
+        check_method("pysindy:STLQ")
+    with pytest.raises(
+        UnknownNameError, match="method is 'stlq'; one of stlsq, .* or such an object is expected"
+    ):
+        check_method("stlq")

@@ -213,7 +213,7 @@ def test_a_weight_of_two_counts_a_row_twice(rows):
             "forced names 'nothing', which is not among the candidates",
         ),
         ({"signs": {"nothing": 1}}, UnknownNameError, "signs names 'nothing'"),
-        ({"signs": {"linear_stiffness": 2}}, InputError, "'linear_stiffness' is 2; \\+1 or -1 is wanted"),
+        ({"signs": {"linear_stiffness": 2}}, InputError, "'linear_stiffness' is 2; \\+1 or -1 is expected"),
         ({"fixed": {"nothing": 1.0}}, UnknownNameError, "fixed names 'nothing'"),
         ({"fixed": {"linear_stiffness": np.nan}}, InputError, "a finite coefficient is wanted"),
         ({"library": "atlantis"}, UnknownNameError, "atlantis"),

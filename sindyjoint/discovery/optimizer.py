@@ -1,0 +1,277 @@
+"""Sequential thresholding on unique shares as an optimizer of pysindy, and as the choice behind every other door.
+
+A term's *unique share* is the moment, relative to the RMS of all of it, that no combination of the other terms can
+take over. The candidate of the least share goes, survivors are exchanged for removed ones where that fits better, and
+the threshold at which this ends is a number or is chosen by evidence (:mod:`sindyjoint.discovery.selection`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pysindy.optimizers.base import BaseOptimizer
+from sklearn.utils.validation import check_array, check_consistent_length
+
+from sindyjoint.discovery.choice import SelectionRules, choose
+from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.factors import dependent_columns
+from sindyjoint.discovery.policy import POLICY
+from sindyjoint.discovery.rows import RowLabels, gather_columns, row_weights
+from sindyjoint.discovery.selection import Selection
+from sindyjoint.errors import InputError, UnknownNameError
+
+Array = NDArray[np.float64]
+Column = int | str
+
+
+class UniqueShareSTLSQ(BaseOptimizer):
+    """Sequentially thresholded least squares on unique shares, with exchange.
+
+    Where pysindy's ``STLSQ`` compares coefficients with a threshold, this compares what each term alone carries of the
+    target: the answer depends neither on units and scales of the columns nor on the number of samples, and a term that
+    another one can replace has no share however large its coefficient is. There is no ridge.
+
+    Parameters
+    ----------
+    threshold : float, optional
+        Least unique share in the RMS of the target, from 0 to below 1. ``None``: chosen by evidence.
+    selection : {"evidence", "one_standard_error"}
+        How the threshold is chosen where ``threshold`` is None.
+    significance : float
+        Least ratio of coefficient to standard error.
+    least_share : float
+        Least unique share that ``selection="evidence"`` lets pass.
+    forced, forbidden : sequence of int or str
+        Columns that are never removed, or never used; by name where ``feature_names`` are given.
+    signs : mapping of int or str to int, optional
+        Column to the sign, +1 or -1, that its coefficient must have.
+    groups, runs, blocks : array_like, shape (n,), optional
+        Of every row: what is held out together (usually the excitation frequency), the run, and the replicate block
+        within the run. Default: stretches of consecutive rows. ``pysindy.SINDy`` concatenates a list of runs before
+        its optimizer sees them, and hands on no labels; so they are parameters.
+    replicate : tuple of (ndarray, shape (n, p), and ndarray, shape (n,)), optional
+        The rows as each block alone gives them (columns and target); their scatter carries the noise of the state.
+    feature_names : sequence of str, optional
+        Names of the columns.
+    method : str or optimizer of pysindy
+        How the path of models is made, as of :class:`~sindyjoint.JointRegressor`.
+    random_state : int, Generator or None
+        For methods that resample.
+
+    Attributes
+    ----------
+    coef_ : ndarray, shape (n_targets, p)
+    history_ : list of ndarray, shape (n_targets, p)
+        Coefficients of the models of the path, from the largest to the smallest.
+    selection_result_ : Selection
+        The path of models, the one chosen on it and the reason; of the first target.
+    selections_ : tuple of Selection
+        Of every target.
+    evidence_ : Evidence
+        Factors of all runs and blocks, with the first target.
+    left_out_ : tuple of int
+        Columns that are forbidden, or on these rows combinations of those before them.
+    least_share_ : float
+        Least unique share that was let pass.
+
+    Examples
+    --------
+    >>> import numpy as np, pysindy
+    >>> from sindyjoint import TermLibrary, UniqueShareSTLSQ
+    >>> rng = np.random.default_rng(0)
+    >>> x = rng.uniform(-1, 1, (4000, 2)) * [8e-4, 0.02]
+    >>> moment = 6066 * x[:, 0] - 2.684e9 * x[:, 0] ** 3 + 1.867 * np.sign(x[:, 1]) + 0.01 * rng.normal(size=4000)
+    >>> model = pysindy.SINDy(feature_library=TermLibrary("extended"), optimizer=UniqueShareSTLSQ())
+    >>> names = model.fit(x, 1e-3, x_dot=moment[:, None]).get_feature_names()
+    >>> [name for name, value in zip(names, model.coefficients()[0]) if value]
+    ['linear_stiffness', 'cubic_stiffness', 'coulomb_friction']
+    """
+
+    def __init__(
+        self,
+        threshold: float | None = None,
+        selection: str = "evidence",
+        significance: float = POLICY.term_significance,
+        least_share: float = POLICY.least_share,
+        forced: Sequence[Column] = (),
+        forbidden: Sequence[Column] = (),
+        signs: Mapping[Column, int] | None = None,
+        groups: ArrayLike | None = None,
+        runs: ArrayLike | None = None,
+        blocks: ArrayLike | None = None,
+        replicate: tuple[ArrayLike, ArrayLike] | None = None,
+        feature_names: Sequence[str] | None = None,
+        method: Any = "stlsq",
+        random_state: Any = None,
+    ):
+        super().__init__(unbias=False)
+        self.threshold = threshold
+        self.selection = selection
+        self.significance = significance
+        self.least_share = least_share
+        self.forced = forced
+        self.forbidden = forbidden
+        self.signs = signs
+        self.groups = groups
+        self.runs = runs
+        self.blocks = blocks
+        self.replicate = replicate
+        self.feature_names = feature_names
+        self.method = method
+        self.random_state = random_state
+
+    def set_params(self, **parameters: Any) -> UniqueShareSTLSQ:
+        """Set parameters and return the optimizer, as scikit-learn wants it (pysindy returns nothing)."""
+        super().set_params(**parameters)
+        return self
+
+    def fit(
+        self,
+        x_: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        groups: ArrayLike | None = None,
+        runs: ArrayLike | None = None,
+        blocks: ArrayLike | None = None,
+        **reduce_kws: Any,
+    ) -> UniqueShareSTLSQ:
+        """Choose columns and fit their coefficients.
+
+        Parameters
+        ----------
+        x_ : array_like, shape (n, p)
+            Columns of the candidates; rows of one run follow one another in time.
+        y : array_like, shape (n,) or (n, n_targets)
+            Target, the moment; each one gets a choice of its own.
+        sample_weight : array_like, shape (n,), optional
+        groups, runs, blocks : array_like, shape (n,), optional
+            In the place of the parameters of the same names.
+
+        Raises
+        ------
+        InputError, UnknownNameError
+            For rows, labels or parameters that cannot be used.
+        """
+        if reduce_kws:
+            raise InputError(
+                f"fit got {next(iter(reduce_kws))!r}; sample_weight, groups, runs and blocks are known"
+            )
+        self._rules((), {str(column): sign for column, sign in (self.signs or {}).items()}).check()
+        columns = check_array(np.asarray(x_), dtype=np.float64)
+        targets = check_array(np.asarray(y), dtype=np.float64, ensure_2d=False)
+        check_consistent_length(columns, targets)
+        targets = targets.reshape(len(columns), -1)
+        given = {
+            "groups": self.groups if groups is None else groups,
+            "runs": self.runs if runs is None else runs,
+            "blocks": self.blocks if blocks is None else blocks,
+        }
+        labels = RowLabels.of(len(columns), **given)
+        weight = row_weights(sample_weight, len(columns))
+        names = self._names(columns.shape[1])
+        replicate = self._replicate(columns, targets[:, 0])
+        shared = replicate[0] is not None and np.array_equal(replicate[0], columns)
+        found = [
+            self._choice(gather_columns(names, columns, target, labels, weight, *replicate), shared)
+            for target in targets.T
+        ]
+        self._keep(found, names)
+        self.Theta_ = columns
+        return self
+
+    def fit_evidence(self, evidence: Evidence, *, shared_motion: bool = False) -> UniqueShareSTLSQ:
+        """Choose columns from their factors, of rows that are not in memory.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            Of all columns.
+        shared_motion : bool
+            Whether the blocks of a run share one estimate of the motion.
+        """
+        self._rules((), {str(column): sign for column, sign in (self.signs or {}).items()}).check()
+        self._keep([self._choice(evidence, shared_motion)], evidence.ids)
+        return self
+
+    def _choice(self, evidence: Evidence, shared_motion: bool) -> tuple[Evidence, Selection]:
+        """Return the evidence on the columns that may be used, and the choice among them."""
+        names = evidence.ids
+        dropped = {self._name(names, "forbidden", column) for column in self.forbidden}
+        evidence = evidence.take([i for i, name in enumerate(names) if name not in dropped])
+        dependent = dependent_columns(evidence.pooled)
+        evidence = evidence.take([i for i in range(len(evidence.ids)) if i not in dependent])
+        forced = [self._name(names, "forced", column) for column in self.forced]
+        signs = {self._name(names, "signs", column): sign for column, sign in (self.signs or {}).items()}
+        selection, self.least_share_ = choose(evidence, self._rules(forced, signs), shared_motion)
+        return evidence, selection
+
+    def _rules(self, forced: Sequence[str], signs: Mapping[str, int]) -> SelectionRules:
+        return SelectionRules(
+            method=self.method,
+            selection=self.selection,
+            threshold=self.threshold,
+            significance=self.significance,
+            least_share=self.least_share,
+            forced=tuple(forced),
+            signs=signs,
+            random_state=self.random_state,
+        )
+
+    def _names(self, count: int) -> tuple[str, ...]:
+        if self.feature_names is None:
+            return tuple(f"column {i}" for i in range(count))
+        if len(self.feature_names) != count:
+            raise InputError(f"feature_names has {len(self.feature_names)} names; one for each of {count} columns "
+                             "is expected")  # fmt: skip
+        return tuple(self.feature_names)
+
+    def _name(self, names: Sequence[str], option: str, column: Column) -> str:
+        """Return the name of a column that an option gives by name or index."""
+        if isinstance(column, str):
+            if column in names:
+                return column
+            hint = "" if self.feature_names is not None else "; give feature_names to name columns"
+            raise UnknownNameError(
+                f"{option} names {column!r}, which is not among the candidates: {', '.join(names)}{hint}"
+            )
+        if not -len(names) <= column < len(names):
+            raise InputError(f"{option} names column {column}; there are {len(names)} columns")
+        return names[column]
+
+    def _replicate(self, columns: Array, target: Array) -> tuple[Array, Array] | tuple[None, None]:
+        """Return the rows as each block alone gives them, if they were given."""
+        if self.replicate is None:
+            return None, None
+        other, other_target = (np.asarray(part, dtype=np.float64) for part in self.replicate)
+        if other.shape != columns.shape or other_target.shape != target.shape:
+            raise InputError(f"replicate has shapes {other.shape} and {other_target.shape}; "
+                             f"{columns.shape} and {target.shape} are expected")  # fmt: skip
+        return other, other_target
+
+    def _keep(self, found: Sequence[tuple[Evidence, Selection]], names: Sequence[str]) -> None:
+        """Keep what a fit learned, and nothing of an earlier one."""
+        place = {name: index for index, name in enumerate(names)}
+        steps = max(len(selection.path) for _, selection in found)
+        history = np.zeros((steps, len(found), len(names)))
+        self.coef_ = np.zeros((len(found), len(names)))
+        for row, (evidence, selection) in enumerate(found):
+            where = [place[name] for name in evidence.ids]
+            for at, step in enumerate(selection.path):
+                history[at:, row] = 0.0
+                history[at:, row, [where[c] for c in step.columns]] = step.fit.coefficients
+            if selection.step is not None:
+                chosen = selection.step.fit
+                self.coef_[row, [where[c] for c in chosen.columns]] = chosen.coefficients
+        self.evidence_, self.selection_result_ = found[0]
+        self.selections_ = tuple(selection for _, selection in found)
+        self.left_out_ = tuple(i for i, name in enumerate(names) if name not in self.evidence_.ids)
+        self.history_ = list(history) or [self.coef_]
+        self.ind_ = self.coef_ != 0
+        self.intercept_ = 0.0
+        self.n_features_in_ = len(names)
+
+    def _reduce(self, x: Any, y: Any) -> None:
+        raise NotImplementedError("fit does all of the work")
