@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,20 +12,14 @@ import numpy as np
 from sindyjoint.discovery.delay import Skew, estimate_skew, reference_of, shifted
 from sindyjoint.discovery.segments import LONGEST, Tally, fit_long, has_long_runs
 from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.model import INERTIA, Fitted, JointModel
-from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.errors import InputError
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import cautions
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.text import spelled
+from sindyjoint.workflows.second_search import campaign_model, search_again, softened
 from sindyjoint.workflows.verdict import Verdict, judge
-
-# The model that completes the states is itself found on incomplete ones: as often as its terms change, at most.
-COMPLETIONS = 4
-# By how much the residual must fall for the new end of that search to be taken.
-BETTER = 0.998
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias, Corrected
@@ -190,31 +184,20 @@ def discover(
         regressor.fit(**regression_rows(force_states, inertia).fit_arguments())
         tallies = tuple(Tally(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
     say("judging")
-    model = _campaign_model(regressor, campaign, force_states, tallies)
-    measured = regressor
+    model = campaign_model(regressor, campaign, force_states, tallies)
+    measured, notes = regressor, [""]
     if correct and not has_long_runs(campaign):
-        regressor, model, force_states = _completed(regressor, model, campaign, force_states, tallies, say)
+        again = search_again(regressor, model, campaign, force_states, tallies, say)
+        regressor, model, force_states = again.regressor, again.model, again.states
+        notes.append(again.note)
     verdict = judge(regressor, model, completed=measured is not regressor)
-    if (
-        correct
-        and verdict.verdict == "refuted"
-        and _artefacts(regressor, model, verdict, campaign, force_states)
-    ):
-        names = " and ".join(spelled(term) for term in verdict.extra)
-        verdict = replace(
-            verdict,
-            verdict="undecided",
-            reason=f"{names} may be the processing's: of a simulated joint of the paper's five terms it makes as much",
-        )
+    if correct and verdict.verdict == "refuted":
+        verdict = softened(verdict, regressor, model, campaign, force_states)
     say("measuring the bias of the processing")
     fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     warnings = [*cautions(campaign, force_states, model, skew, align, regressor.indistinct_)]
-    if measured is not regressor:
-        warnings.append(
-            "the inertia makes weak harmonics of the motion matter: those not known to a tenth were taken from a "
-            "simulation of the model, and the terms chosen again"
-        )
+    warnings += filter(None, notes)
     if fixed is not None and fixed.reason:
         warnings.append(
             f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"
@@ -231,98 +214,6 @@ def discover(
         campaign=campaign,
         bias=fixed.bias if fixed is not None else None,
     )
-
-
-def _completed(
-    regressor: JointRegressor,
-    model: JointModel,
-    campaign: Campaign,
-    states: tuple[ForceStates, ...],
-    tallies: Sequence[Tally],
-    say: Callable[[str], None],
-) -> tuple[JointRegressor, JointModel, tuple[ForceStates, ...]]:
-    """Choose the terms again on states whose weak harmonics are the model's, where those matter to the moment.
-
-    The model that completes the states was itself found on incomplete ones: the search starts from it and from the
-    paper's terms alone, and the end that leaves less of the moment unexplained is taken.
-    """
-    from sindyjoint.bias.completion import completed_states
-    from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.response.model_law import model_law
-
-    best = (regressor, model, states)
-    starts = [model] if model.terms else []
-    paper = paper_model(regressor, model)
-    if paper is not None and set(paper.ids) != set(model.ids):
-        starts.append(paper)
-    for start in starts:
-        found = start
-        for _ in range(COMPLETIONS):
-            try:
-                more = completed_states(model_law(found), campaign.identification_runs, states)
-            except (SimulationError, InputError):
-                break
-            if more is None:
-                break
-            say("selecting terms with the harmonics below the noise")
-            fitted = JointRegressor(**regressor.get_params(deep=False))
-            fitted.fit(**regression_rows(more, campaign.joint.inertia).fit_arguments())
-            before, found = found.ids, _campaign_model(fitted, campaign, more, tallies)
-            if not found.terms:
-                break
-            if found.fitted.residual_rms < best[1].fitted.residual_rms * BETTER:
-                best = (fitted, found, more)
-            if found.ids == before:
-                break
-    return best
-
-
-def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | None:
-    """Return the paper's five terms, and inertia where it is one, fitted to a regressor's data; None if not offered."""
-    from sindyjoint.discovery.evidence import fit_columns
-    from sindyjoint.equation.model import model_terms
-
-    ids = regressor.evidence_.ids
-    wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
-    if regressor.fixed or not set(wanted) <= set(ids):
-        return None
-    columns = sorted(ids.index(term) for term in wanted)
-    fit = fit_columns(regressor.evidence_, columns)
-    resolved = {term.id: term for term in regressor.terms_}
-    kept = [resolved[ids[column]] for column in columns]
-    terms = model_terms(
-        kept, fit.coefficients, fit.covariance, fit.unique_share, fit.effective_degrees, model.joint.motion
-    )
-    return model.with_terms(terms, fit.covariance)
-
-
-def _artefacts(
-    regressor: JointRegressor,
-    model: JointModel,
-    verdict: Verdict,
-    campaign: Campaign,
-    states: Sequence[ForceStates],
-) -> bool:
-    """Return whether the found terms beyond the paper's are what the processing makes of the paper's law."""
-    from sindyjoint.bias.correction import measure_bias
-    from sindyjoint.bias.policy import POLICY as BIAS
-
-    paper = paper_model(regressor, model)
-    if paper is None or not verdict.extra:
-        return False
-    terms = [term for term in regressor.terms_ if term.id in model]
-    try:
-        bias = measure_bias(paper, terms, campaign, states)
-    except (SimulationError, InputError):
-        return False
-    for term in verdict.extra:
-        at, found = bias.ids.index(term), model[term]
-        error = np.hypot(
-            found.standard_error, np.hypot(bias.pooled_error[at], BIAS.uncertain_share * bias.pooled[at])
-        )
-        if abs(found.coefficient - bias.pooled[at]) > regressor.significance * error:
-            return False
-    return True
 
 
 def _corrected(
@@ -380,29 +271,3 @@ def _skew(states: Sequence[ForceStates], inertia: float | None) -> Skew | None:
     except (np.linalg.LinAlgError, InputError):
         # Dependent columns (one level of a pure sine): a skew cannot be told from damping there.
         return None
-
-
-def _campaign_model(
-    regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates], tallies: Sequence[Tally]
-) -> JointModel:
-    """Return the regressor's model with the joint and the data it came from."""
-    model = regressor.model_
-    inertia = campaign.joint.inertia
-    if inertia is None and INERTIA in model:
-        inertia = model[INERTIA].coefficient
-    count = np.array([tally.moving for tally in tallies], dtype=float)
-    # What one sample of the transfer moment cannot repeat: sensor noise, and the inertia times noise of θ̈.
-    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
-    fitted = Fitted(
-        moment_rms=model.fitted.moment_rms,
-        residual_rms=model.fitted.residual_rms,
-        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
-        moving_fraction=float(count.sum() / sum(tally.samples for tally in tallies)),
-        samples=int(count.sum()),
-        runs=len(states),
-        angle=model.fitted.angle,
-        rate=model.fitted.rate,
-        frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
-        simulated=campaign.simulated,
-    )
-    return replace(model, joint=campaign.joint, fitted=fitted)

@@ -22,6 +22,11 @@ class VerdictPolicy:
         "a misfit below this share of the noise floor may be the floor's error",
         source="the floor is known to a few per cent, the misfit is a root of a difference of squares",
     )
+    lower_residual: float = limit(
+        0.998,
+        "ratio of residuals below which the end of the second search for terms is used",
+        source="chosen by judgement",
+    )
     verification_tolerance: float = limit(
         0.05, "largest response NRMSE beyond the noise floor that passes", source="chosen by judgement"
     )
