@@ -124,11 +124,11 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
 def _left(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
     """Draw what the models leave of a run beside its noise."""
     q = quantities(result.model.joint.motion)
-    factor, unit = prefixed(float(np.abs(before.left).max()), q.moment_unit)
-    for x, y in _pieces(result, before, before.left * factor):
+    factor, unit = prefixed(float(np.abs(before.residual).max()), q.moment_unit)
+    for x, y in _pieces(result, before, before.residual * factor):
         ax.plot(x, y, color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)))
     if after is not None:
-        for x, y in _pieces(result, after, after.left * factor):
+        for x, y in _pieces(result, after, after.residual * factor):
             ax.plot(x, y, color=INK, lw=0.8)
     noise = 2 * before.noise * factor
     ax.axhspan(
