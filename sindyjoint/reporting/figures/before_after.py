@@ -91,12 +91,12 @@ def _edges(runs: Sequence[RunGap], name: str) -> Array:
 
 def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
     """Return the mean of what the model leaves in every cell, NaN where there is nothing, shape (n, n)."""
-    angle, rate, left = (
-        np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "left")
+    angle, rate, residual = (
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "residual")
     )
     bins = [edges[0], edges[1]]
     count, *_ = np.histogram2d(angle, rate, bins)
-    total, *_ = np.histogram2d(angle, rate, bins, weights=left)
+    total, *_ = np.histogram2d(angle, rate, bins, weights=residual)
     mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return mean
 
