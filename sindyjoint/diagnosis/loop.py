@@ -78,18 +78,21 @@ def add_effects(start: Progress[P], most: int, say: Say) -> Progress[P]:
     while True:
         tried = try_effect(here, refused, most, say)
         if tried.outcome is Outcome.REFUSE:
+            say(f"refusing {tried.effect.replace('_', ' ')}: {tried.reason}")
             refused |= {tried.effect}
-        elif tried.outcome is Outcome.STOP or tried.progress is None:
+            continue
+        if tried.outcome is Outcome.STOP or tried.progress is None:
+            say(f"stopping: {tried.reason}")
+            break
+        later = tried.progress
+        if begun is None:
+            begun = here if tried.paired and not here.problem.noise_measured else None
+        elif no_joint_gain(begun.gap, later.gap, here.problem.policy):
+            say("stopping: the pair wins nothing together")
             break
         else:
-            later = tried.progress
-            if begun is None:
-                begun = here if tried.paired and not here.problem.noise_measured else None
-            elif no_joint_gain(begun.gap, later.gap, here.problem.policy):
-                break
-            else:
-                begun = None
-            here = later
+            begun = None
+        here = later
     return without_begun_pair(here, begun)
 
 
@@ -113,13 +116,13 @@ def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) 
     best = proposal.ranking.fitted[0]
     say(f"adding {best.name.replace('_', ' ')}")
     added = problem.add(best)
-    if added is None:
-        return Round(Outcome.REFUSE, "its fit fails", best.name)
-    after = added.problem.gap
     may_refuse = len(refused) < policy.most_refusals
+    refuse_or_stop = Outcome.REFUSE if may_refuse else Outcome.STOP
+    if added is None:
+        return Round(refuse_or_stop, "its fit fails", best.name)
+    after = added.problem.gap
     if overfits(here.gap, after, policy):
-        outcome = Outcome.REFUSE if may_refuse else Outcome.STOP
-        return Round(outcome, "runs left out are missed by far more with it", best.name)
+        return Round(refuse_or_stop, "runs left out are missed by far more with it", best.name)
     if not proposal.paired:
         if may_refuse and degrades_response(here.gap, after, policy):
             return Round(Outcome.REFUSE, "it makes the simulated response worse", best.name)

@@ -114,6 +114,14 @@ def test_nothing_is_searched_once_the_residual_is_surely_noise():
     assert added(candidates=(one, replace(one, name="two", gap=Gap(0.1, 0.1, 0.1))), is_noise=True) == ["one"]
 
 
+def test_the_limits_of_the_policy_decide():
+    one = Effect("one", 600.0, GOOD)
+    assert added(candidates=(one,), policy=replace(CAMPAIGN, belief=1.1)) == []
+    weak = replace(one, gap=Gap(0.99, 1.0, 1.0))
+    assert added(candidates=(weak,)) == []
+    assert added(candidates=(weak,), policy=replace(CAMPAIGN, least_gain=0.005)) == ["one"]
+
+
 def test_what_remains_is_a_share_of_the_mean_square_or_of_the_rms():
     before, after = (5000.0, 1000.0), (2000.0, 1000.0)
     assert share_beyond_noise(before, after, CAMPAIGN) == pytest.approx(0.25)

@@ -72,9 +72,9 @@ def test_the_search_in_windows_finds_what_the_whole_run_holds(run, monkeypatch):
     model, rows = run
     effect = select_effects(load_effects(), ["jenkins_element"])[0]
     problem = GapRegression.build([rows], model)
-    monkeypatch.setattr("sindyjoint.diagnosis.campaign.ranking.ROUGH_STEPS", 10**9)
+    monkeypatch.setattr("sindyjoint.diagnosis.campaign.regression.ROUGH_STEPS", 10**9)
     whole = fit_effect(problem, effect)
-    monkeypatch.setattr("sindyjoint.diagnosis.campaign.ranking.ROUGH_STEPS", 5_000)
+    monkeypatch.setattr("sindyjoint.diagnosis.campaign.regression.ROUGH_STEPS", 5_000)
     assert problem.rough().target.size < 0.5 * problem.target.size
     found = fit_effect(problem, effect)
     assert found.parameters == pytest.approx(whole.parameters, rel=0.005)

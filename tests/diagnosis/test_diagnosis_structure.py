@@ -186,7 +186,7 @@ def test_a_model_or_a_chain_that_cannot_be_meant_is_refused():
     rig = hide("nothing", 0, duration=2.0).rig
     with pytest.raises(InputError, match="joint in translation"):
         diagnose_structure(rig, paper_model(motion="translation"))
-    with pytest.raises(InputError, match="at least 1 is wanted"):
+    with pytest.raises(InputError, match="expected at least 1"):
         diagnose_structure(rig, paper_model(), max_effects=0)
     with pytest.raises(UnknownNameError, match="point 'top'"):
         diagnose_structure(replace(rig, measured=replace(rig.measured, point="top")), paper_model())

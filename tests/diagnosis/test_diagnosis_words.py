@@ -79,7 +79,7 @@ def test_before_and_after_are_the_same_runs_and_effects_make_them_smaller(turned
     assert [run.run for run in result.before] == [run.run for run in result.after]
 
     def left(runs):
-        return np.sqrt(np.mean(np.concatenate([run.left for run in runs]) ** 2))
+        return np.sqrt(np.mean(np.concatenate([run.residual for run in runs]) ** 2))
 
     # What is left of the mean periods is their noise; without the effect it is far above.
     noise = np.sqrt(np.mean([run.noise**2 for run in result.after]))

@@ -39,7 +39,7 @@ def hidden_campaign(random_state: Any = None) -> tuple[Campaign, str]:
 
 
 def _hidden_law(name: str, generator: np.random.Generator) -> Any:
-    """Return the law of an effect with inner parameters drawn within their bounds, scaled to its share."""
+    """Return the law of an effect with nonlinear parameters drawn within their bounds, scaled to its share."""
     peak = LEVELS[0] * INTER_PANEL.softening_angle
     reference = Reference(peak, 2 * np.pi * FREQUENCIES[-1] * peak)
     effect = select_effects(load_effects(), [name])[0]

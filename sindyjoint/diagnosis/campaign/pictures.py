@@ -57,8 +57,8 @@ class RunGap:
     curve: int
 
     @property
-    def left(self) -> Array:
-        """What the model leaves, N·m, shape (m,)."""
+    def residual(self) -> Array:
+        """Measured less modelled moment, N·m, shape (m,)."""
         return self.measured - self.model
 
 

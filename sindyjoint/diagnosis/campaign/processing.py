@@ -69,10 +69,10 @@ def _error(
     adding = [e for e in effects if not e.shifts]
     there = along_replicate(row, states, replicate, model)
     coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in adding)])
-    left = there.target - all_columns(there, model, adding) @ coefficients
+    error = there.target - all_columns(there, model, adding) @ coefficients
     # Where the replicate sticks its friction is not determined.
     places = np.round((row.motion.time[row.motion.keep] - states.time[0]) * states.sample_rate).astype(int)
-    return np.where(replicate.moving[places], left, 0.0)
+    return np.where(replicate.moving[places], error, 0.0)
 
 
 def _replicate(

@@ -97,7 +97,7 @@ class GapRun:
         return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
 
     def rough(self) -> GapRun:
-        """Return the run for searching inner parameters: internal states are integrated in longer steps."""
+        """Return the run for searching nonlinear parameters: internal states are integrated in longer steps."""
         return replace(self, motion=self.motion.rough())
 
     @property
@@ -123,11 +123,11 @@ class Band:
     kernel: Array
     places: NDArray[np.intp]
 
-    def within(self, left: Array) -> Array:
-        """Return what is left at the rows within the band, shape (m,); gaps between rows are bridged."""
+    def within(self, residual: Array) -> Array:
+        """Return a residual at the rows within the band, shape (m,); gaps between rows are bridged."""
         from scipy.signal import fftconvolve
 
-        grid = np.interp(np.arange(self.places[0], self.places[-1] + 1), self.places, left)
+        grid = np.interp(np.arange(self.places[0], self.places[-1] + 1), self.places, residual)
         half = self.kernel.size // 2
         smooth = fftconvolve(np.pad(grid, half, mode="edge"), self.kernel, mode="valid")
         return smooth[self.places - self.places[0]]

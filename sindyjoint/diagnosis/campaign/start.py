@@ -188,5 +188,5 @@ def first_model(
     fitted = replace(fitted, joint=campaign.joint, fitted=data)
     # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
     for _ in range(2):
-        fitted = refit(gap_runs(states, fitted, group_labels(states), policy), fitted, ()).model
+        fitted = refit(gap_runs(states, fitted, group_labels(states), policy), fitted, (), policy).model
     return fitted

@@ -106,7 +106,7 @@ class Variant:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the inner parameters."""
+        """Names of the nonlinear parameters."""
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
@@ -120,14 +120,14 @@ class Variant:
         return len(self.columns) + len(self.parameters)
 
     def units(self, motion: str) -> dict[str, str]:
-        """Return the units of coefficients and inner parameters by name, for ``"rotation"`` or ``"translation"``."""
+        """Return the units of all parameters by name, for ``"rotation"`` or ``"translation"``."""
         own = {c.symbol: c.unit for c in self.columns} | {p.name: p.unit for p in self.parameters}
         if motion == "rotation":
             return own
         return {name: dimensions.unit_for(unit, motion) for name, unit in own.items()}
 
     def bounds(self, reference: Reference) -> Array:
-        """Return lower and upper bounds of the inner parameters in SI units, shape (n_parameters, 2)."""
+        """Return lower and upper bounds of the nonlinear parameters in SI units, shape (n_parameters, 2)."""
         scales = [
             1.0 if p.relative_to is None else getattr(reference, p.relative_to) for p in self.parameters
         ]
@@ -189,7 +189,7 @@ class Variant:
 
 # A motion that repeats is run through at most this often until its states repeat.
 PASSES = 20
-# While inner parameters are searched, states follow a motion within this share of its RMS.
+# While nonlinear parameters are searched, states follow a motion within this share of its RMS.
 ROUGH_ERROR = 1e-2
 
 

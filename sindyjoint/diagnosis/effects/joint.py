@@ -22,7 +22,7 @@ from sindyjoint.equation.terms import Reference
 Array = NDArray[np.float64]
 
 FRICTION = "coulomb_friction"
-# Points of a search over the inner parameters, by their number.
+# Points of a search over the nonlinear parameters, by their number.
 GRID = {0: (), 1: (5,), 2: (3, 2), 3: (3, 1, 2)}
 # Steady slip is looked at over this many times the largest angle, at this many times the largest rate.
 FAR, FAST = 50.0, 100.0
@@ -108,7 +108,7 @@ def place_of(term: str) -> str:
 
 
 def _renamed(addition: Addition) -> dict[Any, Any]:
-    """Return the symbols of a variant's inner parameters and states with the names they have in the law."""
+    """Return the symbols of a variant's nonlinear parameters and states with the names they have in the law."""
     from sympy import Symbol
 
     variant = addition.variant

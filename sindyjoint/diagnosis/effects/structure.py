@@ -115,7 +115,7 @@ class Change:
     start, low, high : ndarray, shape (n,)
         Of the scaled numbers; at ``start`` the effect does nothing, where it can do nothing.
     grid : ndarray, shape (m, n)
-        Starting points of a search: one row, `start`, for an effect without inner parameters.
+        Starting points of a search: one row, `start`, for an effect without nonlinear parameters.
     linear : tuple of int
         Places of the numbers to which the response is proportional where they are small.
     report : callable

@@ -46,7 +46,7 @@ def record_noise(displacement: ArrayLike, sample_rate: float) -> RecordNoise:
     """Return the noise of a record of free decay.
 
     In the late part of the record, window by window, a constant, a trend and the lines of the spectrum, with amplitudes
-    that may change linearly, are taken away; what is left is noise. White noise by fourth differences is its lower
+    that may change linearly, are taken away; the residual is noise. White noise by fourth differences is its lower
     bound. Its correlation says how many samples count as one.
 
     Parameters
@@ -75,14 +75,14 @@ def record_noise(displacement: ArrayLike, sample_rate: float) -> RecordNoise:
     windows = late[-count * width :].reshape(count, width)
     lines = [_refined(windows, sample_rate, [], frequency, sample_rate / values.size)]
     while True:
-        left, used = _explained(windows, sample_rate, lines)
-        extra = _line(left, sample_rate) if len(lines) < MOST_LINES and used + 4 < width // 2 else None
+        residual, used = _explained(windows, sample_rate, lines)
+        extra = _line(residual, sample_rate) if len(lines) < MOST_LINES and used + 4 < width // 2 else None
         if extra is None or min(abs(extra - f) for f in lines) < 0.5 * sample_rate / width:
             break
         lines.append(_refined(windows, sample_rate, lines, extra, sample_rate / width))
-    sigma = float(np.sqrt(np.sum(left**2) / max(count * (width - used), 1)))
+    sigma = float(np.sqrt(np.sum(residual**2) / max(count * (width - used), 1)))
     least = max(white, 1e-9 * float(np.std(values)))
-    return RecordNoise(max(sigma, least), _length(left) if sigma > 0 else 1.0)
+    return RecordNoise(max(sigma, least), _length(residual) if sigma > 0 else 1.0)
 
 
 def _explained(windows: Array, sample_rate: float, lines: list[float]) -> tuple[Array, int]:
@@ -103,11 +103,13 @@ def _refined(windows: Array, sample_rate: float, lines: list[float], guess: floa
     """Return the frequency within a resolution of a guess that leaves least, Hz."""
     from scipy.optimize import minimize_scalar
 
-    def left(frequency: float) -> float:
+    def residual(frequency: float) -> float:
         return float(np.sum(_explained(windows, sample_rate, [*lines, frequency])[0] ** 2))
 
-    found = minimize_scalar(left, bounds=(max(guess - width, 0.1 * guess), guess + width), method="bounded")
-    return float(found.x) if left(float(found.x)) < left(guess) else guess
+    found = minimize_scalar(
+        residual, bounds=(max(guess - width, 0.1 * guess), guess + width), method="bounded"
+    )
+    return float(found.x) if residual(float(found.x)) < residual(guess) else guess
 
 
 def _line(windows: Array, sample_rate: float) -> float | None:

@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4
 # Modes are added to the search only as far as records can show them.
 MODES = 6
-FAR_OFF = 1e3
 
 
 @dataclass(frozen=True, eq=False)

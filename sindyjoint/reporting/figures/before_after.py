@@ -91,12 +91,12 @@ def _edges(runs: Sequence[RunGap], name: str) -> Array:
 
 def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
     """Return the mean of what the model leaves in every cell, NaN where there is nothing, shape (n, n)."""
-    angle, rate, left = (
-        np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "left")
+    angle, rate, residual = (
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "residual")
     )
     bins = [edges[0], edges[1]]
     count, *_ = np.histogram2d(angle, rate, bins)
-    total, *_ = np.histogram2d(angle, rate, bins, weights=left)
+    total, *_ = np.histogram2d(angle, rate, bins, weights=residual)
     mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return mean
 
@@ -124,11 +124,11 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
 def _left(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
     """Draw what the models leave of a run beside its noise."""
     q = quantities(result.model.joint.motion)
-    factor, unit = prefixed(float(np.abs(before.left).max()), q.moment_unit)
-    for x, y in _pieces(result, before, before.left * factor):
+    factor, unit = prefixed(float(np.abs(before.residual).max()), q.moment_unit)
+    for x, y in _pieces(result, before, before.residual * factor):
         ax.plot(x, y, color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)))
     if after is not None:
-        for x, y in _pieces(result, after, after.left * factor):
+        for x, y in _pieces(result, after, after.residual * factor):
             ax.plot(x, y, color=INK, lw=0.8)
     noise = 2 * before.noise * factor
     ax.axhspan(
