@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
+from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw
+from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 
 Array = NDArray[np.float64]
@@ -62,6 +64,31 @@ def model_law(model: JointModel) -> Law:
         values = {PAPER_PARAMETERS[term.id]: term.coefficient for term in terms}
         return PaperLaw(**{"k1": 0.0, **values}, inertia=model.inertia, name=model.joint.name)
     return _formula_law(model, terms)
+
+
+def simulated_states(model: JointModel, start: Array, time: Array, moment: Array) -> Array:
+    """Return angle and rate of a joint under a sampled moment, shape (n, 2), with exact sticking.
+
+    Parameters
+    ----------
+    model : JointModel
+        With an inertia.
+    start : ndarray, shape (2,)
+        Angle and rate at the first instant.
+    time, moment : ndarray, shape (n,)
+        Evenly spaced instants, s, and the moment at the sensor, N·m.
+
+    Raises
+    ------
+    InputError
+        If the model has no inertia.
+    """
+    if not model.inertia > 0:
+        raise InputError("the model has no inertia: its motion under a moment is not determined; declare one")
+    rate = 1.0 / float(time[1] - time[0])
+    law = model_law(model)
+    motion = simulate(law, sampled(moment, rate), time.size / rate, rate, initial=start)
+    return np.column_stack([motion.angle, motion.rate])
 
 
 def law_terms(model: JointModel) -> tuple[ModelTerm, ...]:

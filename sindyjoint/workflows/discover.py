@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias, Corrected
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.selection import Selection
+    from sindyjoint.discovery.sindy import JointSINDy
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,14 @@ class Discovery:
     def selection(self) -> Selection:
         """The path of models and the choice on it."""
         return self.regressor.selection_result_
+
+    @property
+    def sindy(self) -> JointSINDy:
+        """The model as a fitted ``pysindy.SINDy``, in physical units; its ``simulate`` knows sticking."""
+        from sindyjoint.discovery.sindy import JointSINDy
+        from sindyjoint.response.model_law import simulated_states
+
+        return JointSINDy.of(self.regressor, self.model, partial(simulated_states, self.model))
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
