@@ -101,12 +101,10 @@ class PaperLaw:
         for name in ("k1", "k2", "k3", "c1", "M_F", "inertia"):
             value = getattr(self, name)
             if not np.isfinite(value):
-                raise InputError(f"{name} is {value!r}; a finite number is wanted")
+                raise InputError(f"{name} is {value!r}; expected a finite number")
         for name in ("M_F", "inertia"):
             if getattr(self, name) < 0:
-                raise InputError(
-                    f"{name} is {getattr(self, name)!r}; a number that is not negative is wanted"
-                )
+                raise InputError(f"{name} is {getattr(self, name)!r}; expected a number that is not negative")
 
     @property
     def parameters(self) -> Array:

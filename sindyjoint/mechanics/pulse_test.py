@@ -95,7 +95,7 @@ def presliding_law(law: PaperLaw, angle: float) -> FunctionLaw:
         For an angle that is not above zero, or a law that is not the paper's.
     """
     if not (np.isfinite(angle) and angle > 0):
-        raise InputError(f"presliding angle is {angle!r} rad; a finite number above zero is wanted")
+        raise InputError(f"presliding angle is {angle!r} rad; expected a finite number above zero")
     if not isinstance(law, PaperLaw):
         raise InputError("presliding is known of the paper's law only; the rig's joint has another one")
     return FunctionLaw(

@@ -253,7 +253,7 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     path = RIG_FOLDER / f"{rig}.toml" if str(rig) in shipped_rigs() else Path(rig)
     if not path.is_file():
         raise MissingInputError(
-            f"{str(rig)!r} is no rig; a TOML file or one of {', '.join(shipped_rigs())} is wanted"
+            f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
         )
     try:
         given = RigFile.model_validate(tomllib.loads(path.read_bytes().decode("utf-8-sig")))
@@ -320,7 +320,7 @@ def _item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
         }
         bad = [name for name, value in values.items() if not value > 0]
         if bad:
-            raise InputError(f"{where} section.{bad[0]} is {values[bad[0]]:g}; a number above zero is wanted")
+            raise InputError(f"{where} section.{bad[0]} is {values[bad[0]]:g}; expected a number above zero")
         stiffness, mass = rectangular_section(**values)
     return Beam(part.beam, number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
 
@@ -386,6 +386,6 @@ def _measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
     if values.size < MINIMUM_SAMPLES or not values.any():
         raise InputError(
             f"{path.parent / given.file}: displacement has {values.size} samples, "
-            f"{'all zero' if not values.any() else 'too few'}; a response of at least {MINIMUM_SAMPLES} is wanted"
+            f"{'all zero' if not values.any() else 'too few'}; expected a response of at least {MINIMUM_SAMPLES}"
         )
     return MeasuredResponse(given.point, values, sample_rate)

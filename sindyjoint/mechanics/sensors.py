@@ -50,9 +50,9 @@ class Channel:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.noise) and self.noise >= 0):
-            raise InputError(f"noise is {self.noise!r}; a fraction of the RMS that is not negative is wanted")
+            raise InputError(f"noise is {self.noise!r}; expected a fraction of the RMS that is not negative")
         if self.bits is not None and not 4 <= self.bits <= 32:
-            raise InputError(f"quantisation is {self.bits!r} bits; 4 to 32 are wanted")
+            raise InputError(f"quantisation is {self.bits!r} bits; expected 4 to 32")
         if not (np.isfinite(self.gain) and self.gain != 0 and np.isfinite(self.offset)):
             raise InputError(
                 f"gain {self.gain!r} and offset {self.offset!r}: finite numbers, gain not zero, are wanted"

@@ -85,7 +85,7 @@ def _parameter_sets(parameters: ArrayLike | None, default: Array, runs: int) -> 
     sets = np.atleast_2d(np.asarray(parameters, dtype=np.float64))
     if sets.shape[1] != default.size or sets.shape[0] not in (1, runs):
         raise InputError(
-            f"parameters have shape {sets.shape}; ({runs}, {default.size}) is wanted: one row of the law's "
+            f"parameters have shape {sets.shape}; expected ({runs}, {default.size}): one row of the law's "
             "parameters per run"
         )
     return np.ascontiguousarray(np.broadcast_to(sets, (runs, default.size)))
@@ -96,7 +96,7 @@ def _limits(law: Any, limits: tuple[float, float] | str | None) -> Array:
         return np.array([-np.inf, np.inf])
     if isinstance(limits, str):
         if limits != "softening":
-            raise InputError(f"limits is {limits!r}; 'softening', a pair of angles or None is wanted")
+            raise InputError(f"limits is {limits!r}; expected 'softening', a pair of angles or None")
         return np.array(softening_limit(law))
     return np.array(limits, dtype=np.float64)
 
@@ -164,7 +164,7 @@ def simulate_many(
     runs = max(len(excitations), 1 if parameters is None else np.atleast_2d(np.asarray(parameters)).shape[0])
     if not excitations or len(excitations) not in (1, runs):
         raise InputError(
-            f"{len(excitations)} excitation(s) for {runs} parameter sets; one, or one per set, is wanted"
+            f"{len(excitations)} excitation(s) for {runs} parameter sets; expected one, or one per set"
         )
     n_samples = round(duration * sample_rate) if np.isfinite(duration * sample_rate) else 0
     if n_samples < 2 or not sample_rate > 0 or not 1e-13 <= rtol < 1 or not max_step > 0:
@@ -317,7 +317,7 @@ def transfer_moment(
     theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     if theta.shape != omega.shape or theta.ndim != 1:
         raise InputError(
-            f"angle and rate have shapes {theta.shape} and {omega.shape}; equal one-dimensional are wanted"
+            f"angle and rate have shapes {theta.shape} and {omega.shape}; expected equal one-dimensional"
         )
     direction = slip_direction(omega)
     compiled = as_compiled(law)

@@ -138,7 +138,7 @@ class _Assembly:
 def _check_chain(items: Sequence[Item]) -> None:
     kinds = [type(item) for item in items]
     if Beam not in kinds:
-        raise InputError("the chain has no beam; at least one is wanted")
+        raise InputError("the chain has no beam; expected at least one")
     if kinds[0] is LumpedMass:
         raise InputError(
             f"the chain begins with mass {items[0].name!r} at the base; begin with a beam or a joint"
@@ -148,7 +148,7 @@ def _check_chain(items: Sequence[Item]) -> None:
         if isinstance(before, Hinge) and not isinstance(item, Beam):
             what = f"{following!r}" if item is not None else "nothing"
             raise InputError(
-                f"the chain is disconnected: joint {before.name!r} is followed by {what}; a beam is wanted behind it"
+                f"the chain is disconnected: joint {before.name!r} is followed by {what}; expected a beam behind it"
             )
     names = [item.name for item in items]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -162,7 +162,7 @@ def _check_chain(items: Sequence[Item]) -> None:
                 value = getattr(item, name)
                 if not (np.isfinite(value) and value >= 0):
                     raise InputError(
-                        f"{item.name!r}: {name} is {value!r}; a number that is not negative is wanted"
+                        f"{item.name!r}: {name} is {value!r}; expected a number that is not negative"
                     )
 
 
@@ -183,7 +183,7 @@ def assemble(items: Sequence[Item], clamp_stiffness: float = np.inf) -> Structur
     """
     _check_chain(items)
     if not clamp_stiffness > 0:
-        raise InputError(f"clamp_stiffness is {clamp_stiffness!r}; a number above zero, or inf, is wanted")
+        raise InputError(f"clamp_stiffness is {clamp_stiffness!r}; expected a number above zero, or inf")
     hinges = tuple(item for item in items if isinstance(item, Hinge))
     soft_clamp = np.isfinite(clamp_stiffness)
     size = len(hinges) + 2 * sum(item.elements for item in items if isinstance(item, Beam)) + soft_clamp

@@ -73,7 +73,7 @@ def _check_step(structure: Structure, step: float, duration: float, sample_rate:
     if not (np.isfinite(duration) and duration > 0 and np.isfinite(sample_rate) and sample_rate > 0):
         raise InputError(f"duration {duration!r} s at {sample_rate!r} Hz: positive numbers are wanted")
     if not (np.isfinite(step) and step > 0):
-        raise InputError(f"step is {step!r} s; a positive number is wanted")
+        raise InputError(f"step is {step!r} s; expected a positive number")
     first = structure.frequencies(1)[0]
     if step > 1 / (_STEPS_PER_PERIOD * first):
         raise InputError(

@@ -98,28 +98,28 @@ class VirtualTest:
 
     def __post_init__(self) -> None:
         if self.drive not in DRIVES:
-            raise InputError(f"drive is {self.drive!r}; 'moment', 'rig' or 'displacement' is wanted")
+            raise InputError(f"drive is {self.drive!r}; expected 'moment', 'rig' or 'displacement'")
         for name in ("frequencies", "levels"):
             values = getattr(self, name)
             if not values or not all(np.isfinite(v) and v > 0 for v in values):
-                raise InputError(f"{name} are {values!r}; at least one positive number is wanted")
+                raise InputError(f"{name} are {values!r}; expected at least one positive number")
             if len(set(values)) < len(values):
                 raise InputError(f"{name} are {values!r}; each may be named once")
         for name in ("sample_rate", "duration", "angle_limit"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value!r}; a positive number is wanted")
+                raise InputError(f"{name} is {value!r}; expected a positive number")
         for name in ("settling", "beam_inertia"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"{name} is {value!r}; a number that is not negative is wanted")
+                raise InputError(f"{name} is {value!r}; expected a number that is not negative")
         if self.sample_rate < 10 * max(self.frequencies):
             raise InputError(
                 f"sample_rate is {self.sample_rate:g} Hz; at least {10 * max(self.frequencies):g} Hz, ten samples per "
                 f"period of {max(self.frequencies):g} Hz, is wanted"
             )
         if not abs(self.skew) < 0.5 / max(self.frequencies):
-            raise InputError(f"skew is {self.skew!r} s; less than half a period is wanted")
+            raise InputError(f"skew is {self.skew!r} s; expected less than half a period")
 
     @property
     def _inertia_in_front(self) -> float:

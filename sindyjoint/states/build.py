@@ -44,9 +44,9 @@ def force_states(
         For an unknown method, a run too short for it, or a run in which the joint hardly ever moves.
     """
     if method not in ("auto", "periodic", "broadband"):
-        raise InputError(f"method is {method!r}; 'auto', 'periodic' or 'broadband' is wanted")
+        raise InputError(f"method is {method!r}; expected 'auto', 'periodic' or 'broadband'")
     if bandwidth is not None and not bandwidth > 0:
-        raise InputError(f"bandwidth is {bandwidth!r} Hz; a positive number is wanted")
+        raise InputError(f"bandwidth is {bandwidth!r} Hz; expected a positive number")
     if method == "periodic" or (method == "auto" and repeats(run)):
         if run.frequency is None:
             run = replace(run, frequency=estimate_frequency(run))
@@ -60,7 +60,7 @@ def force_states(
     if count < MINIMUM_SAMPLES:
         raise InputError(
             f"{run.label}: {count or 'no'} moving samples: the angular velocity hardly rises above its noise "
-            f"({states.noise.rate:.2g} rad/s); a larger excitation or a less noisy angle channel is wanted"
+            f"({states.noise.rate:.2g} rad/s); expected a larger excitation or a less noisy angle channel"
         )
     return states
 
@@ -82,7 +82,7 @@ def campaign_states(
     """Return the force states of every run that may be used for identification."""
     runs = campaign.identification_runs
     if not runs:
-        raise InputError("every run is marked use = 'validate'; at least one run to identify from is wanted")
+        raise InputError("every run is marked use = 'validate'; expected at least one run to identify from")
     return tuple(force_states(run, method, bandwidth, rate_share) for run in runs)
 
 

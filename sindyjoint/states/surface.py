@@ -105,7 +105,7 @@ def force_state_map(angle: ArrayLike, rate: ArrayLike, moment: ArrayLike, n: int
             "one length are wanted"
         )
     if n < 2:
-        raise InputError(f"a map of {n} cells along each axis was asked for; at least 2 are wanted")
+        raise InputError(f"a map of {n} cells along each axis was asked for; expected at least 2")
     angle_edges = _edges(float(theta.min()), float(theta.max()), n)
     top = float(np.max(np.abs(omega)))
     rate_edges = _edges(-top, top, n)
@@ -181,13 +181,13 @@ def fit_surface(surface: ForceStateMap, at: str = "centres") -> SurfaceFit:
     ['3.000000', '0.000000', '0.000000', '0.000000', '0.500000']
     """
     if at not in ("centres", "means"):
-        raise InputError(f"at is {at!r}; 'centres' or 'means' is wanted")
+        raise InputError(f"at is {at!r}; expected 'centres' or 'means'")
     filled = surface.filled
     angle, rate = surface.centres if at == "centres" else (surface.angle, surface.rate)
     theta, omega, moment = angle[filled], rate[filled], surface.moment[filled]
     columns = np.column_stack([theta, theta**2, theta**3, omega, np.sign(omega)])
     if moment.size <= columns.shape[1]:
-        raise InputError(f"{moment.size} filled cells for {columns.shape[1]} terms; a finer map is wanted")
+        raise InputError(f"{moment.size} filled cells for {columns.shape[1]} terms; expected a finer map")
     solved = scaled_least_squares(columns, moment)
     residual = moment - columns @ solved
     rms = float(np.sqrt(np.mean(residual**2)))

@@ -17,7 +17,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.warnings import cautions
+from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.text import spelled
 from sindyjoint.workflows.verdict import Verdict, judge
@@ -208,7 +208,7 @@ def discover(
     say("measuring the bias of the processing")
     fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
-    warnings = [*cautions(campaign, force_states, model, skew, align, regressor.indistinct_)]
+    warnings = [*list_warnings(campaign, force_states, model, skew, align, regressor.indistinct_)]
     if measured is not regressor:
         warnings.append(
             "the inertia makes weak harmonics of the motion matter: those not known to a tenth were taken from a "

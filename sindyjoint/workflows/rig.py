@@ -17,7 +17,7 @@ from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.verify_rig import MODEL_PLACE, model_places
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
 
 Array = NDArray[np.float64]
 
@@ -117,14 +117,14 @@ def rig_motion(
     """
     say = progress or (lambda stage: None)
     say("reading the rig")
-    made = rig if isinstance(rig, Rig) else load_rig(rig, {"model": MODEL_PLACE})
+    made = rig if isinstance(rig, Rig) else load_rig(rig, {"model": MODEL_PLACEHOLDER})
     if model is not None:
         known = model if isinstance(model, JointModel) else read_model(model)
         if known.joint.motion != "rotation":
             raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-        law, places = model_law(known), model_places(made, known)
+        law, places = model_law(known), find_model_joints(made, known)
         made = with_laws(made, lambda hinge: law if hinge.name in places else hinge.law)
-    elif any(hinge.law is MODEL_PLACE for hinge in hinges(made)):
+    elif any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(made)):
         raise InputError(
             f"the rig {made.name!r} has a joint whose law is 'model', and no model was given; give --model"
         )

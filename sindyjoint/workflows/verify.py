@@ -15,7 +15,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
 from sindyjoint.response.verify_campaign import verify_campaign
-from sindyjoint.response.verify_rig import MODEL_PLACE, verify_rig
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
 from sindyjoint.workflows.policy import POLICY
 
 DRAWS = 20
@@ -66,9 +66,9 @@ def verify(
     """
     say = progress or (lambda stage: None)
     if not (np.isfinite(tolerance) and tolerance > 0):
-        raise InputError(f"tolerance is {tolerance!r}; a number above zero is wanted")
+        raise InputError(f"tolerance is {tolerance!r}; expected a number above zero")
     if draws < 0:
-        raise InputError(f"draws is {draws!r}; a number that is not negative is wanted")
+        raise InputError(f"draws is {draws!r}; expected a number that is not negative")
     if not isinstance(model, JointModel):
         model = read_model(model)
     if not model.terms:
@@ -101,7 +101,7 @@ def _opened(against: Rig | Campaign | str | Path) -> Rig | Campaign:
             f"shipped rigs ({', '.join(shipped_rigs())}) is wanted"
         )
     if path.is_file() and is_rig(path):
-        return load_rig(path, {"model": MODEL_PLACE})
+        return load_rig(path, {"model": MODEL_PLACEHOLDER})
     return load_campaign(path)
 
 

@@ -17,13 +17,13 @@ from sindyjoint.mechanics.laws import (
     PaperLaw,
     SumLaw,
 )
+from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import (
     simulate,
     simulate_many,
     slip_direction,
     transfer_moment,
 )
-from sindyjoint.mechanics.windows import simulate_windows
 
 REST = harmonic(0.0, 1.0)
 
@@ -181,13 +181,13 @@ def test_windows_restart_from_the_measured_state():
     biased = truth.moment + 0.05
     start = np.stack([truth.angle, truth.rate], axis=1)
     free = simulate(law, sampled(biased, 500.0, "linear"), 4.0, 500.0)
-    windowed = simulate_windows(law, biased, 500.0, 0.5, start)
+    windowed = simulate_segments(law, biased, 500.0, 0.5, start)
     drift, kept = (np.abs(m.angle - truth.angle).max() for m in (free, windowed))
     assert kept < drift / 5
     assert windowed.angle.size == truth.angle.size
     assert windowed.angle[250] == truth.angle[250]
     with pytest.raises(InputError, match="window is 0.004 s at 500.0 Hz; at least four samples are wanted"):
-        simulate_windows(law, biased, 500.0, 0.004, start)
+        simulate_segments(law, biased, 500.0, 0.004, start)
 
 
 def test_formula_function_and_paper_law_move_alike():

@@ -105,7 +105,7 @@ def test_coefficients_replaced_keep_their_order_and_shape():
     np.testing.assert_array_equal(new.standard_errors, [1, 2, 3, 4, 5])
     assert new.terms[0].interval95 == pytest.approx((2 * 6066 - 1.96, 2 * 6066 + 1.96))
     with pytest.raises(
-        InputError, match=r"coefficients of shape \(4,\) given; \(5,\), one per term, is wanted"
+        InputError, match=r"coefficients of shape \(4,\) given; expected \(5,\), one per term"
     ):
         with_coefficients(model, [1, 2, 3, 4])
 

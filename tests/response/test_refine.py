@@ -77,7 +77,7 @@ def test_nuisance_parameters_are_found_and_keep_the_coefficients_clean(name, opt
     gone = np.abs(without.model.coefficients / TRUTH - 1)
     kept = np.abs(found.model.coefficients / TRUTH - 1)
     assert kept[1] < 0.06 and gone.max() > 4 * np.delete(kept, 1).max()
-    assert any(f"estimated beside the coefficients: {name}" in note for note in found.notes)
+    assert any(f"estimated together with the coefficients: {name}" in note for note in found.notes)
 
 
 def test_a_gain_is_named_as_one_direction_with_the_coefficients():
@@ -137,10 +137,10 @@ def test_without_a_restoring_moment_every_window_starts_from_a_state_of_its_own(
     problem = OutputError.of(free_model(2.2, 0.7), made.runs, campaign_states(made), (), 1.0)
     names = [p.name for p in problem.parameters]
     assert {record.drive for record in problem.runs} == {"windows"}
-    assert names[2:4] == ["initial angle of slow, window 1", "initial rate of slow, window 1"]
+    assert names[2:4] == ["initial angle of slow, segment 1", "initial rate of slow, segment 1"]
     # One perturbed simulation serves all windows: the same as one for each.
     x = np.array([p.start for p in problem.parameters])
-    jacobian, place = problem.jacobian(x), names.index("initial rate of fast, window 3")
+    jacobian, place = problem.jacobian(x), names.index("initial rate of fast, segment 3")
     step = np.zeros(x.size)
     step[place] = 2e-4 * problem.parameters[place].scale
     alone = (problem.residual(x + step) - problem.residual(x)) / step[place]
@@ -200,7 +200,7 @@ def test_general_terms_and_an_identified_inertia_are_refined_alike():
 
 def test_what_cannot_be_refined_is_said():
     with pytest.raises(
-        UnknownNameError, match="nuisance parameter 'phase' is not known; wanted: delay, gain, offset"
+        UnknownNameError, match="nuisance parameter 'phase' is not known; expected one of delay, gain, offset"
     ):
         refine(paper_model(), campaign(), nuisance=("phase",))
     with pytest.raises(
@@ -217,6 +217,6 @@ def test_discover_refines_on_request(sindyjoint, tmp_path):
     answer = sindyjoint("discover", tmp_path, "--library", "paper", "--refine", "--nuisance", "delay")
     text = " ".join(answer.stdout.split())
     assert answer.status == 0 and "coefficients refined on the simulated response of 4 run(s)" in text
-    assert "estimated beside the coefficients: delay" in text
+    assert "estimated together with the coefficients: delay" in text
     refused = sindyjoint("discover", tmp_path, "--nuisance", "delay")
     assert refused.status == 2 and "belongs to --refine; add --refine, or leave it out" in refused.stderr

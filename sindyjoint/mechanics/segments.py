@@ -13,7 +13,7 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, simulate
 
 
-def window_starts(n_samples: int, sample_rate: float, window: float) -> list[int]:
+def segment_starts(n_samples: int, sample_rate: float, window: float) -> list[int]:
     """Return the first sample of every window; a rest of fewer than four samples joins the window before.
 
     Parameters
@@ -31,17 +31,17 @@ def window_starts(n_samples: int, sample_rate: float, window: float) -> list[int
 
     Examples
     --------
-    >>> window_starts(1002, 100.0, 5.0)
+    >>> segment_starts(1002, 100.0, 5.0)
     [0, 500]
     """
     length = round(window * sample_rate)
     if length < 4:
-        raise InputError(f"window is {window!r} s at {sample_rate!r} Hz; at least four samples are wanted")
+        raise InputError(f"window is {window!r} s at {sample_rate!r} Hz; expected at least four samples")
     starts = list(range(0, n_samples, length))
     return starts[:-1] if len(starts) > 1 and n_samples - starts[-1] < 4 else starts
 
 
-def simulate_windows(
+def simulate_segments(
     law: Law,
     moment: ArrayLike,
     sample_rate: float,
@@ -80,10 +80,8 @@ def simulate_windows(
     """
     values, start = np.asarray(moment, dtype=np.float64), np.asarray(initial, dtype=np.float64)
     if start.shape != (values.size, 2):
-        raise InputError(
-            f"initial has shape {start.shape}; ({values.size}, 2), a state per sample, is wanted"
-        )
-    starts = window_starts(values.size, sample_rate, window)
+        raise InputError(f"initial has shape {start.shape}; expected ({values.size}, 2), a state per sample")
+    starts = segment_starts(values.size, sample_rate, window)
     ends = [*starts[1:], values.size]
     parts = []
     for a, b in zip(starts, ends, strict=True):
