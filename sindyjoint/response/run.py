@@ -124,7 +124,8 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     """Choose how a law is simulated against a run.
 
     By the moment where the joint has inertia and a restoring moment over the run's angles; by multiple shooting
-    ("windows") where it has inertia only; by the motion where it has none, since then the moment alone does not determine how it moves.
+    ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
+    the motion.
     """
     if not law.inertia > 0:
         return "motion"

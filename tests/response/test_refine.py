@@ -154,11 +154,11 @@ def test_without_a_restoring_moment_every_window_starts_from_a_state_of_its_own(
     assert max(found.after.values()) < 0.0105 < 0.02 < min(found.before.values())
 
 
-def test_negative_friction_is_started_from_none():
+def test_negative_friction_is_started_from_zero():
     found = refine(free_model(2.6, -0.3), free_mass())
     assert (
         found.refined
-        and "negative Coulomb friction, which cannot be simulated, was started from none" in found.reason
+        and "negative Coulomb friction, which cannot be simulated, was started from zero" in found.reason
     )
     assert found.model["coulomb_friction"].coefficient == pytest.approx(0.8, abs=0.05)
     assert found.model["linear_damping"].coefficient == pytest.approx(2.0, abs=0.05)

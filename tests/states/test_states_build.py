@@ -184,9 +184,9 @@ def test_repeat_noise_ignores_steps_that_fall_between_samples():
 
 
 REFUSED = [
-    ({"method": "wavelet"}, "method is 'wavelet'; 'auto', 'periodic' or 'broadband' is wanted"),
-    ({"bandwidth": -3.0}, "bandwidth is -3.0 Hz; a positive number is wanted"),
-    ({"bandwidth": 0.0}, "bandwidth is 0.0 Hz; a positive number is wanted"),
+    ({"method": "wavelet"}, "method is 'wavelet'; expected 'auto', 'periodic' or 'broadband'"),
+    ({"bandwidth": -3.0}, "bandwidth is -3.0 Hz; expected a positive number"),
+    ({"bandwidth": 0.0}, "bandwidth is 0.0 Hz; expected a positive number"),
 ]
 
 
