@@ -192,7 +192,7 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
     _check_positive(sample_rate=sample_rate)
     if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
         raise InputError(
-            f"sampled excitation of shape {y.shape}: at least four finite values in a row are wanted"
+            f"sampled excitation of shape {y.shape}; expected at least four finite values in a row"
         )
     zero = np.zeros(y.size - 1)
     if interpolation == "cubic":
@@ -224,7 +224,7 @@ def repeated(values: ArrayLike, period: float) -> Excitation:
     y = np.asarray(values, dtype=np.float64)
     _check_positive(period=period)
     if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
-        raise InputError(f"one period of shape {y.shape}: at least four finite values in a row are wanted")
+        raise InputError(f"one period of shape {y.shape}; expected at least four finite values in a row")
     return Excitation(
         _spline_pieces(np.append(y, y[0]), period / y.size, periodic=True), period / y.size, periodic=True
     )

@@ -1,8 +1,8 @@
-"""Joint laws: what moment a joint transfers at an angle, a rate and an internal state.
+"""Joint laws: the moment that a joint transfers at an angle, a rate and an internal state.
 
-A law answers at (θ, θ̇, direction, z), where *direction* (−1 or +1) is the sense of slip, or of impending slip at
-rest. Coulomb friction is thereby set-valued without a second question: at zero rate the joint can transfer every
-moment in ``[moment(θ, 0, −1, z), moment(θ, 0, +1, z)]``. A law remembers nothing; internal states go in as
+A law is evaluated at (θ, θ̇, direction, z), where *direction* (−1 or +1) is the sense of slip, or of impending slip
+at standstill. Coulomb friction is thereby set-valued: at zero rate the joint can transfer every
+moment in ``[moment(θ, 0, −1, z), moment(θ, 0, +1, z)]``. A law stores no state; internal states go in as
 arguments and their rates come out.
 """
 
@@ -221,7 +221,7 @@ class FormulaLaw(_CallbackLaw):
     """A law written as sympy expressions.
 
     The symbols ``theta`` and ``omega`` are angle and rate, ``direction`` the sense of slip; ``sign(omega)`` is
-    taken as ``direction`` and is thereby set-valued at rest. All other symbols are states or parameters.
+    taken as ``direction`` and is thereby set-valued at standstill. All other symbols are states or parameters.
 
     Parameters
     ----------

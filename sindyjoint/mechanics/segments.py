@@ -1,4 +1,4 @@
-"""Simulation in windows: a joint that nothing pulls back is restarted from the measured state every so often."""
+"""Multiple shooting: a joint without restoring moment is restarted from the measured state at every segment."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sindyjoint.mechanics.stickslip import Motion, simulate
 
 
 def segment_starts(n_samples: int, sample_rate: float, window: float) -> list[int]:
-    """Return the first sample of every window; a rest of fewer than four samples joins the window before.
+    """Return the first sample of every segment; a remainder of fewer than four samples joins the last segment.
 
     Parameters
     ----------
@@ -22,12 +22,12 @@ def segment_starts(n_samples: int, sample_rate: float, window: float) -> list[in
     sample_rate : float
         Hz.
     window : float
-        s.
+        Length of a segment, s.
 
     Raises
     ------
     InputError
-        For a window of fewer than four samples.
+        For a segment of fewer than four samples.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def simulate_segments(
     initial_state: ArrayLike | None = None,
     **options: Any,
 ) -> Motion:
-    """Simulate a measured moment in windows, each restarted from a given state.
+    """Simulate a measured moment by multiple shooting: each segment restarts from a given state.
 
     A drive without restoring stiffness drifts; restarting keeps the comparison with a measurement meaningful.
 
@@ -64,9 +64,9 @@ def simulate_segments(
     sample_rate : float
         Hz.
     window : float
-        Time between restarts, s.
+        Length of a segment, s.
     initial : array_like, shape (n, 2)
-        Measured angle and rate at every sample, from which each window starts.
+        Measured angle and rate at every sample, from which each segment starts.
     interpolation : {"linear", "cubic", "hold"}
     initial_state : array_like, shape (n_states, n), optional
         Internal states at every sample.
@@ -76,7 +76,7 @@ def simulate_segments(
     Returns
     -------
     Motion
-        One record of n samples, the windows behind one another.
+        One record of n samples, the segments one after another.
     """
     values, start = np.asarray(moment, dtype=np.float64), np.asarray(initial, dtype=np.float64)
     if start.shape != (values.size, 2):

@@ -59,8 +59,8 @@ def force_states(
     # Pure noise exceeds four of its standard errors now and then.
     if count < MINIMUM_SAMPLES:
         raise InputError(
-            f"{run.label}: {count or 'no'} moving samples: the angular velocity hardly rises above its noise "
-            f"({states.noise.rate:.2g} rad/s); expected a larger excitation or a less noisy angle channel"
+            f"{run.label}: {count or 'no'} moving samples: the velocity hardly rises above its noise "
+            f"({states.noise.rate:.2g} rad/s or m/s); expected a larger excitation or a less noisy motion channel"
         )
     return states
 

@@ -225,7 +225,7 @@ CASES = {
     constant: ("run.csv", "angle is constant"),
     absent_frequency: ("run.csv", "frequency 7 Hz is absent from the data"),
     lengths: ("run.npz", "moment has 799 samples", "equal lengths are wanted"),
-    idle: ("run.csv", "moving samples: the angular velocity hardly rises above its noise"),
+    idle: ("run.csv", "moving samples: the velocity hardly rises above its noise"),
     dependent_terms: ("twin", "more terms than independent columns"),
     unknown_term: ("coulom_friction", "coulomb_friction"),
     unknown_library: ("library 'extendet' is unknown; did you mean 'extended'?",),

@@ -79,7 +79,7 @@ def test_measured_pulse(tmp_path):
         (
             'law = "inter-panel"',
             'law = "elbow"',
-            "joint 'elbow' is not known; wanted: inter-panel, panel-root",
+            "joint 'elbow' is not known; expected one of inter-panel, panel-root",
         ),
         ('joint = "joint"', 'hinge = "joint"', "unknown key 'hinge'"),
         ('value = "8 kg"', 'inertia = "1 kg*m^2"', "a mass wants value"),

@@ -186,7 +186,7 @@ def test_windows_restart_from_the_measured_state():
     assert kept < drift / 5
     assert windowed.angle.size == truth.angle.size
     assert windowed.angle[250] == truth.angle[250]
-    with pytest.raises(InputError, match="window is 0.004 s at 500.0 Hz; at least four samples are wanted"):
+    with pytest.raises(InputError, match="window is 0.004 s at 500.0 Hz; expected at least four samples"):
         simulate_segments(law, biased, 500.0, 0.004, start)
 
 
@@ -245,9 +245,7 @@ def test_odd_law_answers_odd():
 
 
 def test_crossing_the_softening_limit_is_an_error_with_its_time():
-    with pytest.raises(
-        SimulationError, match=r"left its angle range .* at t = 0\.046.* softening limit"
-    ) as caught:
+    with pytest.raises(SimulationError, match=r"left its range .* at t = 0\.046.* softening limit") as caught:
         simulate(INTER_PANEL, harmonic(7.5, 4.0), 1.0, 1000.0)
     assert caught.value.time == pytest.approx(0.0469, abs=1e-3)
 
@@ -283,7 +281,7 @@ def test_law_that_cannot_be_compiled_is_named():
         ({"law": PaperLaw(k1=1.0, inertia=0.0)}, "needs a positive one"),
     ],
 )
-def test_bad_calls_say_what_is_wanted(change, message):
+def test_bad_calls_report_what_is_expected(change, message):
     arguments = {
         "law": INTER_PANEL,
         "excitation": harmonic(1.0, 2.0),
@@ -294,7 +292,7 @@ def test_bad_calls_say_what_is_wanted(change, message):
         simulate(arguments.pop("law"), arguments.pop("excitation"), **arguments)
 
 
-def test_bad_laws_say_what_is_wanted():
+def test_bad_laws_report_what_is_expected():
     with pytest.raises(InputError, match="M_F is -1"):
         PaperLaw(k1=1.0, M_F=-1)
     with pytest.raises(InputError, match="k1 is nan"):

@@ -263,7 +263,7 @@ def test_bad_simulations_say_what_is_wrong():
     with pytest.raises(InputError, match="too large for the first mode at 4 Hz; at most 0.0125 s"):
         respond(structure, HAMMER, step=0.02)
     with pytest.raises(
-        UnknownNameError, match="point 'top' is not in the chain; wanted: lower, joint, upper"
+        UnknownNameError, match="point 'top' is not in the chain; expected one of lower, joint, upper"
     ):
         respond(structure, HAMMER, at="top")
     with pytest.raises(SimulationError, match="joint 'joint' left its angle range .* at t = 0.0") as caught:

@@ -175,9 +175,7 @@ def test_runs_that_the_first_model_cannot_follow_are_left_out():
     assert "left out, since the model to start from does not reach their end: 3Hz-0.9 (" in found.reason
     assert found.refined
     nothing = refine(paper_model(1e-2, tuple(values)), campaign(levels=[0.9]))
-    assert not nothing.refined and nothing.reason.startswith(
-        "not refined: 3Hz-0.9 (the joint left its angle range"
-    )
+    assert not nothing.refined and nothing.reason.startswith("not refined: 3Hz-0.9 (the joint left its range")
     assert nothing.model.coefficients == pytest.approx(values)
 
 

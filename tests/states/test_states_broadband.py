@@ -156,7 +156,7 @@ def test_a_record_too_short_is_refused():
     rng = np.random.default_rng(9)
     run = Run("short", rng.normal(size=40), rng.normal(size=40), 1000.0)
     with pytest.raises(
-        InputError, match=r"run 'short': 40 samples are too few to differentiate; at least \d+ are"
+        InputError, match=r"run 'short': 40 samples are too few to differentiate; expected at least \d+"
     ):
         broadband_states(run)
 

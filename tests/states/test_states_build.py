@@ -202,7 +202,7 @@ def test_no_moving_samples(seed):
     rng = np.random.default_rng(seed)
     idle = Run("idle", rng.normal(size=5000), 1e-6 * rng.normal(size=5000), RATE)
     with pytest.raises(
-        InputError, match=r"run 'idle': (no|\d) moving samples: the angular velocity hardly rises above its"
+        InputError, match=r"run 'idle': (no|\d) moving samples: the velocity hardly rises above its"
     ):
         force_states(idle)
 
@@ -220,7 +220,7 @@ def test_periodic_needs_three_periods_and_a_frequency():
 def test_validation_runs_are_never_used():
     one, two = harmonic_run(name="one")[0], harmonic_run(5.0, name="two", use="validate")[0]
     assert [s.run for s in campaign_states(Campaign(Joint(), (one, two)))] == ["one"]
-    with pytest.raises(InputError, match="every run is marked use = 'validate'; at least one run"):
+    with pytest.raises(InputError, match="every run is marked use = 'validate'; expected at least one run"):
         campaign_states(Campaign(Joint(), (two,)))
 
 

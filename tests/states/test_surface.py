@@ -107,7 +107,10 @@ def test_sticking_samples_blur_the_friction_step():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([0.0, 1.0], [0.0], [0.0, 1.0]), r"shapes \(2,\), \(1,\) and \(2,\); three signals of one length"),
+        (
+            ([0.0, 1.0], [0.0], [0.0, 1.0]),
+            r"shapes \(2,\), \(1,\) and \(2,\); expected three signals of one length",
+        ),
         (([], [], []), r"shapes \(0,\).* expected three signals"),
         (([0.0], [0.0], [0.0], 1), "a map of 1 cells along each axis was asked for; expected at least 2"),
     ],
