@@ -130,9 +130,10 @@ def _build_formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> Formula
     for index, term in enumerate(terms):
         symbols = {symbol.name for symbol in term.expression.free_symbols}
         if symbols - {"theta", "omega"}:
+            motion = "angle and rate" if model.joint.motion == "rotation" else "displacement and velocity"
             raise InputError(
                 f"term {term.id!r} ({term.formula}) depends on {', '.join(sorted(symbols - {'theta', 'omega'}))}; a "
-                "simulation needs terms of angle and rate, and inertia"
+                f"simulation needs terms of {motion}, and inertia"
             )
         # Numbered symbols: a coefficient of a user's catalogue may have the name of a symbol in a formula.
         symbol = f"coefficient_{index}"

@@ -89,7 +89,7 @@ class OutputError:
         records = []
         for run, state in zip(runs, states, strict=True):
             records.append(record_of(law, run, state, len(parameters), window))
-            parameters += initial_parameters(records[-1])
+            parameters += initial_parameters(records[-1], model.joint.motion)
         indices = np.array([order.index(name) for name in names], dtype=np.intp)
         return cls(law, tuple(records), tuple(parameters), indices, inertia_index, window)
 
@@ -150,7 +150,7 @@ class OutputError:
         or s²H⁻¹ where there are not twice as many blocks as parameters. J is what the initial states of the runs
         cannot do (Frisch and Waugh, Econometrica 1(4), 1933). What the noise of the measured moment does through the
         simulation is added: all blocks of a run share it. Directions without any effect get a standard error of a
-        hundred times their own size.
+        hundred times their size.
         """
         jacobian, residual = self.jacobian(x), self.residual(x)
         count = self.n_shared

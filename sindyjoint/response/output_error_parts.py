@@ -13,7 +13,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.segments import segment_starts
-from sindyjoint.record import Run
+from sindyjoint.record import Motion, Run
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import Drive, angle_limits, choose_drive, measured_drive, rms, settling
 from sindyjoint.states import ForceStates
@@ -141,9 +141,10 @@ def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     return Parameter(name, "nuisance", start, scale, start - reach, start + reach)
 
 
-def initial_parameters(record: Record) -> Iterable[Parameter]:
+def initial_parameters(record: Record, motion: Motion) -> Iterable[Parameter]:
     """Angle and rate of a run where its simulation starts, and where it is restarted."""
-    signals = (("angle", record.states.angle), ("rate", record.states.rate))
+    names = ("angle", "rate") if motion == "rotation" else ("displacement", "velocity")
+    signals = tuple(zip(names, (record.states.angle, record.states.rate), strict=True))
     for number, first in enumerate(record.starts, 1):
         for name, signal in signals:
             value, size = float(signal[first]), rms(signal - np.mean(signal))

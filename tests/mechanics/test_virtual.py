@@ -57,7 +57,7 @@ def test_random_state_rules_the_noise():
         assert level == pytest.approx(0.01, rel=0.08)
 
 
-def test_skew_delays_the_moment():
+def test_the_time_delay_is_that_of_the_moment():
     plan = {"frequencies": [4], "levels": [0.6], "duration": 2.0, "noise": 0.0}
     plain, late = (virtual_campaign(skew=s, **plan).runs[0] for s in (0.0, 2e-3))
     np.testing.assert_array_equal(plain.angle.round(12), late.angle.round(12))

@@ -1,4 +1,4 @@
-"""Simulated beside measured runs: driven by the moment, in windows, by the motion."""
+"""Simulated against measured runs: driven by the moment, by multiple shooting, by the motion."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def test_the_true_law_reaches_the_noise_floor(drive, noise):
         allowed = 0.002 if drive == "moment" else 0.004
         assert np.sqrt(max(found.response_nrmse**2 - found.response_floor**2, 0.0)) < allowed
         assert found.response_floor == pytest.approx(noise, rel=0.2)
-        # At 0.2 % the cut of the harmonics at the corners of the motion shows beside the noise.
+        # At 0.2 % the cut of the harmonics at the corners of the motion exceeds the noise.
         assert found.moment_nrmse == pytest.approx(noise, rel=0.2)
 
 

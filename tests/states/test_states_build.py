@@ -1,4 +1,4 @@
-"""From runs to force states: which way, what is left out, how much noise, what the rows of a regression are."""
+"""From runs to force states: method, samples left out, noise, rows of the regression."""
 
 from dataclasses import replace
 
@@ -95,7 +95,7 @@ def test_transient_is_left_out():
     states = force_states(
         virtual_campaign(noise=0.001, random_state=0, frequencies=[3], levels=[0.6], drive="rig").runs[0]
     )
-    # The rig starts from rest, under a moment that grows over a second, near a resonance.
+    # The rig starts from standstill, under a moment that grows over a second, near a resonance.
     assert 1.0 <= states.dropped <= 5.0
     assert states.time[0] == pytest.approx(states.dropped, abs=1e-3)
     quiet = force_states(harmonic_run()[0])

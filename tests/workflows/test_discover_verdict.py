@@ -52,9 +52,9 @@ def test_one_engine():
     made = campaign()
     found = discover(made)
     rows = regression_rows(campaign_states(made), made.joint.inertia)
-    alone = JointRegressor().fit(**rows.fit_arguments())
-    assert alone.selected_ == found.model.ids
-    np.testing.assert_array_equal(alone.coef_, found.regressor.coef_)
+    regressor = JointRegressor().fit(**rows.fit_arguments())
+    assert regressor.selected_ == found.model.ids
+    np.testing.assert_array_equal(regressor.coef_, found.regressor.coef_)
 
 
 def test_viscous_joint_has_no_friction():

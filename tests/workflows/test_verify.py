@@ -1,4 +1,4 @@
-"""Verification: what passes, what fails, what is said, on runs and on the pulse rig."""
+"""Verification: what passes, what fails, which warnings, on runs and on the pulse rig."""
 
 import json
 from dataclasses import replace
@@ -82,13 +82,13 @@ def test_energy_per_cycle_adds_up_to_what_the_pulse_brought():
     response = load_rig("pulse-rig").respond()
     first = result.runs[0].oscillations[1].amplitude_time[0]
     at_first = np.interp(first, response.time, response.energy)
-    # What is lost from the first swing on is what was there, less what is left after 20 s.
+    # The energy lost from the first half-cycle on is the initial one less the residual one after 20 s.
     assert simulated.sum() == pytest.approx(at_first - response.energy[-1], rel=0.01)
     assert measured.sum() == pytest.approx(simulated.sum(), rel=0.02)
 
 
 def test_the_model_takes_the_places_that_bear_its_name():
-    # Three inter-panel joints of the wing take the model; the root keeps its own law.
+    # Three inter-panel joints of the wing take the model; the root keeps its law.
     result = verify(paper_model(), "four-panel-wing", draws=0)
     assert result.verdict == "passed" and result.kind == "rig"
 
@@ -110,7 +110,7 @@ def test_a_softer_model_that_snaps_through_fails_in_words():
 
 
 def measured_rig(folder, law="model", unit="mm", factor=1e3, **options):
-    """Write the pulse rig with a measured response beside it."""
+    """Write the pulse rig with a measured response next to it."""
     test = virtual_pulse_test(load_rig("pulse-rig"), **options)
     np.savetxt(
         folder / "tip.csv",
