@@ -15,7 +15,9 @@ class BatchPolicy:
         0.05, "level of outliers and trends, over all that was looked for", source="convention"
     )
     fewest_joints: int = limit(
-        5, "fewest joints of which a scatter is told", source="with fewer it cannot be told from chance"
+        5,
+        "fewest joints of which a scatter is reported",
+        source="with fewer it cannot be distinguished from chance",
     )
     rejected: float = limit(
         0.0027,

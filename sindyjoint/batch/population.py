@@ -1,12 +1,12 @@
 """A coefficient over many joints: how they scatter, which of them stand out, and whether there is a trend.
 
-Joints are a sample: each has a coefficient of its own, and its estimate an error of known size on top,
+Joints are a sample: each has its true coefficient, and its estimate an error of known size on top,
 y_i = μ + u_i + e_i with u_i ~ (0, τ²) and e_i ~ (0, s_i²). A joint is an outlier where y_i leaves the distribution of
 the others by more than both variances explain. Everything is robust: a fifth of bad joints neither hides itself nor
 makes good ones look bad.
 
 References: Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993 (modified z-score, the median and 1.4826 MAD,
-here with each estimate's own error in the scale); Rousseeuw and Leroy, Robust Regression and Outlier Detection, 1987,
+here with the error of each estimate in the scale); Rousseeuw and Leroy, Robust Regression and Outlier Detection, 1987,
 chapter 1 (reweighting after rejection); Paule and Mandel, J. Res. NBS 87, 1982 (τ); Huber, Robust Statistics, 1981;
 Long and Ervin, The American Statistician 54, 2000 (HC3); Holm, Scand. J. Statist. 6, 1979.
 """
@@ -76,7 +76,7 @@ class Scatter:
     mean, mean_error : float
         Of the joints that were not rejected; at the mean of the covariate where there is a trend.
     spread : float
-        τ, standard deviation between joints beyond the estimates' own errors.
+        τ, standard deviation between joints beyond the estimates' errors.
     scores : tuple of float
         Modified z-score of each joint; NaN where it has no value.
     p_adjusted : tuple of float
@@ -132,10 +132,10 @@ def population(
     InputError
         For shapes that differ, or standard errors that are negative.
     """
-    data = {name: _checked(name, values[name], errors[name]) for name in values}
+    data = {name: _check_values(name, values[name], errors[name]) for name in values}
     known = {name: np.asarray(x, dtype=float) for name, x in (covariates or {}).items()}
-    trends = _trends(data, known)
-    scatters, left = [], []
+    trends = _fit_trends(data, known)
+    scatters, p_values = [], []
     for name, (y, s) in data.items():
         found = [t for t in trends if t.coefficient == name and t.significant]
         best = min(found, key=lambda t: t.p_value, default=None)
@@ -143,11 +143,11 @@ def population(
             x = known[best.covariate]
             # A joint whose covariate is not known cannot be judged about the trend.
             y = y - best.slope * (x - np.nanmean(x))
-        distribution = _robust(y, s, POLICY.level / max(len(data), 1))
+        distribution = _estimate_robustly(y, s, POLICY.level / max(len(data), 1))
         scatters.append((name, best, distribution))
-        left.append(distribution[4])
-    adjusted = holm(np.concatenate(left)) if left else np.empty(0)
-    parts = np.split(adjusted, np.cumsum([p.size for p in left])[:-1]) if left else []
+        p_values.append(distribution[4])
+    adjusted = holm(np.concatenate(p_values)) if p_values else np.empty(0)
+    parts = np.split(adjusted, np.cumsum([p.size for p in p_values])[:-1]) if p_values else []
     return Population(
         tuple(
             Scatter(name, mean, error, tau, tuple(map(float, scores)), tuple(map(float, p)),
@@ -158,15 +158,15 @@ def population(
     )  # fmt: skip
 
 
-def _checked(name: str, values: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:
+def _check_values(name: str, values: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:
     y, s = np.array(values, dtype=float), np.array(errors, dtype=float)
     if y.shape != s.shape or y.ndim != 1 or np.any(s < 0):
-        raise InputError(f"{name}: values of shape {y.shape} with as many errors, none negative, are wanted")
+        raise InputError(f"{name}: values of shape {y.shape} given; expected as many errors, none negative")
     y[~np.isfinite(s)] = np.nan
     return y, s
 
 
-def _robust(y: Array, s: Array, level: float) -> tuple[float, float, float, Array, Array]:
+def _estimate_robustly(y: Array, s: Array, level: float) -> tuple[float, float, float, Array, Array]:
     """Return mean, its error, τ, modified z-scores and p-values of the joints; ``level`` for all of them together."""
     here = np.flatnonzero(np.isfinite(y))
     scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
@@ -177,10 +177,10 @@ def _robust(y: Array, s: Array, level: float) -> tuple[float, float, float, Arra
     centre = float(np.median(v))
     first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
     # The median and its deviations know as much of a normal sample as 37 % of it would by mean and variance.
-    kept = _two_sided(first, EFFICIENCY * (v.size - 1)) > POLICY.rejected
+    kept = _compute_two_sided(first, EFFICIENCY * (v.size - 1)) > POLICY.rejected
     for _ in range(ROUNDS):
         mean, error, tau = random_effects(v[kept], e[kept])
-        z, p_here = _judged(v, e, kept)
+        z, p_here = _judge_outliers(v, e, kept)
         # Whoever the others' distribution does not rule out joins them: rejecting more would make it too narrow.
         joined = p_here > level / v.size
         if np.array_equal(joined, kept) or joined.sum() < POLICY.fewest_joints - 1:
@@ -190,20 +190,20 @@ def _robust(y: Array, s: Array, level: float) -> tuple[float, float, float, Arra
     return mean, error, tau, scores, p
 
 
-def _judged(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _judge_outliers(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return z-scores and p-values of joints against those that were kept, each without itself."""
     mean, error, tau = random_effects(v[kept], e[kept])
     # Equal numbers differ by their rounding at most.
     least = ROUNDING * float(np.max(np.abs(v))) + np.finfo(float).tiny
     z = (v - mean) / np.maximum(np.sqrt(tau**2 + e**2 + error**2), least)
-    p = _two_sided(z, max(kept.sum() - 2, 1))
+    p = _compute_two_sided(z, max(kept.sum() - 2, 1))
     for i in np.flatnonzero(kept & (np.abs(z) > SUSPECT)):
-        # Its own pull on mean and τ would hide it.
+        # Its influence on mean and τ would hide it.
         others = kept.copy()
         others[i] = False
         m, m_error, m_tau = random_effects(v[others], e[others])
         z[i] = (v[i] - m) / max(float(np.sqrt(m_tau**2 + e[i] ** 2 + m_error**2)), least)
-        p[i] = _two_sided(z[i : i + 1], max(others.sum() - 2, 1))[0]
+        p[i] = _compute_two_sided(z[i : i + 1], max(others.sum() - 2, 1))[0]
     return z, p
 
 
@@ -213,7 +213,7 @@ def median_spread(deviation: Array, errors: Array) -> float:
     With errors of zero this is 1.4826 times the median absolute deviation.
     """
     squares, variances = deviation**2, errors**2
-    return _root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation, errors)
+    return _find_root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation, errors)
 
 
 def _median(values: Array) -> float:
@@ -229,14 +229,14 @@ def random_effects(y: Array, s: Array) -> tuple[float, float, float]:
         w = 1 / (t + s**2)
         return float(w @ (y - w @ y / w.sum()) ** 2) - (y.size - 1)
 
-    tau = _root(excess, y - np.mean(y), s)
+    tau = _find_root(excess, y - np.mean(y), s)
     # Equal estimates without errors: any equal weights will do.
     variance = np.maximum(tau**2 + s**2, 1e-60)
     w = 1 / variance
     return float(w @ y / w.sum()), float(w.sum() ** -0.5), tau
 
 
-def _root(excess: Callable[[float], float], deviation: Array, errors: Array) -> float:
+def _find_root(excess: Callable[[float], float], deviation: Array, errors: Array) -> float:
     """Return the root of the τ² at which a falling function is zero; zero where it is not positive anywhere."""
     from scipy.optimize import brentq
 
@@ -249,7 +249,9 @@ def _root(excess: Callable[[float], float], deviation: Array, errors: Array) -> 
     return float(np.sqrt(brentq(excess, low, top, xtol=1e-15 * top, rtol=1e-12)))
 
 
-def _trends(data: Mapping[str, tuple[Array, Array]], covariates: Mapping[str, Array]) -> tuple[Trend, ...]:
+def _fit_trends(
+    data: Mapping[str, tuple[Array, Array]], covariates: Mapping[str, Array]
+) -> tuple[Trend, ...]:
     found = []
     for name, (y, s) in data.items():
         for covariate, x in covariates.items():
@@ -257,7 +259,7 @@ def _trends(data: Mapping[str, tuple[Array, Array]], covariates: Mapping[str, Ar
             if use.sum() < POLICY.fewest_joints + 1 or np.unique(x[use]).size < 3:
                 continue
             slope, error, level, degrees = robust_line(x[use], y[use], s[use])
-            p = float(_two_sided(np.array([slope / error]), degrees)[0]) if error > 0 else 1.0
+            p = float(_compute_two_sided(np.array([slope / error]), degrees)[0]) if error > 0 else 1.0
             change = slope * float(np.ptp(x[use])) / level if level else float("nan")
             found.append(Trend(name, covariate, slope, error, p, p, change, int(use.sum())))
     adjusted = holm(np.array([t.p_value for t in found]))
@@ -290,16 +292,16 @@ def robust_line(x: Array, y: Array, s: Array) -> tuple[float, float, float, floa
         if np.all(np.abs(estimate - last) <= 1e-10 * (np.abs(estimate) + np.abs(last))):
             break
     leverage = np.einsum("ij,jk,ik,i->i", design, bread, design, weight)
-    # How the estimate moves is told by the slope of Huber's function: one within its bend, none beyond.
+    # The slope of Huber's function gives how the estimate moves: one within its bend, none beyond.
     within = np.where(np.abs(residual) <= HUBER * scale, 1 / scale**2, 0.0)
     bread = np.linalg.pinv(design.T @ (within[:, None] * design))
     pull = design * (weight * residual / np.maximum(1 - leverage, 1e-3))[:, None]
     covariance = bread @ (pull.T @ pull) @ bread
-    degrees = _degrees(design, bread, weight, leverage)
+    degrees = _estimate_degrees(design, bread, weight, leverage)
     return float(estimate[1]), float(np.sqrt(covariance[1, 1])), float(estimate[0]), degrees
 
 
-def _degrees(design: Array, bread: Array, weight: Array, leverage: Array) -> float:
+def _estimate_degrees(design: Array, bread: Array, weight: Array, leverage: Array) -> float:
     """Return Satterthwaite's degrees of freedom of the slope's HC3 variance (Bell and McCaffrey 2002)."""
     n = design.shape[0]
     if n > MANY:
@@ -330,7 +332,7 @@ def holm(p: ArrayLike) -> Array:
     return adjusted
 
 
-def _two_sided(z: Array, degrees: float) -> Array:
+def _compute_two_sided(z: Array, degrees: float) -> Array:
     from scipy.special import stdtr
 
     return np.asarray(2 * stdtr(degrees, -np.abs(z)), dtype=float)

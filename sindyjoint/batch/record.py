@@ -1,4 +1,4 @@
-"""What a batch keeps of one campaign: a small record beside its model, and a hash that tells whether it holds."""
+"""What a batch keeps of one campaign: a small record with its model, and a hash that shows whether it still holds."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def fingerprint(manifest: Path, options: Mapping[str, Any], library: Any, versio
     ----------
     manifest : Path
     options : mapping
-        Of :func:`~sindyjoint.workflows.discover.discover`; plain values.
+        Of :func:`~sindyjoint.workflows.discover.discover`; JSON values.
     library : str, Path, Catalogue, or sequence of these
         Hashed by what it holds, not by its name.
     version : str

@@ -142,28 +142,28 @@ class Batch:
 
 
 def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0) -> Batch:
-    """Hold campaigns against each other.
+    """Compare campaigns with each other.
 
     Parameters
     ----------
     records : tuple of CampaignRecord
     folder : Path
-        Where each has a folder of its own with its factors.
+        Parent of the folders with the factors of each.
     kept : int
     """
     found = [record for record in records if record.status == "found"]
-    motion = _majority([record.joint["motion"] for record in found])
+    motion = _find_majority([record.joint["motion"] for record in found])
     compared = [record for record in found if record.joint["motion"] == motion]
-    common = _common(compared)
+    common = _find_common_terms(compared)
     units = {id: term["unit"] for record in compared for id, term in record.terms.items() if id in common}
     values = {term: np.full(len(records), np.nan) for term in common}
     errors = {term: np.full(len(records), np.nan) for term in common}
     included = {record.id for record in compared}
     for i, record in enumerate(records):
         if record.id in included:
-            for term, (value, error) in _coefficients(record, common, folder).items():
+            for term, (value, error) in _get_coefficients(record, common, folder).items():
                 values[term][i], errors[term][i] = value, error
-    covariates = _covariates(records)
+    covariates = _collect_covariates(records)
     result = population(values, errors, covariates)
     return Batch(
         records=records,
@@ -174,35 +174,35 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         errors=errors,
         covariates=covariates,
         population=result,
-        differences=tuple(_differences(records, common, values, units, result)),
-        notes=tuple(_notes(records, found, compared)),
+        differences=tuple(_list_differences(records, common, values, units, result)),
+        notes=tuple(_list_notes(records, found, compared)),
     )
 
 
-def _majority(items: Sequence[Any]) -> Any:
+def _find_majority(items: Sequence[Any]) -> Any:
     """Return the most frequent item, of equals the first."""
     return max(dict.fromkeys(items), key=items.count, default=None)
 
 
-def _common(records: Sequence[CampaignRecord]) -> tuple[str, ...]:
-    """Return the terms of more than half of the models, in the order in which a model tells them."""
+def _find_common_terms(records: Sequence[CampaignRecord]) -> tuple[str, ...]:
+    """Return the terms of more than half of the models, in the order of a model."""
     ids = list(dict.fromkeys(term for record in records for term in record.terms))
     kept = [term for term in ids if 2 * sum(term in record.terms for record in records) > len(records)]
-    leader = _majority([tuple(record.terms) for record in records]) or ()
+    leader = _find_majority([tuple(record.terms) for record in records]) or ()
     return tuple(sorted(kept, key=lambda term: leader.index(term) if term in leader else len(leader)))
 
 
-def _coefficients(
+def _get_coefficients(
     record: CampaignRecord, common: tuple[str, ...], folder: Path
 ) -> dict[str, tuple[float, float]]:
-    """Return value and error of the common terms: the model's own where it has just these, else of a fit of them.
+    """Return value and error of the common terms: the model's where it has just these, else of a fit of them.
 
-    What was done to the model's own coefficients after its fit (the bias of the processing taken out, the error of that
+    What was done to the model's coefficients after its fit (the bias of the processing taken out, the error of that
     added) is done to those of the other fit as well, for the terms that are in both.
     """
-    own = record.terms
-    if set(own) == set(common):
-        return {term: (own[term]["coefficient"], own[term]["standard_error"]) for term in common}
+    found = record.terms
+    if set(found) == set(common):
+        return {term: (found[term]["coefficient"], found[term]["standard_error"]) for term in common}
     try:
         evidence = read_evidence(folder / record.id / FACTORS_FILE)
     except InputError:
@@ -210,32 +210,32 @@ def _coefficients(
     # A term that these runs cannot tell from others is no candidate here: the others then mean something else.
     if not common or not set(common) <= set(evidence.ids):
         return {}
-    here = _fitted(evidence, common)
-    fitted = _fitted(evidence, [term for term in own if term in evidence.ids])
+    here = _fit_terms(evidence, common)
+    fitted = _fit_terms(evidence, [term for term in found if term in evidence.ids])
     for term in set(common) & set(fitted):
         (value, error), (before, before_error) = here[term], fitted[term]
-        shift = own[term]["coefficient"] - before
-        grown = own[term]["standard_error"] / before_error if before_error > 0 else 1.0
+        shift = found[term]["coefficient"] - before
+        grown = found[term]["standard_error"] / before_error if before_error > 0 else 1.0
         here[term] = (value + shift, error * grown)
     return here
 
 
-def _fitted(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[float, float]]:
+def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return value and error of some terms, fitted with no others."""
     fit = fit_columns(evidence, [evidence.ids.index(term) for term in terms])
     pairs = zip(fit.coefficients.tolist(), fit.standard_errors.tolist(), strict=True)
     return dict(zip(terms, pairs, strict=True))
 
 
-def _covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
+def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     """Return what the manifests declare as numbers, where at least three of them differ."""
     columns = {
         TEMPERATURE: [record.joint.get("temperature") for record in records],
-        SERIAL: _serial_numbers([record.joint.get("serial") for record in records]),
+        SERIAL: _parse_serials([record.joint.get("serial") for record in records]),
     }
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
-        columns[label] = [_as_number(record.joint.get("labels", {}).get(label)) for record in records]
+        columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
     arrays = {
         name: np.array([np.nan if value is None else value for value in column], dtype=float)
         for name, column in columns.items()
@@ -243,7 +243,7 @@ def _covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
 
 
-def _serial_numbers(serials: Sequence[str | None]) -> list[float | None]:
+def _parse_serials(serials: Sequence[str | None]) -> list[float | None]:
     """Return the running numbers of serials such as SN-0012; nothing where they do not share what stands before."""
     parts = [re.fullmatch(r"(.*?)(\d+)", serial) if serial else None for serial in serials]
     heads = {part[1] for part in parts if part}
@@ -252,7 +252,7 @@ def _serial_numbers(serials: Sequence[str | None]) -> list[float | None]:
     return [float(part[2]) if part else None for part in parts]
 
 
-def _as_number(text: str | None) -> float | None:
+def _parse_number(text: str | None) -> float | None:
     try:
         value = float(text) if text is not None else None
     except ValueError:
@@ -260,7 +260,7 @@ def _as_number(text: str | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-def _differences(
+def _list_differences(
     records: Sequence[CampaignRecord],
     common: tuple[str, ...],
     values: dict[str, Array],
@@ -275,11 +275,11 @@ def _differences(
         elif record.status == "none":
             found.append(Difference(record.id, "none", f"no model: {record.reason}"))
         else:
-            own = set(record.terms)
-            missing, extra = [t for t in common if t not in own], [t for t in record.terms if t not in common]
+            missing = [t for t in common if t not in record.terms]
+            extra = [t for t in record.terms if t not in common]
             if missing or extra:
-                parts = [f"without {_listed(missing)}"] if missing else []
-                parts += [f"with {_listed(extra)}"] if extra else []
+                parts = [f"without {_spell_terms(missing)}"] if missing else []
+                parts += [f"with {_spell_terms(extra)}"] if extra else []
                 found.append(Difference(record.id, "terms", f"terms {' and '.join(parts)}"))
         for scatter in result.scatters:
             if i in scatter.outliers:
@@ -294,7 +294,7 @@ def _differences(
     return found
 
 
-def _notes(
+def _list_notes(
     records: Sequence[CampaignRecord], found: Sequence[CampaignRecord], compared: Sequence[CampaignRecord]
 ) -> list[str]:
     notes = []
@@ -311,11 +311,11 @@ def _notes(
         )
     names = [record.joint["name"] for record in found]
     if len(names) > 1 and len(set(names)) == 1 and all(record.joint["serial"] is None for record in found):
-        notes.append(f"all joints are called {names[0]!r} and none has a serial: give each [joint] its own")
+        notes.append(f"all joints are called {names[0]!r} and none has a serial: give each [joint] one")
     return notes
 
 
-def _listed(terms: Sequence[str]) -> str:
+def _spell_terms(terms: Sequence[str]) -> str:
     return ", ".join(spelled(term) for term in terms)
 
 

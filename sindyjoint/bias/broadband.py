@@ -1,4 +1,4 @@
-"""The twin of a run that does not repeat: the model's own motion over the record, smoothed by the same kernel."""
+"""Synthetic replicate of a run that does not repeat: the model's simulated motion, smoothed by the same kernel."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ Motion = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class BroadbandTwin:
-    """A run of the model over the middle of the record, as the chain sees it.
+class BroadbandReplicate:
+    """A run of the model over the middle of the record, as the processing pipeline sees it.
 
     Parameters
     ----------
@@ -38,12 +38,12 @@ class BroadbandTwin:
     kernels : tuple of three ndarray
         The smoothing kernel and its derivatives.
     noise_size : tuple of float
-        RMS of white noise of the angle and, where it was measured, of the rate.
+        RMS of the noise of the angle and, where it was measured, of the rate.
     slowest : float
         Rate below which a sample counts as reversal, rad/s.
     guard : int
     weight : float
-        Samples of the run for each of the twin.
+        Samples of the run per sample of the replicate.
     """
 
     run: str
@@ -59,7 +59,7 @@ class BroadbandTwin:
     def noise(self, rng: np.random.Generator) -> Motion:
         """Draw noise of the measured channels as the kernels give it."""
         n = self.moment.size + self.kernels[0].size - 1
-        return _smoothed([size * rng.normal(size=n) for size in self.noise_size], self.kernels)
+        return _smooth_motion([size * rng.normal(size=n) for size in self.noise_size], self.kernels)
 
     def rows(self, noise: Motion | None = None, sign: float = 1.0) -> tuple[Array, Array]:
         """Return moving (θ, θ̇, θ̈), shape (m, 3), and the moment, shape (m,), under noise times a sign."""
@@ -70,7 +70,7 @@ class BroadbandTwin:
         return motion[moving], self.moment[moving]
 
 
-def _smoothed(channels: list[Array], kernels: Motion) -> Motion:
+def _smooth_motion(channels: list[Array], kernels: Motion) -> Motion:
     """Return angle, rate and acceleration of an angle, or of an angle and a rate, where the kernels cover them."""
     from scipy.signal import fftconvolve
 
@@ -83,8 +83,8 @@ def _smoothed(channels: list[Array], kernels: Motion) -> Motion:
     return angle, rate, acceleration
 
 
-def broadband_twin(law: Law, run: Run, state: ForceStates) -> BroadbandTwin:
-    """Return the twin of a run whose states come from the smoothing kernel.
+def make_broadband_replicate(law: Law, run: Run, state: ForceStates) -> BroadbandReplicate:
+    """Return the synthetic replicate of a run whose states come from the smoothing kernel.
 
     It covers the states' span less half a kernel on either side.
 
@@ -97,30 +97,30 @@ def broadband_twin(law: Law, run: Run, state: ForceStates) -> BroadbandTwin:
 
     kernels = smoothing_kernels(state.bandwidth, state.sample_rate)
     half = kernels[0].size // 2
-    inner = slice(half, state.n_samples - half)
+    middle = slice(half, state.n_samples - half)
     measured = run.rate is not None
     # The moment smoothed as the angle was, over the states' span.
     whole = np.pad(state.moment, half, mode="wrap") if state.repeated else run.moment
     moment = fftconvolve(whole, kernels[0], mode="valid")
-    moved = _driven(law, state, moment)
+    moved = _simulate_driven(law, state, moment)
     motion = None
     if moved is not None:
-        motion = _smoothed([moved[0], moved[1]] if measured else [moved[0]], kernels)
-        if np.std(motion[0] - state.angle[inner]) > POLICY.largest_difference * np.std(state.angle[inner]):
+        motion = _smooth_motion([moved[0], moved[1]] if measured else [moved[0]], kernels)
+        if np.std(motion[0] - state.angle[middle]) > POLICY.largest_difference * np.std(state.angle[middle]):
             motion = None
     if moved is None or motion is None:
         moment, _ = transfer_moment(
             law, state.angle, state.rate, state.sample_rate, acceleration=state.acceleration
         )
-        motion = _smoothed([state.angle, state.rate] if measured else [state.angle], kernels)
+        motion = _smooth_motion([state.angle, state.rate] if measured else [state.angle], kernels)
         driven = "angle"
     else:
         moment, driven = moved[2], "moment"
-    return BroadbandTwin(
+    return BroadbandReplicate(
         run=state.run,
         driven=driven,
         motion=motion,
-        moment=moment[inner],
+        moment=moment[middle],
         kernels=kernels,
         noise_size=(state.noise.angle, state.noise.rate / float(np.linalg.norm(kernels[0])))
         if measured
@@ -131,43 +131,43 @@ def broadband_twin(law: Law, run: Run, state: ForceStates) -> BroadbandTwin:
     )
 
 
-def _driven(law: Law, state: ForceStates, moment: Array) -> Motion | None:
-    """Return angle, rate and moment of the law under the run's drive; None where there is no telling what drove it.
+def _simulate_driven(law: Law, state: ForceStates, moment: Array) -> Motion | None:
+    """Return angle, rate and moment of the law under the run's drive; None where the drive is unknown.
 
-    The drive is M + J·θ̈, J the mass in front of the sensor. It is followed up to where it sinks into its noise, and
-    that must be well below where the angle does: where the motion was prescribed, the moment has the friction's steps.
+    The drive is M + J·θ̈, J the exciter inertia. It is used up to the frequency at which it falls below its noise,
+    which must be well below that of the angle: where the motion was prescribed, the moment has the friction's steps.
     """
     from scipy.signal import fftconvolve
 
     if not law.inertia > 0:
         return None
-    front = inertia_in_front(state, moment)
+    exciter_inertia = estimate_exciter_inertia(state, moment)
     # Without a mass the moment is known over the whole of its band, and the friction's steps are seen there.
-    drive = moment + front * state.acceleration if front > 0 else state.moment
-    if np.any(drive):  # else it swings freely
-        width = _drive_bandwidth(drive, state, front)
+    drive = moment + exciter_inertia * state.acceleration if exciter_inertia > 0 else state.moment
+    if np.any(drive):  # else a free decay
+        width = _drive_bandwidth(drive, state, exciter_inertia)
         if width is None:
             return None
         low = smoothing_kernels(width, state.sample_rate)[0]
         room = low.size // 2
         if room >= drive.size:
             return None
-        # The ends are continued: there the twin moves a little otherwise than the joint did, but by the law.
+        # The ends are continued: there the replicate moves a little differently from the joint, but by the law.
         drive = fftconvolve(np.pad(drive, room, mode="reflect", reflect_type="odd"), low, mode="valid")
     try:
         motion = simulate(
             law, sampled(drive, state.sample_rate), drive.size / state.sample_rate, state.sample_rate,
-            initial=(float(state.angle[0]), float(state.rate[0])), beam_inertia=front, limits=None, rtol=1e-6,
+            initial=(float(state.angle[0]), float(state.rate[0])), beam_inertia=exciter_inertia, limits=None, rtol=1e-6,
         )  # fmt: skip
     except SimulationError:
         return None
     return motion.angle, motion.rate, motion.moment
 
 
-def inertia_in_front(state: ForceStates, moment: Array) -> float:
-    """Return the mass between a smooth exciter and the sensor, kg·m² (kg); zero where none is seen.
+def estimate_exciter_inertia(state: ForceStates, moment: Array) -> float:
+    """Return the inertia between a smooth exciter and the sensor, kg·m² (kg); zero where none is detected.
 
-    Above half of the angle's band M follows −J·θ̈ where the exciter's own moment is smooth: J = −Σ M² / Σ θ̈·M.
+    Above half of the angle's band M follows −J·θ̈ where the exciter's moment is smooth: J = −Σ M² / Σ θ̈·M.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def inertia_in_front(state: ForceStates, moment: Array) -> float:
 
     segment = int(min(state.n_samples, max(256, state.n_samples // 4)))
     frequency, density = welch(state.angle, state.sample_rate, window="blackmanharris", nperseg=segment)
-    # Where the joint was moved on purpose, stiffness looks like a mass: only what it does beyond that counts.
+    # Where the joint was moved on purpose, stiffness looks like an inertia: only higher frequencies count.
     driven = float(frequency[np.flatnonzero(density > POLICY.main_line * density.max())[-1]])
     edge = max(POLICY.inertia_band * state.bandwidth, POLICY.beyond_lines * driven)
     if edge > 0.9 * state.bandwidth:
@@ -196,8 +196,8 @@ def inertia_in_front(state: ForceStates, moment: Array) -> float:
     return float(y @ y) / both if size > 0 and both > POLICY.inertia_correlation * size else 0.0
 
 
-def _drive_bandwidth(drive: Array, state: ForceStates, front: float) -> float | None:
-    """Return the frequency above which a drive is nothing but noise, Hz; None where that is not well below the angle's.
+def _drive_bandwidth(drive: Array, state: ForceStates, exciter_inertia: float) -> float | None:
+    """Return the frequency above which a drive is only noise, Hz; None where that is not well below the angle's.
 
     The last line above the noise counts, not the first gap: a single frequency and its harmonics have gaps.
     """
@@ -207,8 +207,10 @@ def _drive_bandwidth(drive: Array, state: ForceStates, front: float) -> float | 
     frequency, density = welch(
         drive, state.sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
     )
-    white = 2 / state.sample_rate  # one-sided density of white noise of variance one
-    floor = white * (state.noise.moment**2 + (front * (2 * np.pi * frequency) ** 2 * state.noise.angle) ** 2)
+    unit_noise = 2 / state.sample_rate  # one-sided density of white noise of variance one
+    floor = unit_noise * (
+        state.noise.moment**2 + (exciter_inertia * (2 * np.pi * frequency) ** 2 * state.noise.angle) ** 2
+    )
     above = np.flatnonzero(density > STATES.signal_to_noise * floor)
     last = int(above[-1]) + 1 if above.size else 0
     if not last or last >= frequency.size or frequency[last] >= POLICY.drive_band * state.bandwidth:

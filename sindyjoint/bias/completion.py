@@ -1,8 +1,8 @@
-"""Force states completed by the harmonics that sank into the noise, from a simulation of the model.
+"""Force states completed by the harmonics below the noise, from a simulation of the model.
 
 When a joint begins to stick its acceleration jumps. The angle's harmonics then fall so slowly that those about and
 below the noise still matter to the acceleration, and with a heavy joint to the moment: I·θ̈ of a noisy, truncated
-series rings, and terms that are not there seem to be needed. The model's own motion under the measured drive has these
+series rings, and terms that the joint lacks seem to be needed. The model's motion under the measured drive has these
 harmonics. Strong ones stay as measured; what is not known to a tenth is the model's.
 """
 
@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.bias.periodic import PeriodicTwin
+from sindyjoint.bias.periodic import PeriodicReplicate
 from sindyjoint.bias.policy import POLICY
-from sindyjoint.bias.replicates import make_twins
+from sindyjoint.bias.replicates import make_replicates
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, Harmonics
@@ -47,13 +47,17 @@ def completed_states(
     if inertial < (2 * POLICY.completion_matters) ** 2 * whole:
         # Weak harmonics are no more than half of the acceleration: there is no need to simulate anything.
         return None
-    twins = make_twins(law, runs, states)
+    replicates = make_replicates(law, runs, states)
     changed, exchanged = [], 0.0
-    for state, twin in zip(states, twins, strict=True):
+    for state, replicate in zip(states, replicates, strict=True):
         moving = state.moving
         better = state
-        if isinstance(twin, PeriodicTwin) and twin.driven == "moment" and len(state.series) == 1:
-            better = _completed(state, twin)
+        if (
+            isinstance(replicate, PeriodicReplicate)
+            and replicate.driven == "moment"
+            and len(state.series) == 1
+        ):
+            better = _complete_run(state, replicate)
             exchanged += float(
                 np.sum((law.inertia * (better.acceleration - state.acceleration)[moving]) ** 2)
             )
@@ -61,9 +65,9 @@ def completed_states(
     return None if exchanged < POLICY.completion_matters**2 * whole else tuple(changed)
 
 
-def _completed(state: ForceStates, twin: PeriodicTwin) -> ForceStates:
-    """Return a run's states of its strong harmonics and the twin's others."""
-    frequency = twin.angular / (2 * np.pi)
+def _complete_run(state: ForceStates, simulated: PeriodicReplicate) -> ForceStates:
+    """Return a run's states of its strong harmonics and the others of its synthetic replicate."""
+    frequency = simulated.angular / (2 * np.pi)
     time = state.time - state.time[0]
     kept = state.series[0]
     basis = HarmonicBasis.build(time, frequency, kept.orders)
@@ -71,18 +75,18 @@ def _completed(state: ForceStates, twin: PeriodicTwin) -> ForceStates:
     strong = np.hypot(a, b) > POLICY.harmonic_as_measured * kept.standard_error
     strong[0] = True
     measured = Harmonics(kept.orders[strong], kept.standard_error[strong])
-    n = twin.moment.size
+    n = simulated.moment.size
     others = [
         np.interp(frequency * time * n, np.arange(n), column, period=n)
-        for column in twin.beyond((measured,)).T
+        for column in simulated.beyond((measured,)).T
     ]
 
     def motion(angle: Array, rows: slice) -> list[Array]:
         part = basis.rows(rows)
         mean, a, b = part.fit(angle[rows])
         part, a, b = part.take(strong), a[strong], b[strong]
-        own = (part.series(mean, a, b), part.derivative(a, b), part.second_derivative(a, b))
-        return [signal + other[rows] for signal, other in zip(own, others, strict=True)]
+        strongest = (part.series(mean, a, b), part.derivative(a, b), part.second_derivative(a, b))
+        return [signal + other[rows] for signal, other in zip(strongest, others, strict=True)]
 
     angle, rate, acceleration = motion(state.angle, slice(None))
     replicate = state.replicate
@@ -93,8 +97,8 @@ def _completed(state: ForceStates, twin: PeriodicTwin) -> ForceStates:
         replicate = (first, second, third)
     noise = replace(
         state.noise,
-        rate=_noise(measured, twin.angular, 1),
-        acceleration=_noise(measured, twin.angular, 2),
+        rate=_derivative_noise(measured, simulated.angular, 1),
+        acceleration=_derivative_noise(measured, simulated.angular, 2),
     )
     return replace(
         state,
@@ -108,6 +112,6 @@ def _completed(state: ForceStates, twin: PeriodicTwin) -> ForceStates:
     )
 
 
-def _noise(kept: Harmonics, angular: float, order: int) -> float:
+def _derivative_noise(kept: Harmonics, angular: float, order: int) -> float:
     """Return the standard error of a derivative of the series, RMS over the cycle."""
     return float(np.sqrt(np.sum(((angular * kept.orders) ** order * kept.standard_error) ** 2)))

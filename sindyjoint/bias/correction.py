@@ -1,11 +1,11 @@
-"""What the way from signals to coefficients does to the coefficients, measured on a twin of the campaign.
+"""Bias that the processing pipeline adds to the coefficients, measured on a synthetic replicate of the campaign.
 
-The discovered model is simulated under the campaign's own drive, and its motion goes through the same chain as the
-measured one: the same harmonics are kept, the same kernel smooths, noise of the measured size is added. The twin's
-coefficients are known, so what the chain makes of them is its bias: harmonics that were cut, noise in angle and rate,
-reversals. Noise is added and subtracted in turn: its first power cancels in the mean of such a pair, and what is left
-is bias (antithetic variates; Hammersley and Morton 1956). Noise of the moment has no bias and is left out.
-Correction by simulation: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 10.
+The discovered model is simulated under the campaign's drive, and its motion goes through the same processing pipeline
+as the measured one: the same harmonics are kept, the same kernel smooths, noise of the measured size is added. The
+coefficients of the replicate are known, so their change is the bias of the pipeline: harmonics that were cut, noise in
+angle and rate, reversals. Noise is added and subtracted in turn: its first power cancels in the mean of such a
+pair, and the remainder is bias (antithetic variates; Hammersley and Morton 1956). Noise of the moment causes no
+bias and is omitted. Correction by simulation: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 10.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY
-from sindyjoint.bias.replicates import Twin, make_twins
+from sindyjoint.bias.replicates import Replicate, make_replicates
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
@@ -49,7 +49,7 @@ class Bias:
     by_group, by_group_error : ndarray, shape (groups, k)
         Of the fits to the runs of one group each.
     driven : tuple of str
-        For each run, "moment" or "angle": what was prescribed in its twin.
+        For each run, "moment" or "angle": what was prescribed in its synthetic replicate.
     """
 
     ids: tuple[str, ...]
@@ -77,7 +77,7 @@ def measure_bias(
     model : JointModel
     terms : sequence of ResolvedTerm
         As they were resolved for the fit; the model's, or more. A term that the model lacks has the coefficient zero:
-        what the chain makes of it is an artefact.
+        what the pipeline makes of it is an artefact.
     campaign : Campaign
     states : sequence of ForceStates
         Of the identification runs, as used for the fit.
@@ -96,18 +96,20 @@ def measure_bias(
     """
     if not model.terms or pairs < 2:
         raise InputError(
-            f"a model of {len(model.terms)} term(s) and {pairs} pair(s) given; terms and two pairs are wanted"
+            f"a model of {len(model.terms)} term(s) and {pairs} pair(s) given; expected at least one term and two pairs"
         )
     rng = np.random.default_rng(random_state)
-    twins = make_twins(model_law(model), campaign.identification_runs, states)
+    replicates = make_replicates(model_law(model), campaign.identification_runs, states)
     labels = group_labels(states)
     true = np.array([model[term.id].coefficient if term.id in model else 0.0 for term in terms])
     given = [(term, model[term.id].coefficient) for term in known]
     inertia = campaign.joint.inertia
     found = []
     for _ in range(pairs):
-        noise = [twin.noise(rng) for twin in twins]
-        found.append([_fits(twins, noise, sign, labels, terms, inertia, given) for sign in (1.0, -1.0)])
+        noise = [replicate.noise(rng) for replicate in replicates]
+        found.append(
+            [_fit_replicates(replicates, noise, sign, labels, terms, inertia, given) for sign in (1.0, -1.0)]
+        )
     means = np.array(found).mean(axis=1) - true  # (pairs, 1 + groups, k)
     mean, error = means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(pairs)
     return Bias(
@@ -117,12 +119,12 @@ def measure_bias(
         groups=tuple(dict.fromkeys(labels)),
         by_group=mean[1:],
         by_group_error=error[1:],
-        driven=tuple(twin.driven for twin in twins),
+        driven=tuple(replicate.driven for replicate in replicates),
     )
 
 
-def _fits(
-    twins: Sequence[Twin],
+def _fit_replicates(
+    replicates: Sequence[Replicate],
     noise: Sequence[Any],
     sign: float,
     labels: Sequence[str],
@@ -130,14 +132,14 @@ def _fits(
     inertia: float | None,
     given: Sequence[tuple[ResolvedTerm, float]],
 ) -> Array:
-    """Return the coefficients of all twins together and of each group alone, shape (1 + groups, k)."""
+    """Return the coefficients of all replicates together and of each group separately, shape (1 + groups, k)."""
     factors: dict[str, list[Factor]] = {label: [] for label in labels}
-    for twin, label, drawn in zip(twins, labels, noise, strict=True):
-        motion, moment = twin.rows(drawn, sign)
+    for replicate, label, drawn in zip(replicates, labels, noise, strict=True):
+        motion, moment = replicate.rows(drawn, sign)
         target = moment - (inertia or 0.0) * motion[:, 2]
         if given:
             target = target - term_columns([t for t, _ in given], *motion.T) @ [value for _, value in given]
-        factors[label].append(Factor.of(term_columns(terms, *motion.T), target).scaled(twin.weight))
+        factors[label].append(Factor.of(term_columns(terms, *motion.T), target).scaled(replicate.weight))
     groups = [merge(parts) for parts in factors.values()]
     return np.array([_solve(factor) for factor in (merge(groups), *groups)])
 
@@ -179,7 +181,7 @@ def corrected_model(
     """Return a model with its bias taken out.
 
     Parameters are those of :func:`measure_bias`; ``moved``, shape (k,), is by how much an earlier correction has
-    moved the coefficients, of which a part stays in doubt, too.
+    moved the coefficients, of which a part stays uncertain, too.
     """
     if not model.terms:
         return Corrected(model, None)

@@ -1,8 +1,7 @@
-"""The twin of a periodic run: one period of the model's own motion, and what the harmonic chain makes of it.
+"""Synthetic replicate of a periodic run: one period of the model's motion, through the same harmonic processing.
 
-The chain keeps the harmonics that stand out of the noise and drops the rest. The twin is reduced to the same
-harmonics as the measured run, so that what was dropped there is dropped here, and not what another draw of the noise
-would have dropped.
+The processing keeps the harmonics that exceed the noise and drops the others. The replicate keeps the same harmonics
+as the measured run, not those that another draw of the noise would have kept.
 """
 
 from __future__ import annotations
@@ -34,8 +33,8 @@ PERIODS, ROUNDS, SETTLED = 4, 6, 3e-4
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicTwin:
-    """One period of a run of the model, as the chain sees it.
+class PeriodicReplicate:
+    """One period of a run of the model, as the processing pipeline sees it.
 
     Parameters
     ----------
@@ -49,7 +48,7 @@ class PeriodicTwin:
     kept : tuple of Harmonics
         Of the angle and, where it was measured, of the rate.
     coefficients : tuple of ndarray
-        The twin's complex amplitudes of these harmonics, moved by what their having been kept tells of their noise.
+        The replicate's complex amplitudes of these harmonics, shifted by the mean noise of a kept harmonic.
     mean, mean_error : float
         Of the angle, rad.
     slowest : float
@@ -57,11 +56,11 @@ class PeriodicTwin:
     guard : int
         Samples of this grid.
     weight : float
-        Samples of the run for each of the twin.
+        Samples of the run per sample of the replicate.
     motion : ndarray, shape (n, 3)
         Angle, rate and acceleration with every harmonic.
     completed : bool
-        Whether the run's states hold the model's harmonics beside those kept.
+        Whether the run's states hold the model's harmonics in addition to those kept.
     """
 
     run: str
@@ -93,7 +92,7 @@ class PeriodicTwin:
             for signal, part in zip(self.motion.T[: len(kept)], kept, strict=True)
         )
         return self.motion - np.column_stack(
-            _motion(values, kept, self.angular, n, float(self.motion[:, 0].mean()))
+            _sum_motion(values, kept, self.angular, n, float(self.motion[:, 0].mean()))
         )
 
     def rows(
@@ -105,7 +104,7 @@ class PeriodicTwin:
         if noise is not None:
             mean = mean + sign * noise[0]
             values = tuple(c + sign * e for c, e in zip(values, noise[1], strict=True))
-        angle, rate, acceleration = _motion(values, self.kept, self.angular, n, mean)
+        angle, rate, acceleration = _sum_motion(values, self.kept, self.angular, n, mean)
         # The cycle has no ends: a guard that begins before its first sample covers its last ones.
         moving = moving_mask(np.tile(rate, 3), self.slowest, self.guard)[n : 2 * n]
         motion = np.column_stack([angle, rate, acceleration])
@@ -114,7 +113,7 @@ class PeriodicTwin:
         return motion[moving], self.moment[moving]
 
 
-def _motion(
+def _sum_motion(
     values: tuple[Complex, ...], kept: tuple[Harmonics, ...], angular: float, n: int, mean: float
 ) -> tuple[Array, Array, Array]:
     """Return angle, rate and acceleration of the kept harmonics of the angle, or of angle and rate."""
@@ -195,10 +194,10 @@ def _frequency(state: ForceStates) -> float:
     return state.frequency
 
 
-def inertia_in_front(spectra: Sequence[Spectrum], states: Sequence[ForceStates]) -> float:
-    """Return the mass between a smooth exciter and the sensor, kg·m² (kg); zero where none is seen.
+def estimate_exciter_inertia(spectra: Sequence[Spectrum], states: Sequence[ForceStates]) -> float:
+    """Return the inertia between a smooth exciter and the sensor, kg·m² (kg); zero where none is detected.
 
-    An exciter whose moment is smooth drives mass J and joint: M + J·θ̈ at the sensor has few harmonics, though M has
+    An exciter whose moment is smooth drives inertia J and joint: M + J·θ̈ at the sensor has few harmonics, though M has
     the friction's steps. J = −Σ|M|² / Re Σ θ̈*·M over kept harmonics beyond the first.
     """
     accelerations, moments = [], []
@@ -216,8 +215,10 @@ def inertia_in_front(spectra: Sequence[Spectrum], states: Sequence[ForceStates])
     return float(np.linalg.norm(y)) ** 2 / both if size > 0 and both > least * size else 0.0
 
 
-def periodic_twin(law: Law, state: ForceStates, spectrum: Spectrum, front: float) -> PeriodicTwin:
-    """Return the twin of a periodic run.
+def make_periodic_replicate(
+    law: Law, state: ForceStates, spectrum: Spectrum, exciter_inertia: float
+) -> PeriodicReplicate:
+    """Return the synthetic replicate of a periodic run.
 
     Parameters
     ----------
@@ -225,8 +226,8 @@ def periodic_twin(law: Law, state: ForceStates, spectrum: Spectrum, front: float
     state : ForceStates
         Of the run, by the periodic method.
     spectrum : Spectrum
-    front : float
-        Mass between exciter and sensor, see :func:`inertia_in_front`.
+    exciter_inertia : float
+        Inertia between exciter and sensor, see :func:`estimate_exciter_inertia`.
 
     Raises
     ------
@@ -238,7 +239,7 @@ def periodic_twin(law: Law, state: ForceStates, spectrum: Spectrum, front: float
     finer = int(np.ceil(LEAST_POINTS / per))
     n = round(per) * finer
     orders = state.series[0].orders
-    moved = _driven(law, state, spectrum, front, n)
+    moved = _simulate_driven(law, state, spectrum, exciter_inertia, n)
     if moved is None:
         angle = series(spectrum.angle[orders - 1], orders, n, spectrum.mean_angle)
         speed = 2j * np.pi * frequency * orders
@@ -247,10 +248,10 @@ def periodic_twin(law: Law, state: ForceStates, spectrum: Spectrum, front: float
     else:
         angle, rate, acceleration, moment = moved
     coefficients = tuple(
-        _as_kept(np.fft.rfft(signal)[part.orders] * 2 / n, part, moved is not None)
+        _shift_kept(np.fft.rfft(signal)[part.orders] * 2 / n, part, moved is not None)
         for signal, part in zip((angle, rate), state.series, strict=False)
     )
-    return PeriodicTwin(
+    return PeriodicReplicate(
         run=state.run,
         driven="angle" if moved is None else "moment",
         angular=2 * np.pi * frequency,
@@ -267,8 +268,8 @@ def periodic_twin(law: Law, state: ForceStates, spectrum: Spectrum, front: float
     )
 
 
-def _as_kept(values: Complex, kept: Harmonics, simulated: bool) -> Complex:
-    """Return amplitudes moved by what their having been kept tells; measured ones hold that already."""
+def _shift_kept(values: Complex, kept: Harmonics, simulated: bool) -> Complex:
+    """Return amplitudes shifted by the mean noise of a kept harmonic; measured ones hold it already."""
     if not simulated:
         return values
     size = np.maximum(np.abs(values), 1e-300)
@@ -277,27 +278,27 @@ def _as_kept(values: Complex, kept: Harmonics, simulated: bool) -> Complex:
     return values * (1 + shift / size)
 
 
-def _driven(
-    law: Law, state: ForceStates, spectrum: Spectrum, front: float, n: int
+def _simulate_driven(
+    law: Law, state: ForceStates, spectrum: Spectrum, exciter_inertia: float, n: int
 ) -> tuple[Array, Array, Array, Array] | None:
     """Return angle, rate, acceleration and moment of the last of some periods under the run's drive, if it works.
 
     The drive M + J·θ̈ must have fewer harmonics than the angle: where the motion was prescribed it has more, and the
-    friction's steps cannot be told from it.
+    friction's steps cannot be distinguished from it.
     """
     frequency = _frequency(state)
     highest = spectrum.angle.size
     count = min(highest, spectrum.moment.size)
     speed = 2 * np.pi * frequency * np.arange(1, count + 1)
     known = spectrum.angle[:count] != 0
-    drive = spectrum.moment[:count] - front * speed**2 * spectrum.angle[:count]
+    drive = spectrum.moment[:count] - exciter_inertia * speed**2 * spectrum.angle[:count]
     error = np.full(count, spectrum.moment_error)
-    if front > 0:
+    if exciter_inertia > 0:
         angle_error = np.interp(
             np.arange(1, count + 1), state.series[0].orders, state.series[0].standard_error
         )
-        error = np.hypot(error, front * speed**2 * angle_error)
-    keep = significant_harmonics(np.abs(drive), error) & (known | (front == 0))
+        error = np.hypot(error, exciter_inertia * speed**2 * angle_error)
+    keep = significant_harmonics(np.abs(drive), error) & (known | (exciter_inertia == 0))
     orders = np.flatnonzero(keep) + 1
     if not law.inertia > 0 or not orders.size or orders[-1] >= highest:
         return None
@@ -307,7 +308,7 @@ def _driven(
     try:
         for _ in range(ROUNDS):
             motion = simulate(
-                law, excitation, PERIODS / frequency, n * frequency, beam_inertia=front, initial=initial,
+                law, excitation, PERIODS / frequency, n * frequency, beam_inertia=exciter_inertia, initial=initial,
                 limits=None, rtol=1e-6,
             )  # fmt: skip
             last, before = motion.angle[-n:], motion.angle[-2 * n : -n]
@@ -316,14 +317,14 @@ def _driven(
             initial = (float(last[0]), float(motion.rate[-n]))
     except SimulationError:
         return None
-    if not _alike(np.fft.rfft(last) * 2 / n, state, spectrum):
+    if not _matches_measured(np.fft.rfft(last) * 2 / n, state, spectrum):
         return None
     return last, motion.rate[-n:], motion.acceleration[-n:], motion.moment[-n:]
 
 
-def _alike(twin: Complex, state: ForceStates, spectrum: Spectrum) -> bool:
-    """Return whether a twin's harmonics are those measured, within their errors and those of the model."""
-    most = min(2 * spectrum.angle.size + 2, twin.size - 1)
+def _matches_measured(replicate: Complex, state: ForceStates, spectrum: Spectrum) -> bool:
+    """Return whether a replicate's harmonics match those measured, within their errors and those of the model."""
+    most = min(2 * spectrum.angle.size + 2, replicate.size - 1)
     orders = np.arange(2, most + 1)
     measured = np.zeros(most, dtype=complex)
     measured[: spectrum.angle.size] = spectrum.angle[:most]
@@ -331,7 +332,9 @@ def _alike(twin: Complex, state: ForceStates, spectrum: Spectrum) -> bool:
     # A harmonic that was not kept is known only to have been below the limit.
     error = np.where(measured[1:] == 0, STATES.harmonic_significance / np.sqrt(2), 1.0) * error
     weight = orders**4
-    off = float(weight @ np.abs(twin[2 : most + 1] - measured[1:]) ** 2)
-    allowed = float(weight @ (2 * error**2 + POLICY.harmonic_model_error * np.abs(twin[2 : most + 1]) ** 2))
-    first = abs(twin[1] - spectrum.angle[0]) <= POLICY.fundamental_difference * abs(spectrum.angle[0])
+    off = float(weight @ np.abs(replicate[2 : most + 1] - measured[1:]) ** 2)
+    allowed = float(
+        weight @ (2 * error**2 + POLICY.harmonic_model_error * np.abs(replicate[2 : most + 1]) ** 2)
+    )
+    first = abs(replicate[1] - spectrum.angle[0]) <= POLICY.fundamental_difference * abs(spectrum.angle[0])
     return first and off <= POLICY.likeness * allowed

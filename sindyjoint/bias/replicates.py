@@ -1,4 +1,4 @@
-"""Twins of a campaign's runs, each made in the way in which the run's force states were made."""
+"""Synthetic replicates of a campaign's runs, each made in the way in which the run's force states were made."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.bias.broadband import broadband_twin
-from sindyjoint.bias.periodic import Spectrum, inertia_in_front, periodic_twin
+from sindyjoint.bias.broadband import make_broadband_replicate
+from sindyjoint.bias.periodic import Spectrum, estimate_exciter_inertia, make_periodic_replicate
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
@@ -17,8 +17,8 @@ from sindyjoint.states import ForceStates
 Array = NDArray[np.float64]
 
 
-class Twin(Protocol):
-    """A run of a known law, ready to be seen through the chain."""
+class Replicate(Protocol):
+    """A run of a known law, ready for the processing pipeline."""
 
     @property
     def driven(self) -> str:
@@ -26,7 +26,7 @@ class Twin(Protocol):
 
     @property
     def weight(self) -> float:
-        """Samples of the run for each row of the twin."""
+        """Samples of the run per row of the replicate."""
 
     def noise(self, rng: np.random.Generator) -> Any:
         """Draw what the noise of the motion's channels adds to the force states."""
@@ -35,8 +35,8 @@ class Twin(Protocol):
         """Return moving (θ, θ̇, θ̈), shape (m, 3), and the moment, shape (m,), under noise times a sign."""
 
 
-def make_twins(law: Law, runs: Sequence[Run], states: Sequence[ForceStates]) -> list[Twin]:
-    """Return a twin for each run.
+def make_replicates(law: Law, runs: Sequence[Run], states: Sequence[ForceStates]) -> list[Replicate]:
+    """Return a synthetic replicate for each run.
 
     Parameters
     ----------
@@ -52,10 +52,12 @@ def make_twins(law: Law, runs: Sequence[Run], states: Sequence[ForceStates]) -> 
     """
     spectra = {s.run: Spectrum.of(run, s) for run, s in zip(runs, states, strict=True) if s.series}
     periodic = [s for s in states if s.series]
-    front = inertia_in_front([spectra[s.run] for s in periodic], periodic) if periodic else 0.0
+    exciter_inertia = (
+        estimate_exciter_inertia([spectra[s.run] for s in periodic], periodic) if periodic else 0.0
+    )
     return [
-        periodic_twin(law, state, spectra[state.run], front)
+        make_periodic_replicate(law, state, spectra[state.run], exciter_inertia)
         if state.series
-        else broadband_twin(law, run, state)
+        else make_broadband_replicate(law, run, state)
         for run, state in zip(runs, states, strict=True)
     ]

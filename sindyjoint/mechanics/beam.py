@@ -89,9 +89,9 @@ class Beam:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise InputError(
-                    f"beam {self.name!r}: {name} is {value!r}; a finite number above zero is wanted"
+                    f"beam {self.name!r}: {name} is {value!r}; expected a finite number above zero"
                 )
         if self.elements < 1:
-            raise InputError(f"beam {self.name!r}: elements is {self.elements!r}; at least one is wanted")
+            raise InputError(f"beam {self.name!r}: elements is {self.elements!r}; expected at least one")
         if not (np.isfinite(self.loss_factor) and 0 <= self.loss_factor < 1):
-            raise InputError(f"beam {self.name!r}: loss_factor is {self.loss_factor!r}; 0 up to 1 is wanted")
+            raise InputError(f"beam {self.name!r}: loss_factor is {self.loss_factor!r}; expected 0 up to 1")

@@ -141,7 +141,7 @@ class Crossing:
         return margins(self.direction, moments, self.v, self.rate_scale)
 
     def decide(self, j: int) -> None:
-        """Let joint j, at rest, hold or break away."""
+        """Let joint j, at standstill, hold or break away."""
         s = self.stepper
         self.direction[j] = 0.0
         moments = s.moments(self.direction, float(self.excitation(self.time)), self.q, self.v, self.z)
@@ -177,7 +177,7 @@ class Crossing:
                 before = self.direction[j]
                 self.decide(j)
                 if before != 0 or self.direction[j] == before:
-                    # It broke away and would turn back at once: its moment touches the bound. It rests this step.
+                    # It broke away and would turn back at once: its moment touches the bound. It sticks in this step.
                     self.direction[j] = 0.0
                     held.add(j)
                 continue

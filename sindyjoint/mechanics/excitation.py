@@ -132,7 +132,7 @@ class Excitation:
 def _check_positive(**values: float) -> None:
     for name, value in values.items():
         if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} is {value!r}; a positive number is wanted")
+            raise InputError(f"{name} is {value!r}; expected a positive number")
 
 
 def _spline_pieces(values: Array, step: float, periodic: bool) -> Array:
@@ -162,7 +162,7 @@ def harmonic(amplitude: float, frequency: float, phase: float = 0.0) -> Excitati
     """
     _check_positive(frequency=frequency)
     if not np.isfinite(amplitude):
-        raise InputError(f"amplitude is {amplitude!r}; a finite number is wanted")
+        raise InputError(f"amplitude is {amplitude!r}; expected a finite number")
     # Hermite pieces with the exact slopes: no spline to solve, and continuous slope.
     w = 2 * np.pi / TONE_PIECES
     angles = phase + w * np.arange(TONE_PIECES + 1)
@@ -192,7 +192,7 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
     _check_positive(sample_rate=sample_rate)
     if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
         raise InputError(
-            f"sampled excitation of shape {y.shape}: at least four finite values in a row are wanted"
+            f"sampled excitation of shape {y.shape}; expected at least four finite values in a row"
         )
     zero = np.zeros(y.size - 1)
     if interpolation == "cubic":
@@ -202,7 +202,7 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
     elif interpolation == "hold":
         pieces = np.stack([y, *[np.zeros(y.size)] * 3], axis=1)
     else:
-        raise InputError(f"interpolation is {interpolation!r}; 'cubic', 'linear' or 'hold' is wanted")
+        raise InputError(f"interpolation is {interpolation!r}; expected 'cubic', 'linear' or 'hold'")
     return Excitation(pieces, 1 / sample_rate, smooth=interpolation == "cubic")
 
 
@@ -224,7 +224,7 @@ def repeated(values: ArrayLike, period: float) -> Excitation:
     y = np.asarray(values, dtype=np.float64)
     _check_positive(period=period)
     if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
-        raise InputError(f"one period of shape {y.shape}: at least four finite values in a row are wanted")
+        raise InputError(f"one period of shape {y.shape}; expected at least four finite values in a row")
     return Excitation(
         _spline_pieces(np.append(y, y[0]), period / y.size, periodic=True), period / y.size, periodic=True
     )
@@ -260,4 +260,4 @@ def pulse(
         half = harmonic(1.0, 1 / (2 * duration))
         pieces = np.vstack([half.pieces[: TONE_PIECES // 2], np.zeros((1, 4))])
         return Excitation(pieces, half.step, smooth=False, scale=amplitude)
-    raise InputError(f"pulse shape is {shape!r}; 'rectangular' or 'half-sine' is wanted")
+    raise InputError(f"pulse shape is {shape!r}; expected 'rectangular' or 'half-sine'")

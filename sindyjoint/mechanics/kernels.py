@@ -2,7 +2,7 @@
 
 ``void law(double theta, double omega, double direction, const double *state, const double *parameters,
 double *out)`` writes the moment to ``out[0]`` and the rates of the internal states behind it. Integrators call
-it by address, so they are compiled once and cached; a new law costs its own few lines only.
+it by address, so they are compiled once and cached; a new law costs only its few lines.
 """
 
 from __future__ import annotations
@@ -168,15 +168,15 @@ def scalar_law_of_expressions(
 
     theta, omega, direction = sympy.symbols("theta omega direction")
     z, p = sympy.IndexedBase("z"), sympy.IndexedBase("p")
-    places: dict[str, Any] = {name: z[i] for i, name in enumerate(states)}
-    places |= {name: p[i] for i, name in enumerate(parameters)}
-    places |= {"theta": theta, "omega": omega, "direction": direction}
+    symbols: dict[str, Any] = {name: z[i] for i, name in enumerate(states)}
+    symbols |= {name: p[i] for i, name in enumerate(parameters)}
+    symbols |= {"theta": theta, "omega": omega, "direction": direction}
 
     def rewrite(expression: Any) -> Any:
         expression = sympy.sympify(expression, strict=True)
         # By name, not by identity: an expression built with real=True symbols means the same law.
         expression = expression.xreplace(
-            {s: places[s.name] for s in expression.free_symbols if s.name in places}
+            {s: symbols[s.name] for s in expression.free_symbols if s.name in symbols}
         )
         expression = expression.replace(sympy.sign(omega), direction)
         return expression.replace(sympy.Heaviside(omega), (1 + direction) / 2).evalf(17)

@@ -1,8 +1,8 @@
-"""Joint laws: what moment a joint transfers at an angle, a rate and an internal state.
+"""Joint laws: the moment that a joint transfers at an angle, a rate and an internal state.
 
-A law answers at (θ, θ̇, direction, z), where *direction* (−1 or +1) is the sense of slip, or of impending slip at
-rest. Coulomb friction is thereby set-valued without a second question: at zero rate the joint can transfer every
-moment in ``[moment(θ, 0, −1, z), moment(θ, 0, +1, z)]``. A law remembers nothing; internal states go in as
+A law is evaluated at (θ, θ̇, direction, z), where *direction* (−1 or +1) is the sense of slip, or of impending slip
+at standstill. Coulomb friction is thereby set-valued: at zero rate the joint can transfer every
+moment in ``[moment(θ, 0, −1, z), moment(θ, 0, +1, z)]``. A law stores no state; internal states go in as
 arguments and their rates come out.
 """
 
@@ -101,12 +101,10 @@ class PaperLaw:
         for name in ("k1", "k2", "k3", "c1", "M_F", "inertia"):
             value = getattr(self, name)
             if not np.isfinite(value):
-                raise InputError(f"{name} is {value!r}; a finite number is wanted")
+                raise InputError(f"{name} is {value!r}; expected a finite number")
         for name in ("M_F", "inertia"):
             if getattr(self, name) < 0:
-                raise InputError(
-                    f"{name} is {getattr(self, name)!r}; a number that is not negative is wanted"
-                )
+                raise InputError(f"{name} is {getattr(self, name)!r}; expected a number that is not negative")
 
     @property
     def parameters(self) -> Array:
@@ -223,7 +221,7 @@ class FormulaLaw(_CallbackLaw):
     """A law written as sympy expressions.
 
     The symbols ``theta`` and ``omega`` are angle and rate, ``direction`` the sense of slip; ``sign(omega)`` is
-    taken as ``direction`` and is thereby set-valued at rest. All other symbols are states or parameters.
+    taken as ``direction`` and is thereby set-valued at standstill. All other symbols are states or parameters.
 
     Parameters
     ----------

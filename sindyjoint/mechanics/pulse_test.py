@@ -30,7 +30,7 @@ class PulseTest(MeasuredResponse):
     simulated : bool
         Whether it comes from a virtual test.
     truth : str
-        What a virtual test holds beyond the rig as it is written; empty for nothing.
+        What a virtual test holds beyond the rig as written; empty for nothing.
     response : Response or None
         The whole response of a virtual test, free of errors.
     """
@@ -78,7 +78,7 @@ def _presliding(theta, omega, direction, state, parameters, out):
 
 
 def presliding_law(law: PaperLaw, angle: float) -> FunctionLaw:
-    """Return a joint whose Coulomb friction gives way elastically before it slips.
+    """Return a joint whose Coulomb friction has elastic presliding.
 
     The friction moment is M_F·z with dz/dt = (θ̇ − |θ̇| z)/θ_p (Dahl, Aerospace Corporation TOR-158, 1968, with
     exponent one): a spring of stiffness M_F/θ_p at every reversal that yields to M_F over a few θ_p.
@@ -95,7 +95,7 @@ def presliding_law(law: PaperLaw, angle: float) -> FunctionLaw:
         For an angle that is not above zero, or a law that is not the paper's.
     """
     if not (np.isfinite(angle) and angle > 0):
-        raise InputError(f"presliding angle is {angle!r} rad; a finite number above zero is wanted")
+        raise InputError(f"presliding angle is {angle!r} rad; expected a finite number above zero")
     if not isinstance(law, PaperLaw):
         raise InputError("presliding is known of the paper's law only; the rig's joint has another one")
     return FunctionLaw(
@@ -117,13 +117,13 @@ def virtual_pulse_test(
     Parameters
     ----------
     rig : Rig
-        Its joints' own laws are the truth.
+        Its joints' laws are the truth.
     noise : float
         White noise of the sensor as a fraction of the response's RMS.
     presliding : float, optional
-        Angle over which the friction of every joint gives way elastically, rad.
+        Angle of the elastic presliding of every joint, rad.
     loss_factor : float, optional
-        Material loss factor of the beams, in the place of the rig's own.
+        Material loss factor of the beams, instead of the rig's.
     random_state : int, Generator or None
         Source of the noise.
 

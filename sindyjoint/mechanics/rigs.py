@@ -97,7 +97,7 @@ class PulseTable(StrictTable):
     @model_validator(mode="after")
     def _shape_or_file(self) -> PulseTable:
         if (self.shape is None) == (self.file is None):
-            raise ValueError("either shape or file is wanted")
+            raise ValueError("expected either shape or file")
         if self.shape is not None and (self.duration is None or not isinstance(self.force, str)):
             raise ValueError("a shape wants force, such as '65 N', and duration, such as '5 ms'")
         if self.file is not None and (self.time is None or isinstance(self.force, str)):
@@ -236,8 +236,8 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     rig : str or Path
         The name of a shipped rig, or a TOML file.
     laws : mapping of str to Law, optional
-        Laws by the names that the rig's joints give as ``law``, beside the shipped joints; ``"model"`` is the name
-        for a model under verification.
+        Laws by the names that the rig's joints give as ``law``, in addition to the shipped joints; ``"model"`` is
+        the name for a model under verification.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     path = RIG_FOLDER / f"{rig}.toml" if str(rig) in shipped_rigs() else Path(rig)
     if not path.is_file():
         raise MissingInputError(
-            f"{str(rig)!r} is no rig; a TOML file or one of {', '.join(shipped_rigs())} is wanted"
+            f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
         )
     try:
         given = RigFile.model_validate(tomllib.loads(path.read_bytes().decode("utf-8-sig")))
@@ -264,7 +264,7 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     except ValidationError as error:
         raise InputError(f"{path}: {first_complaint(error)}") from error
     try:
-        return _rig(given, path, {**JOINTS, **(laws or {})})
+        return _build_rig(given, path, {**JOINTS, **(laws or {})})
     except SindyJointError as error:
         text = str(error)
         raise type(error)(
@@ -272,17 +272,17 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
         ) from error
 
 
-def _rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
-    items = tuple(_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
+def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
+    items = tuple(_build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
     clamp = given.base.clamp_stiffness
     stiffness = (
         float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
     )
     where = f"{path}: [output]"
-    records = tuple(_measured(table, path) for table in given.measured)
+    records = tuple(_read_measured(table, path) for table in given.measured)
     rig = Rig(
         name=given.name, description=given.description, items=items, clamp_stiffness=stiffness,
-        excitation=_excitation(given.pulse, path), at=given.pulse.point, points=tuple(given.output.points),
+        excitation=_build_excitation(given.pulse, path), at=given.pulse.point, points=tuple(given.output.points),
         duration=parse_quantity(given.output.duration, "s", f"{where} duration"),
         sample_rate=parse_quantity(given.output.sample_rate, "Hz", f"{where} sample_rate"),
         step=parse_quantity(given.output.step, "s", f"{where} step"), modes=given.output.modes,
@@ -295,7 +295,7 @@ def _rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
     return rig
 
 
-def _item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
+def _build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
     def number(name: str, unit: str) -> float:
         text = getattr(part, name)
         return 0.0 if text is None else parse_quantity(text, unit, f"{where} {name}")
@@ -304,7 +304,8 @@ def _item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
         assert part.law is not None
         if part.law not in laws:
             raise UnknownNameError(
-                f"{where} law: joint {part.law!r} is not known; wanted: {', '.join(laws)}, or a model given as 'model'"
+                f"{where} law: joint {part.law!r} is not known; expected one of {', '.join(laws)}, "
+                "or a model given as 'model'"
             )
         return Hinge(part.joint, laws[part.law], number("value", "kg"), number("inertia", "kg*m**2"))
     if part.mass is not None:
@@ -320,12 +321,12 @@ def _item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
         }
         bad = [name for name, value in values.items() if not value > 0]
         if bad:
-            raise InputError(f"{where} section.{bad[0]} is {values[bad[0]]:g}; a number above zero is wanted")
+            raise InputError(f"{where} section.{bad[0]} is {values[bad[0]]:g}; expected a number above zero")
         stiffness, mass = rectangular_section(**values)
     return Beam(part.beam, number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
 
 
-def _excitation(given: PulseTable, path: Path) -> Excitation:
+def _build_excitation(given: PulseTable, path: Path) -> Excitation:
     where = f"{path}: [pulse]"
     if given.shape is not None:
         assert isinstance(given.force, str) and given.duration is not None
@@ -347,11 +348,11 @@ def read_pulse(file: Path, time: str | int, time_unit: str, force: str | int, fo
     """
     import numpy as np
 
-    values, sample_rate = _series(file, (time, time_unit), ("force", force, force_unit, "N"))
+    values, sample_rate = _read_series(file, (time, time_unit), ("force", force, force_unit, "N"))
     return sampled(np.append(values, 0.0), sample_rate, "linear")
 
 
-def _series(
+def _read_series(
     file: Path, time: tuple[str | int, str], channel: tuple[str, str | int, str, str]
 ) -> tuple[NDArray[np.float64], float]:
     """Read one channel (its name, column, unit and SI unit) and its sampling rate, Hz."""
@@ -359,9 +360,9 @@ def _series(
 
     from sindyjoint.files.readers import read_table
 
-    name, column, unit, wanted = channel
+    name, column, unit, target = channel
     to_seconds = conversion(time[1], "s", f"{file}: time")
-    to_si = conversion(unit, wanted, f"{file}: {name}")
+    to_si = conversion(unit, target, f"{file}: {name}")
     table, _ = read_table(file)
     stamps, values = table.columns([time[0], column])
     steps = np.diff(stamps * to_seconds)
@@ -377,8 +378,8 @@ def _series(
     return values * to_si, 1 / float(np.mean(steps))
 
 
-def _measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
-    values, sample_rate = _series(
+def _read_measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
+    values, sample_rate = _read_series(
         path.parent / given.file,
         (given.time.column, given.time.unit),
         ("displacement", given.displacement.column, given.displacement.unit, "m"),
@@ -386,6 +387,6 @@ def _measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
     if values.size < MINIMUM_SAMPLES or not values.any():
         raise InputError(
             f"{path.parent / given.file}: displacement has {values.size} samples, "
-            f"{'all zero' if not values.any() else 'too few'}; a response of at least {MINIMUM_SAMPLES} is wanted"
+            f"{'all zero' if not values.any() else 'too few'}; expected a response of at least {MINIMUM_SAMPLES}"
         )
     return MeasuredResponse(given.point, values, sample_rate)

@@ -1,4 +1,4 @@
-"""What a measuring chain does to ideal signals: gain, zero error, skew, noise and quantisation."""
+"""Measuring channels: gain, zero error, time delay, noise and quantisation of ideal signals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SENSOR_RIG = SensorRig(
     bending_stiffness=2333.0, section_height=0.020, joint_length=0.060, strain_position_factor=1.02
 )
 
-#: Part of the joint's own motion that the test bed makes below the joint; it drops out of Eq. 3.
+#: Part of the joint's motion that the test bed makes below the joint; it drops out of Eq. 3.
 BED_MOTION = 0.1
 
 
@@ -50,12 +50,12 @@ class Channel:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.noise) and self.noise >= 0):
-            raise InputError(f"noise is {self.noise!r}; a fraction of the RMS that is not negative is wanted")
+            raise InputError(f"noise is {self.noise!r}; expected a fraction of the RMS that is not negative")
         if self.bits is not None and not 4 <= self.bits <= 32:
-            raise InputError(f"quantisation is {self.bits!r} bits; 4 to 32 are wanted")
+            raise InputError(f"quantisation is {self.bits!r} bits; expected 4 to 32")
         if not (np.isfinite(self.gain) and self.gain != 0 and np.isfinite(self.offset)):
             raise InputError(
-                f"gain {self.gain!r} and offset {self.offset!r}: finite numbers, gain not zero, are wanted"
+                f"gain {self.gain!r} and offset {self.offset!r}; expected finite numbers, gain not zero"
             )
 
     def read(self, signal: ArrayLike, generator: np.random.Generator) -> Array:

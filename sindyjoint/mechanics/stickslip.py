@@ -56,47 +56,49 @@ class Motion:
         return 1.0 / (self.time[1] - self.time[0])
 
 
-def _failure(status: int, time: float, limits: Array, where: str) -> SimulationError:
+def _describe_failure(status: int, time: float, limits: Array, where: str) -> SimulationError:
     from sindyjoint.mechanics import stickslip_kernel as kernel
 
     if status == kernel.LIMIT:
         text = (
-            f"the joint left its angle range ({limits[0]:.4g} to {limits[1]:.4g}) at t = {time:.6g} s: past the "
+            f"the joint left its range ({limits[0]:.4g} to {limits[1]:.4g}) at t = {time:.6g} s: past the "
             "softening limit its tangent stiffness is negative and it snaps through; lower the excitation, or pass "
             "limits=None to follow it"
         )
     elif status == kernel.NOT_FINITE:
-        text = f"the state is no longer finite at t = {time:.6g} s; the law has no bounded answer there"
+        text = f"the state is no longer finite at t = {time:.6g} s; the law is unbounded there"
     elif status == kernel.STEP_TOO_SMALL:
-        text = f"the step fell to nothing at t = {time:.6g} s; the law jumps where only friction may (at zero rate)"
+        text = (
+            f"the step fell to zero at t = {time:.6g} s; the law jumps where only friction may (at zero rate)"
+        )
     elif status == kernel.ACTIVE_FRICTION:
         text = (
-            f"at t = {time:.6g} s the joint came to rest with friction that pushes instead of holds "
-            "(the moment at rest is larger for slip towards −1 than towards +1); Coulomb friction must not be negative"
+            f"at t = {time:.6g} s the joint came to a standstill with negative friction "
+            "(the moment there is larger for slip towards −1 than towards +1); Coulomb friction must not be negative"
         )
     else:
         text = f"20 million steps did not suffice; the simulation stopped at t = {time:.6g} s; the law is too stiff"
     return SimulationError(where + text, time=float(time))
 
 
-def _parameter_sets(parameters: ArrayLike | None, default: Array, runs: int) -> Array:
+def _expand_parameters(parameters: ArrayLike | None, default: Array, runs: int) -> Array:
     if parameters is None:
         return np.ascontiguousarray(np.broadcast_to(default, (runs, default.size)))
     sets = np.atleast_2d(np.asarray(parameters, dtype=np.float64))
     if sets.shape[1] != default.size or sets.shape[0] not in (1, runs):
         raise InputError(
-            f"parameters have shape {sets.shape}; ({runs}, {default.size}) is wanted: one row of the law's "
+            f"parameters have shape {sets.shape}; expected ({runs}, {default.size}): one row of the law's "
             "parameters per run"
         )
     return np.ascontiguousarray(np.broadcast_to(sets, (runs, default.size)))
 
 
-def _limits(law: Any, limits: tuple[float, float] | str | None) -> Array:
+def _find_limits(law: Any, limits: tuple[float, float] | str | None) -> Array:
     if limits is None:
         return np.array([-np.inf, np.inf])
     if isinstance(limits, str):
         if limits != "softening":
-            raise InputError(f"limits is {limits!r}; 'softening', a pair of angles or None is wanted")
+            raise InputError(f"limits is {limits!r}; expected 'softening', a pair of angles or None")
         return np.array(softening_limit(law))
     return np.array(limits, dtype=np.float64)
 
@@ -128,7 +130,7 @@ def simulate_many(
     sample_rate : float
         Hz.
     parameters : array_like, shape (runs, n_parameters), optional
-        A set of the compiled law's parameters per run; otherwise the law's own.
+        A set of the compiled law's parameters per run; otherwise the law's.
     beam_inertia : float or array_like, shape (runs,)
         J between exciter and sensor, kg·m².
     initial : array_like, shape (2,) or (runs, 2)
@@ -164,15 +166,15 @@ def simulate_many(
     runs = max(len(excitations), 1 if parameters is None else np.atleast_2d(np.asarray(parameters)).shape[0])
     if not excitations or len(excitations) not in (1, runs):
         raise InputError(
-            f"{len(excitations)} excitation(s) for {runs} parameter sets; one, or one per set, is wanted"
+            f"{len(excitations)} excitation(s) for {runs} parameter sets; expected one, or one per set"
         )
     n_samples = round(duration * sample_rate) if np.isfinite(duration * sample_rate) else 0
     if n_samples < 2 or not sample_rate > 0 or not 1e-13 <= rtol < 1 or not max_step > 0:
         raise InputError(
-            f"duration {duration!r} s at {sample_rate!r} Hz with rtol {rtol!r} and max_step {max_step!r}: "
-            "at least two samples, 1e-13 ≤ rtol < 1 and a positive step are wanted"
+            f"duration {duration!r} s at {sample_rate!r} Hz with rtol {rtol!r} and max_step {max_step!r}; "
+            "expected at least two samples, 1e-13 ≤ rtol < 1 and a positive step"
         )
-    sets = _parameter_sets(parameters, compiled.parameters, runs)
+    sets = _expand_parameters(parameters, compiled.parameters, runs)
     beam = np.broadcast_to(np.asarray(beam_inertia, dtype=np.float64), runs)
     total = np.ascontiguousarray(beam + law.inertia)
     if not np.all(total > 0):
@@ -187,11 +189,11 @@ def simulate_many(
     states = np.empty((runs, n_states, n_samples))
     stuck = np.zeros((runs, n_samples), dtype=np.int8)
     status, reached, steps = np.zeros(runs, np.int64), np.zeros(runs), np.zeros(runs, np.int64)
-    bounds = np.ascontiguousarray(np.broadcast_to(_limits(law, limits), (runs, 2)))
+    bounds = np.ascontiguousarray(np.broadcast_to(_find_limits(law, limits), (runs, 2)))
 
     def work(r: int) -> None:
         e = excitations[r if len(excitations) > 1 else 0]
-        # What the drive alone could do within a millionth of a piece: below it, no relative accuracy is asked for.
+        # What the drive could do within a millionth of a piece: below it, no relative accuracy is asked for.
         sizes = np.full(2 + n_states, 1e-300)
         sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / total[r] * e.step
         sizes[0] += sizes[1] * e.step
@@ -212,7 +214,7 @@ def simulate_many(
     failed = np.flatnonzero(status)
     if failed.size:
         r = failed[0]
-        raise _failure(status[r], reached[r], bounds[r], f"run {r}: " if runs > 1 else "")
+        raise _describe_failure(status[r], reached[r], bounds[r], f"run {r}: " if runs > 1 else "")
     time = np.arange(n_samples) / sample_rate
     driven = np.broadcast_to(np.stack([e(time) for e in excitations]), (runs, n_samples))
     moment = driven - beam[:, None] * acceleration if beam.any() else driven
@@ -256,8 +258,8 @@ def slip_direction(rate: ArrayLike) -> Array:
 APPROACH = 200  # samples
 
 
-def _from_rest(compiled: CompiledLaw, angle: Array, rate: Array) -> Array:
-    """Return the internal states of a joint brought from rest at zero to the first angle, as fast as it moves later."""
+def _bring_from_zero(compiled: CompiledLaw, angle: Array, rate: Array) -> Array:
+    """Return the internal states of a joint brought from zero to the first angle, as fast as it moves later."""
     from sindyjoint.mechanics.kernels import integrate_states
 
     state = np.zeros((compiled.n_states, APPROACH))
@@ -293,9 +295,9 @@ def transfer_moment(
     sample_rate : float
         Hz.
     acceleration : array_like, shape (n,), optional
-        rad/s²; without it the inertia moment is left out and M_T alone is returned.
+        rad/s²; without it the inertia moment is omitted and only M_T is returned.
     initial_state : array_like, shape (n_states,), optional
-        Default: what a joint has that was at rest at zero, and was brought from there to the first angle. A slider that
+        Default: the states of a joint brought from standstill at zero to the first angle. A slider that
         never slips afterwards keeps it.
     substeps : int
         Runge–Kutta steps of the internal states per sample.
@@ -304,7 +306,7 @@ def transfer_moment(
     -------
     moment : ndarray, shape (n,)
         N·m (N). Where the rate is exactly zero, friction keeps the side of the motion before: while a prescribed
-        motion rests, its moment is not determined.
+        motion stands still, its moment is not determined.
     state : ndarray, shape (n_states, n)
 
     Raises
@@ -317,14 +319,14 @@ def transfer_moment(
     theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     if theta.shape != omega.shape or theta.ndim != 1:
         raise InputError(
-            f"angle and rate have shapes {theta.shape} and {omega.shape}; equal one-dimensional are wanted"
+            f"angle and rate have shapes {theta.shape} and {omega.shape}; expected equal one-dimensional shapes"
         )
     direction = slip_direction(omega)
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
         if initial_state is None:
-            initial_state = _from_rest(compiled, theta, omega)
+            initial_state = _bring_from_zero(compiled, theta, omega)
         state[:, 0] = initial_state
         integrate_states(
             compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state

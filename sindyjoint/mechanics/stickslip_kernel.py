@@ -146,7 +146,7 @@ def _slip_step(t, h, x, v, a, direction, law, drive, states, size):
 def _reversal(h, direction, x0, v0, a0, x1, v1, a1):
     """Return where in the step the rate first reaches zero against the direction, and the motion in it.
 
-    The place is a fraction of the step, 2 when there is none; the motion c1 … c5 of the quintic
+    The position is a fraction of the step, 2 when there is none; the motion c1 … c5 of the quintic
     x0 + c1·u + … + c5·u⁵ through angle, rate and acceleration at both ends.
     """
     c1, c2 = h * v0, 0.5 * h * h * a0
@@ -182,7 +182,7 @@ def _reversal(h, direction, x0, v0, a0, x1, v1, a1):
 
 @_inner
 def _friction_interval(theta, z, law, out):
-    """Moments between which the joint stays at rest."""
+    """Moments between which the joint sticks."""
     address, p, _, _ = law
     if address == 0:
         elastic = theta * (p[0] + theta * (p[1] + theta * p[2]))
@@ -195,7 +195,7 @@ def _friction_interval(theta, z, law, out):
 
 @_inner
 def _holds(t, h, theta, states, law, drive, interval):
-    """Whether the joint still rests h after t; fills the states there. `interval` is right for a law without."""
+    """Whether the joint still sticks h after t; fills the states there. `interval` is right for a law without."""
     address, p, _, n = law
     z0, z1, kz, out, total = states
     low, high = interval
@@ -213,7 +213,7 @@ def _holds(t, h, theta, states, law, drive, interval):
                 total[j] += (1.0 if stage % 3 == 0 else 2.0) * out[1 + j]
         for j in range(n):
             z1[j] = z0[j] + h * total[j] / 6.0
-            # A rest is recorded along the chord.
+            # Sticking is recorded along the chord.
             kz[j] = kz[6 * n + j] = total[j] / 6.0
         low, high = _friction_interval(theta, z1, law, out)
     return low <= excitation_at(t + h, drive) <= high
@@ -240,10 +240,10 @@ def _record(t, h, u_end, direction, sample, sample_step, x0, curve, states, moti
 
 
 @_inner
-def _rest(t, sample, step_sizes, theta, states, law, drive, motion):
-    """Rest from t until the moment breaks the joint away or the samples end, which are filled.
+def _stick(t, sample, step_sizes, theta, states, law, drive, motion):
+    """Stick from t until the moment breaks the joint away or the samples end, which are filled.
 
-    Returns the time, the next sample, and the direction of slip; 0 when friction pushes instead of holds.
+    Returns the time, the next sample, and the direction of slip; 0 when friction is negative.
     """
     sample_step, max_step, tiny = step_sizes
     z0, z1, _, out, _ = states
@@ -318,7 +318,7 @@ def integrate(address, p, inertia, pieces, tone, y, sizes, room, sample_step, rt
         z1[j] = z[j]
     tiny = 1e-14 * n_samples * sample_step
     step_sizes = (sample_step, max_step, tiny)
-    # np.int64: a literal would be a type of its own, and every function taking it compiled twice.
+    # np.int64: a literal would be another type, and every function taking it compiled twice.
     t, sample, steps, log_old = 0.0, np.int64(0), 0, -9.0
     h_next = min(0.1 * step, max_step)
     direction = 1.0 if v > 0.0 else -1.0
@@ -326,7 +326,7 @@ def integrate(address, p, inertia, pieces, tone, y, sizes, room, sample_step, rt
 
     while sample < n_samples:
         if at_rest:
-            t, sample, direction = _rest(t, sample, step_sizes, x, states, law, drive, motion)
+            t, sample, direction = _stick(t, sample, step_sizes, x, states, law, drive, motion)
             if direction == 0.0:
                 return ACTIVE_FRICTION, t, steps
             at_rest, fresh, h_next = False, True, min(h_next, 0.1 * step)

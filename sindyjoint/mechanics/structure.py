@@ -1,7 +1,7 @@
 """A chain of beams, joints and lumped masses on a base, assembled and reduced.
 
 The unknowns are deflections w, rotations φ, and the angle θ of every joint: the rotation behind a joint is
-φ + θ. So the joint angles are coordinates of their own, and a joint that sticks is a coordinate that rests.
+φ + θ. So the joint angles are separate coordinates, and a joint that sticks is a coordinate at standstill.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Hinge:
     ----------
     name : str
     law : Law
-        Its transfer moment acts on the angle; its own inertia belongs to the test rig and is not used here.
+        Its transfer moment acts on the angle; its inertia belongs to the test rig and is not used here.
     mass : float
         kg.
     inertia : float
@@ -43,7 +43,7 @@ class Hinge:
 
 @dataclass(frozen=True)
 class LumpedMass:
-    """A rigid mass at a place of the chain; kg and kg·m²."""
+    """A rigid mass at a position in the chain; kg and kg·m²."""
 
     name: str
     mass: float
@@ -60,7 +60,7 @@ class Structure:
     Parameters
     ----------
     mass, stiffness, loss : ndarray, shape (n, n)
-        Without the joints' own moments; `loss` is the stiffness weighted with the beams' loss factors.
+        Without the joints' moments; `loss` is the stiffness weighted with the beams' loss factors.
     hinges : tuple of Hinge
     points : dict of str to ndarray, shape (n,)
         How the deflection at each named point follows from the coordinates.
@@ -78,11 +78,11 @@ class Structure:
         return len(self.hinges)
 
     def tangent_stiffness(self) -> Array:
-        """Stiffness of each joint at rest in the middle, N·m/rad, shape (n_joints,)."""
-        return np.array([_tangent(hinge.law) for hinge in self.hinges])
+        """Stiffness of each joint at standstill in the middle, N·m/rad, shape (n_joints,)."""
+        return np.array([_compute_tangent(hinge.law) for hinge in self.hinges])
 
     def frequencies(self, count: int = 6, locked: bool = False) -> Array:
-        """Natural frequencies, Hz, with the joints' stiffness at rest or with locked joints.
+        """Natural frequencies, Hz, with the joints' stiffness at standstill or with locked joints.
 
         Parameters
         ----------
@@ -109,15 +109,15 @@ class Structure:
             return self.points[name]
         except KeyError:
             raise UnknownNameError(
-                f"point {name!r} is not in the chain; wanted: {', '.join(self.points)}"
+                f"point {name!r} is not in the chain; expected one of {', '.join(self.points)}"
             ) from None
 
 
-def _tangent(law: Law) -> float:
+def _compute_tangent(law: Law) -> float:
     # Central difference over an angle far below anything a joint is tested at.
-    step, rest = 1e-7, np.zeros(2)
+    step, still = 1e-7, np.zeros(2)
     state = np.zeros((law.n_states, 2))
-    low, high = law.moment(np.array([-step, step]), rest, rest, state)
+    low, high = law.moment(np.array([-step, step]), still, still, state)
     return float(high - low) / (2 * step)
 
 
@@ -138,7 +138,7 @@ class _Assembly:
 def _check_chain(items: Sequence[Item]) -> None:
     kinds = [type(item) for item in items]
     if Beam not in kinds:
-        raise InputError("the chain has no beam; at least one is wanted")
+        raise InputError("the chain has no beam; expected at least one")
     if kinds[0] is LumpedMass:
         raise InputError(
             f"the chain begins with mass {items[0].name!r} at the base; begin with a beam or a joint"
@@ -148,13 +148,13 @@ def _check_chain(items: Sequence[Item]) -> None:
         if isinstance(before, Hinge) and not isinstance(item, Beam):
             what = f"{following!r}" if item is not None else "nothing"
             raise InputError(
-                f"the chain is disconnected: joint {before.name!r} is followed by {what}; a beam is wanted behind it"
+                f"the chain is disconnected: joint {before.name!r} is followed by {what}; expected a beam behind it"
             )
     names = [item.name for item in items]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice or "tip" in names:
         raise InputError(
-            f"name(s) {', '.join(twice or ['tip'])} used twice in the chain; give each part its own"
+            f"name(s) {', '.join(twice or ['tip'])} used twice in the chain; expected a different name for each part"
         )
     for item in items:
         if not isinstance(item, Beam):
@@ -162,7 +162,7 @@ def _check_chain(items: Sequence[Item]) -> None:
                 value = getattr(item, name)
                 if not (np.isfinite(value) and value >= 0):
                     raise InputError(
-                        f"{item.name!r}: {name} is {value!r}; a number that is not negative is wanted"
+                        f"{item.name!r}: {name} is {value!r}; expected a number that is not negative"
                     )
 
 
@@ -183,7 +183,7 @@ def assemble(items: Sequence[Item], clamp_stiffness: float = np.inf) -> Structur
     """
     _check_chain(items)
     if not clamp_stiffness > 0:
-        raise InputError(f"clamp_stiffness is {clamp_stiffness!r}; a number above zero, or inf, is wanted")
+        raise InputError(f"clamp_stiffness is {clamp_stiffness!r}; expected a number above zero, or inf")
     hinges = tuple(item for item in items if isinstance(item, Hinge))
     soft_clamp = np.isfinite(clamp_stiffness)
     size = len(hinges) + 2 * sum(item.elements for item in items if isinstance(item, Beam)) + soft_clamp
@@ -248,16 +248,19 @@ def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) 
         [np.arange(structure.n_joints), np.argmax(rows, axis=1) if len(points) else []]
     ).astype(int)
     kept = np.array(list(dict.fromkeys(kept.tolist())), dtype=int)
-    inner = np.setdiff1d(np.arange(n), kept)
-    k_inner, m_inner = structure.stiffness[np.ix_(inner, inner)], structure.mass[np.ix_(inner, inner)]
-    basis = np.zeros((n, len(kept) + min(modes, len(inner))))
+    internal = np.setdiff1d(np.arange(n), kept)
+    k_internal, m_internal = (
+        structure.stiffness[np.ix_(internal, internal)],
+        structure.mass[np.ix_(internal, internal)],
+    )
+    basis = np.zeros((n, len(kept) + min(modes, len(internal))))
     basis[kept, np.arange(len(kept))] = 1.0
-    if len(inner):
-        held = cho_factor(k_inner)
-        basis[inner, : len(kept)] = -cho_solve(held, structure.stiffness[np.ix_(inner, kept)])
-        count = min(modes, len(inner))
-        _, shapes = eigh(k_inner, m_inner, subset_by_index=[0, count - 1])
-        basis[inner, len(kept) :] = shapes
+    if len(internal):
+        held = cho_factor(k_internal)
+        basis[internal, : len(kept)] = -cho_solve(held, structure.stiffness[np.ix_(internal, kept)])
+        count = min(modes, len(internal))
+        _, shapes = eigh(k_internal, m_internal, subset_by_index=[0, count - 1])
+        basis[internal, len(kept) :] = shapes
 
     def project(matrix: Array) -> Array:
         reduced = basis.T @ matrix @ basis

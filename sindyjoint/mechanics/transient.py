@@ -1,6 +1,6 @@
 """Motion of a structure with joints after a pulse.
 
-Between events, steps of fixed length; where a joint comes to rest or breaks away, the step is cut at that
+Between events, steps of fixed length; where a joint sticks or breaks away, the step is cut at that
 instant. The implicit midpoint rule (the average-acceleration rule for linear parts) loses no energy.
 """
 
@@ -71,14 +71,14 @@ class Response:
 
 def _check_step(structure: Structure, step: float, duration: float, sample_rate: float) -> int:
     if not (np.isfinite(duration) and duration > 0 and np.isfinite(sample_rate) and sample_rate > 0):
-        raise InputError(f"duration {duration!r} s at {sample_rate!r} Hz: positive numbers are wanted")
+        raise InputError(f"duration {duration!r} s at {sample_rate!r} Hz; expected positive numbers")
     if not (np.isfinite(step) and step > 0):
-        raise InputError(f"step is {step!r} s; a positive number is wanted")
+        raise InputError(f"step is {step!r} s; expected a positive number")
     first = structure.frequencies(1)[0]
     if step > 1 / (_STEPS_PER_PERIOD * first):
         raise InputError(
-            f"step is {step:g} s: too large for the first mode at {first:.3g} Hz; at most "
-            f"{1 / (_STEPS_PER_PERIOD * first):.3g} s ({_STEPS_PER_PERIOD} steps per period) is wanted"
+            f"step is {step:g} s: too large for the first mode at {first:.3g} Hz; expected at "
+            f"most {1 / (_STEPS_PER_PERIOD * first):.3g} s ({_STEPS_PER_PERIOD} steps per period)"
         )
     return max(1, int(np.ceil(1 / (sample_rate * step) - 1e-9)))
 
@@ -97,7 +97,7 @@ def respond(
     initial_angle: Sequence[float] | None = None,
     initial_force: float = 0.0,
 ) -> Response:
-    """Simulate a structure under a force, from rest.
+    """Simulate a structure under a force, from standstill.
 
     Parameters
     ----------
@@ -140,16 +140,16 @@ def respond(
     if initial_angle is not None:
         record.q[0, :joints] = initial_angle
     if initial_force:
-        inner = slice(joints, None)
-        held = reduced.stiffness[inner, :joints] @ record.q[0, :joints]
-        right = initial_force * stepper.load[inner] - held
-        record.q[0, inner] = np.linalg.solve(reduced.stiffness[inner, inner], right)
+        modal = slice(joints, None)
+        held = reduced.stiffness[modal, :joints] @ record.q[0, :joints]
+        right = initial_force * stepper.load[modal] - held
+        record.q[0, modal] = np.linalg.solve(reduced.stiffness[modal, modal], right)
     bounds = np.full((joints, 2), [-np.inf, np.inf])
     if limits:
         for row, hinge in zip(bounds, reduced.hinges, strict=True):
             row[:] = softening_limit(hinge.law)
     events = _advance(stepper, excitation, record, bounds)
-    return _collected(stepper, points, parts, record, events)
+    return _collect_response(stepper, points, parts, record, events)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +210,7 @@ def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: 
         if reason == kernel.NOT_CONVERGED:
             raise not_converged(grid[reached], stepper.step)
         if reason == kernel.PAST_LIMIT:
-            raise _past_limit(hinges[j].name, bounds[j], grid[reached])
+            raise _limit_error(hinges[j].name, bounds[j], grid[reached])
         if reason == kernel.CHANGE:
             scale = max(1e-12, float(np.abs(v[: reached + 1, :joints]).max(initial=0.0)))
             state = q[reached], v[reached], z[reached]
@@ -223,11 +223,11 @@ def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: 
             events += crossing.events
             angles = q[reached, :joints]
             for k in np.flatnonzero((angles < bounds[:, 0]) | (angles > bounds[:, 1])):
-                raise _past_limit(hinges[k].name, bounds[k], grid[reached])
+                raise _limit_error(hinges[k].name, bounds[k], grid[reached])
     return events
 
 
-def _past_limit(name: str, bounds: Array, time: float) -> SimulationError:
+def _limit_error(name: str, bounds: Array, time: float) -> SimulationError:
     return SimulationError(
         f"joint {name!r} left its angle range ({bounds[0]:.4g} to {bounds[1]:.4g} rad) at t = {time:.6g} s: past the "
         "softening limit its tangent stiffness is negative; lower the force, or pass limits=None to follow it",
@@ -235,7 +235,9 @@ def _past_limit(name: str, bounds: Array, time: float) -> SimulationError:
     )
 
 
-def _collected(stepper: Stepper, points: Sequence[str], parts: int, record: _Record, events: int) -> Response:
+def _collect_response(
+    stepper: Stepper, points: Sequence[str], parts: int, record: _Record, events: int
+) -> Response:
     structure, joints = stepper.structure, stepper.structure.n_joints
     middle = (record.v[1:] + record.v[:-1]) / 2
     lost = float(np.sum((middle @ stepper.damping) * middle)) * stepper.step
@@ -257,7 +259,8 @@ def _collected(stepper: Stepper, points: Sequence[str], parts: int, record: _Rec
 def _elastic_energy(law: Any, angle: Array) -> Array:
     """Energy stored in the memoryless elastic part of a law.
 
-    Its moment at rest, in the middle of the friction interval, integrated from zero by Gauss' rule of four points.
+    Its moment at standstill, in the middle of the friction interval, integrated from zero by Gauss' rule of four
+    points.
     """
     nodes, weights = np.polynomial.legendre.leggauss(4)
     fractions = (nodes + 1) / 2

@@ -1,7 +1,7 @@
 """The compiled stepper of a structure with joints: implicit midpoint, Newton on the joint angles only.
 
 M·q̈ + C·q̇ + K·q + m(θ, θ̇, direction, z) = f, the joint angles θ being the first coordinates. A stuck joint's
-coordinate rests; a slipping one keeps its direction through a step. Who sticks changes between steps only.
+coordinate stands still; a slipping one keeps its direction through a step. Who sticks changes between steps only.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _bisected_states(address, theta, omega, direction, h, p, n, z, answer, out):
     """Find y = z + h·ż(y) by bisection and leave it in `answer`; whether that worked.
 
     A slider's rate jumps to zero where it yields. The answer is then the yield itself, which bisection finds as the
-    place of the jump (the return mapping of plasticity).
+    position of the jump (the return mapping of plasticity).
     """
     for i in range(n):
         answer[i] = z[i]
@@ -135,8 +135,8 @@ def _law_of(j, laws):
 def _step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, room):
     """One step of the implicit midpoint rule under the step's mean `force`; returns whether Newton converged.
 
-    `work` is filled with the work done on each joint's elastic part (its moment at rest with its states at zero) and
-    on the rest.
+    `work` is filled with the work done on each joint's elastic part (its moment at standstill with its states at zero)
+    and on the remainder.
     """
     n, joints, most = sizes
     inverse, _, _, damping, stiffness, load = system
@@ -145,7 +145,7 @@ def _step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, r
     residual, before, change = shifted(trial, joints), shifted(trial, 2 * joints), shifted(trial, 3 * joints)
     jacobian, z_mid = shifted(change, joints), shifted(change, joints + joints * joints)
     keep = shifted(z_mid, joints * most)
-    rest, out = shifted(keep, most), shifted(keep, 2 * most)
+    zeros, out = shifted(keep, most), shifted(keep, 2 * most)
     for i in range(n):
         total = force * load[i]
         for k in range(n):
@@ -220,8 +220,8 @@ def _step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, r
             law, middle, travel / h, direction[j], h, shifted(z, j * most), mid_j, shifted(z1, j * most), out
         )
         for i in range(most):
-            rest[i] = 0.0
-        call_law(law[0], middle, 0.0, 0.0, rest, law[1], out)
+            zeros[i] = 0.0
+        call_law(law[0], middle, 0.0, 0.0, zeros, law[1], out)
         work[2 * j] = out[0] * travel
         work[2 * j + 1] = (moment[j] - out[0]) * travel
     return converged
@@ -229,7 +229,7 @@ def _step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, r
 
 @_inner
 def _holding_moments(sizes, system, laws, direction, force, q, v, z, moments, room):
-    """Fill what each joint transfers now, and the bounds of its friction interval at rest.
+    """Fill what each joint transfers now, and the bounds of its friction interval at standstill.
 
     A slipping joint transfers its law's moment, a sticking one what holds it.
     """
@@ -289,10 +289,10 @@ def march(
     motion : (q, v, z)
         One row per sample; z has shape (samples, joints, states).
     moments : ndarray, shape (samples, joints, 3)
-        What each joint transfers, and the bounds of its friction interval at rest.
+        What each joint transfers, and the bounds of its friction interval at standstill.
     stuck : ndarray of bool, shape (samples, joints)
     work : ndarray, shape (2, joints, 2)
-        The work of the accepted steps is added to the first, that of the last step tried is left in the second.
+        The work of the accepted steps is added to the first, the second holds that of the last step tried.
     room : ndarray, shape (room_for(…),)
 
     Returns
@@ -325,7 +325,7 @@ def march(
             held, low, high = now[3 * j], now[3 * j + 1], now[3 * j + 2]
             changed = side[j] == 0.0 and not low <= held <= high
             if v1[j] * side[j] < 0.0:
-                # A friction interval without width: the joint may reverse without coming to rest.
+                # A friction interval without width: the joint may reverse without sticking.
                 changed = high - low > FRICTIONLESS * (abs(low) + abs(high))
             if changed:
                 return at, CHANGE, j

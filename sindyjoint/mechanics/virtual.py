@@ -1,4 +1,4 @@
-"""Virtual tests: the vibration test of a joint whose law is known, with a measuring chain in front of it."""
+"""Virtual tests: the vibration test of a joint whose law is known, and its measuring channels."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def named_joint(joint: str | Law) -> Law:
     Raises
     ------
     UnknownNameError
-        For a name that nobody knows.
+        For an unknown name.
     """
     if not isinstance(joint, str):
         return joint
     try:
         return JOINTS[joint]
     except KeyError:
-        raise UnknownNameError(f"joint {joint!r} is not known; wanted: {', '.join(JOINTS)}") from None
+        raise UnknownNameError(f"joint {joint!r} is not known; expected one of {', '.join(JOINTS)}") from None
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class VirtualTest:
     levels : tuple of float
         Peak angles as fractions of `angle_limit`.
     drive : {"moment", "rig", "displacement"}
-        A sinusoidal moment at the sensor, one in front of `beam_inertia`, or a sinusoidal angle.
+        A sinusoidal moment at the sensor, one on the exciter inertia `beam_inertia`, or a sinusoidal angle.
     sample_rate, duration : float
         Hz and s.
     settling : float
@@ -72,7 +72,7 @@ class VirtualTest:
     raw : bool
         Whether moment and angle are read through strain gauges and laser spots (with the moment channel's errors).
     skew : float
-        Time by which the moment channel lags the angle channel, s.
+        Time delay between the channels, s: the moment lags the angle.
     beam_inertia : float
         J of the "rig" drive, kg·m².
     angle_limit : float
@@ -98,31 +98,31 @@ class VirtualTest:
 
     def __post_init__(self) -> None:
         if self.drive not in DRIVES:
-            raise InputError(f"drive is {self.drive!r}; 'moment', 'rig' or 'displacement' is wanted")
+            raise InputError(f"drive is {self.drive!r}; expected 'moment', 'rig' or 'displacement'")
         for name in ("frequencies", "levels"):
             values = getattr(self, name)
             if not values or not all(np.isfinite(v) and v > 0 for v in values):
-                raise InputError(f"{name} are {values!r}; at least one positive number is wanted")
+                raise InputError(f"{name} are {values!r}; expected at least one positive number")
             if len(set(values)) < len(values):
                 raise InputError(f"{name} are {values!r}; each may be named once")
         for name in ("sample_rate", "duration", "angle_limit"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value!r}; a positive number is wanted")
+                raise InputError(f"{name} is {value!r}; expected a positive number")
         for name in ("settling", "beam_inertia"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"{name} is {value!r}; a number that is not negative is wanted")
+                raise InputError(f"{name} is {value!r}; expected a number that is not negative")
         if self.sample_rate < 10 * max(self.frequencies):
             raise InputError(
-                f"sample_rate is {self.sample_rate:g} Hz; at least {10 * max(self.frequencies):g} Hz, ten samples per "
-                f"period of {max(self.frequencies):g} Hz, is wanted"
+                f"sample_rate is {self.sample_rate:g} Hz; expected at least {10 * max(self.frequencies):g} Hz, ten "
+                f"samples per period of {max(self.frequencies):g} Hz"
             )
         if not abs(self.skew) < 0.5 / max(self.frequencies):
-            raise InputError(f"skew is {self.skew!r} s; less than half a period is wanted")
+            raise InputError(f"skew is {self.skew!r} s; expected less than half a period")
 
     @property
-    def _inertia_in_front(self) -> float:
+    def _exciter_inertia(self) -> float:
         return self.beam_inertia if self.drive == "rig" else 0.0
 
     def _excitation(self, amplitude: float, frequency: float) -> Excitation:
@@ -131,7 +131,7 @@ class VirtualTest:
         return harmonic(amplitude, frequency).faded_in(ramp)
 
     def amplitude(self, frequency: float, level: float) -> float:
-        """Amplitude of the drive that reaches the level's peak angle: a moment, N·m, or the angle itself, rad.
+        """Amplitude of the drive that reaches the level's peak angle: a moment, N·m, or the angle, rad.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class VirtualTest:
             try:
                 motion = simulate(
                     self.law, self._excitation(amplitude, frequency), duration, 200 * frequency,
-                    beam_inertia=self._inertia_in_front, limits=(-1.3 * target, 1.3 * target), rtol=1e-5,
+                    beam_inertia=self._exciter_inertia, limits=(-1.3 * target, 1.3 * target), rtol=1e-5,
                 )  # fmt: skip
             except SimulationError:
                 return 0.3
@@ -161,7 +161,7 @@ class VirtualTest:
         at_peak = np.abs(
             self.law.moment(np.array([target, -target]), w * target, np.array([1.0, -1.0]), None)
         )
-        high = 2 * float(at_peak.max() + (self.law.inertia + self._inertia_in_front) * w**2 * target)
+        high = 2 * float(at_peak.max() + (self.law.inertia + self._exciter_inertia) * w**2 * target)
         if excess(high) < 0:
             raise InputError(f"no moment up to {high:.3g} N·m reaches {target:.3g} rad at {frequency:g} Hz")
         found = float(brentq(excess, 0.0, high, xtol=1e-12 * high, rtol=2e-4))
@@ -169,7 +169,7 @@ class VirtualTest:
         return found if excess(found) < 1e-3 else found * (1 - 5e-4)
 
     def ideal(self, frequency: float, amplitude: float) -> tuple[Array, Array]:
-        """Moment and angle at the sensors without errors but with the skew, each of shape (n,)."""
+        """Moment and angle at the sensors without errors but with the time delay, each of shape (n,)."""
         start, n = round(self.settling * self.sample_rate), round(self.duration * self.sample_rate)
         finer = _OVERSAMPLING if self.skew else 1
         rate = self.sample_rate * finer
@@ -185,7 +185,7 @@ class VirtualTest:
         else:
             motion = simulate(
                 self.law, self._excitation(amplitude, frequency), total, rate,
-                beam_inertia=self._inertia_in_front, rtol=self.rtol,
+                beam_inertia=self._exciter_inertia, rtol=self.rtol,
             )  # fmt: skip
             time, angle, moment = motion.time, motion.angle, motion.moment
         kept = slice(start * finer, (start + n) * finer, finer)
@@ -284,8 +284,8 @@ def virtual_campaign(
         (fraction of each channel's RMS, 0.01), ``quantisation`` (bits), ``sample_rate`` (1000 Hz), ``duration``
         (10 s), ``settling`` (s simulated before the record; 0 keeps the start-up transient), ``raw_channels`` (read
         through strain gauges and lasers), ``beam_inertia`` (kg·m², for "rig"), ``hidden`` (a law added to the
-        joint's), ``skew`` (s, moment behind angle), ``angle_offset`` (rad), ``moment_offset`` (N·m),
-        ``angle_gain``, ``moment_gain``, ``rtol``.
+        joint's), ``skew`` (time delay between the channels: moment behind angle, s), ``angle_offset`` (rad),
+        ``moment_offset`` (N·m), ``angle_gain``, ``moment_gain``, ``rtol``.
 
     Returns
     -------
@@ -310,10 +310,10 @@ def virtual_campaign(
 def campaign_joint(test: VirtualTest, name: str | None = None) -> Joint:
     """Return the joint of a virtual test as a campaign names it."""
     return Joint(
-        name=name or getattr(test.law, "name", None) or _first_name(test.law), inertia=test.law.inertia
+        name=name or getattr(test.law, "name", None) or _find_name(test.law), inertia=test.law.inertia
     )
 
 
-def _first_name(law: Any) -> str:
+def _find_name(law: Any) -> str:
     first = getattr(law, "first", None)
-    return "joint" if first is None else getattr(first, "name", None) or _first_name(first)
+    return "joint" if first is None else getattr(first, "name", None) or _find_name(first)

@@ -1,1 +1,1 @@
-"""A model beside a measured response: its law, one simulated run, output-error refinement, verification."""
+"""A model against a measured response: its law, one simulated run, output-error refinement, verification."""

@@ -17,7 +17,7 @@ from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 
 Array = NDArray[np.float64]
 
-# The softening limit of a general law is looked for up to this multiple of the largest angle tested.
+# The softening limit of a general law is searched up to this multiple of the largest angle tested.
 LIMIT_REACH = 3.0
 LIMIT_POINTS = 3000
 
@@ -27,8 +27,8 @@ def model_law(model: JointModel) -> Law:
 
     Models of the paper's five terms, or some of them, become a :class:`~sindyjoint.mechanics.laws.PaperLaw`, which
     needs no compilation; all others a :class:`~sindyjoint.mechanics.laws.FormulaLaw` made of their formulas. Its
-    parameters are the coefficients in the order of the terms, inertia left out, so that other coefficients of the
-    same terms need no compilation of their own.
+    parameters are the coefficients in the order of the terms, without the inertia, so that other coefficients of the
+    same terms need no further compilation.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def model_law(model: JointModel) -> Law:
     Returns
     -------
     Law
-        With the model's inertia; ``sign(θ̇)`` is set-valued at rest.
+        With the model's inertia; ``sign(θ̇)`` is set-valued at standstill.
 
     Raises
     ------
@@ -60,10 +60,10 @@ def model_law(model: JointModel) -> Law:
     """
     terms = law_terms(model)
     ids = {term.id for term in terms}
-    if ids <= PAPER_PARAMETERS.keys() and not _pushes(terms):
+    if ids <= PAPER_PARAMETERS.keys() and not _has_negative_friction(terms):
         values = {PAPER_PARAMETERS[term.id]: term.coefficient for term in terms}
         return PaperLaw(**{"k1": 0.0, **values}, inertia=model.inertia, name=model.joint.name)
-    return _formula_law(model, terms)
+    return _build_formula_law(model, terms)
 
 
 def simulated_states(model: JointModel, start: Array, time: Array, moment: Array) -> Array:
@@ -112,7 +112,7 @@ def with_coefficients(
     values = np.asarray(coefficients, dtype=np.float64)
     if values.shape != (len(model.terms),):
         raise InputError(
-            f"coefficients of shape {values.shape} given; ({len(model.terms)},), one per term, is wanted"
+            f"coefficients of shape {values.shape} given; expected ({len(model.terms)},), one per term"
         )
     matrix = np.asarray(model.covariance if covariance is None else covariance, dtype=np.float64)
     errors = model.standard_errors if covariance is None else np.sqrt(np.diag(matrix))
@@ -129,9 +129,9 @@ def with_coefficients(
 
 
 def draw_models(model: JointModel, count: int, generator: np.random.Generator) -> list[JointModel]:
-    """Draw models from the normal distribution of the coefficients; friction that would push is cut to none."""
+    """Draw models from the normal distribution of the coefficients; negative friction is set to zero."""
     p = len(model.terms)
-    # Scaled by the standard errors: coefficients of 1e0 and 1e9 in one matrix would leave nothing of its small part.
+    # Scaled by the standard errors: coefficients of 1e0 and 1e9 in one matrix would lose its small part.
     errors = model.standard_errors
     scale = np.where(errors > 0, errors, 1.0)
     correlation = np.asarray(model.covariance, dtype=np.float64).reshape(p, p) / np.outer(scale, scale)
@@ -144,12 +144,12 @@ def draw_models(model: JointModel, count: int, generator: np.random.Generator) -
     return [with_coefficients(model, draw) for draw in draws]
 
 
-def _pushes(terms: Sequence[ModelTerm]) -> bool:
+def _has_negative_friction(terms: Sequence[ModelTerm]) -> bool:
     """Whether the Coulomb friction is negative: PaperLaw refuses what a prescribed motion can still use."""
     return any(term.id == "coulomb_friction" and term.coefficient < 0 for term in terms)
 
 
-def _formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> FormulaLaw:
+def _build_formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> FormulaLaw:
     from sympy import Float, Symbol
 
     expression = Float(0)
@@ -157,27 +157,28 @@ def _formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> FormulaLaw:
     for index, term in enumerate(terms):
         symbols = {symbol.name for symbol in term.expression.free_symbols}
         if symbols - {"theta", "omega"}:
+            motion = "angle and rate" if model.joint.motion == "rotation" else "displacement and velocity"
             raise InputError(
                 f"term {term.id!r} ({term.formula}) depends on {', '.join(sorted(symbols - {'theta', 'omega'}))}; a "
-                "simulation wants terms of angle and rate, and inertia"
+                f"simulation needs terms of {motion}, and inertia"
             )
-        # Places, not symbols of the terms: user catalogues may call a coefficient what a formula calls something else.
-        place = f"coefficient_{index}"
-        expression += Symbol(place, real=True) * term.expression
-        values[place] = term.coefficient
+        # Numbered symbols: a coefficient of a user's catalogue may have the name of a symbol in a formula.
+        symbol = f"coefficient_{index}"
+        expression += Symbol(symbol, real=True) * term.expression
+        values[symbol] = term.coefficient
     law = FormulaLaw(expression, values, inertia=model.inertia)
-    return replace(law, softening_limit=_softening_limit(law, model.fitted.angle))
+    return replace(law, softening_limit=_find_softening_limit(law, model.fitted.angle))
 
 
 def elastic_moment(law: Law, angle: ArrayLike) -> Array:
-    """Return the moment at rest in the middle of the friction interval, N·m (N), internal states at zero."""
+    """Return the moment at standstill, in the middle of the friction interval, N·m (N), internal states at zero."""
     theta = np.atleast_1d(np.asarray(angle, dtype=np.float64))
-    rest, one = np.zeros_like(theta), np.ones_like(theta)
+    still, one = np.zeros_like(theta), np.ones_like(theta)
     state = np.zeros((law.n_states, theta.size))
-    return 0.5 * (law.moment(theta, rest, one, state) + law.moment(theta, rest, -one, state))
+    return 0.5 * (law.moment(theta, still, one, state) + law.moment(theta, still, -one, state))
 
 
-def _softening_limit(law: Law, tested: float) -> tuple[float, float]:
+def _find_softening_limit(law: Law, tested: float) -> tuple[float, float]:
     """Angles on either side of zero where the elastic moment first begins to fall; infinite where it never does."""
     if not tested > 0:
         return -np.inf, np.inf
@@ -188,6 +189,6 @@ def _softening_limit(law: Law, tested: float) -> tuple[float, float]:
         rise = side * np.diff(moment)
         floor = 1e-9 * float(np.abs(np.diff(moment)).max())
         falls = np.flatnonzero(rise < -floor)
-        # Without a stiffness at rest there is nothing that could soften.
+        # Without a stiffness at zero nothing can soften.
         limits.append(side * float(angle[falls[0]]) if falls.size and falls[0] > 0 else side * np.inf)
     return limits[0], limits[1]

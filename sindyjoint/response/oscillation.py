@@ -12,8 +12,8 @@ from sindyjoint.response.policy import POLICY
 
 Array = NDArray[np.float64]
 
-# Window of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
-WINDOW = 0.35
+# Span of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
+CUBIC_SPAN = 0.35
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +34,12 @@ class Oscillation:
 
     @property
     def amplitude(self) -> Array:
-        """Half of each swing from one turning point to the next, shape (n − 1,); a wandering rest drops out."""
+        """Amplitude of each half-cycle between turning points, shape (n − 1,); a drifting mean drops out."""
         return np.abs(np.diff(self.value)) / 2
 
     @property
     def amplitude_time(self) -> Array:
-        """Middle of each swing, s, shape (n − 1,)."""
+        """Middle of each half-cycle, s, shape (n − 1,)."""
         return (self.time[1:] + self.time[:-1]) / 2
 
     @property
@@ -51,7 +51,7 @@ class Oscillation:
 def white_noise(signal: ArrayLike) -> float:
     """Return the RMS of white noise on a signal that is smooth over five samples.
 
-    Fourth differences of white noise have 70 times its variance, those of a smooth signal are next to nothing.
+    Fourth differences of white noise have 70 times its variance, those of a smooth signal almost none.
     """
     fourth = np.diff(np.asarray(signal, dtype=np.float64), 4)
     return float(1.4826 * np.median(np.abs(fourth)) / np.sqrt(70.0))
@@ -61,7 +61,7 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     """Find the turning points of a vibration.
 
     A cubic is fitted around every sample (Savitzky & Golay, Analytical Chemistry 36(8), 1964); its extremes that
-    stand out of the noise are refined by a parabola.
+    exceed the noise are refined by a parabola.
 
     Parameters
     ----------
@@ -89,39 +89,41 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     if values.size < 16 or np.ptp(values) == 0:
         return None
     frequency = main_frequency(values, sample_rate) if frequency is None else frequency
-    width = max(5, int(WINDOW * sample_rate / frequency) | 1)
+    width = max(5, int(CUBIC_SPAN * sample_rate / frequency) | 1)
     if width >= values.size:
         return None
     smooth = savgol_filter(values, width, 3)
-    # A cubic over w points leaves 9/(4w) of the noise's variance (its value in the middle).
+    # A cubic over w points keeps 9/(4w) of the noise's variance (its value in the middle).
     least = max(
         POLICY.half_cycle_significance * white_noise(values) * np.sqrt(2.25 / width),
         POLICY.least_half_cycle * float(np.ptp(smooth)),
     )
     maxima, _ = find_peaks(smooth, prominence=least)
     minima, _ = find_peaks(-smooth, prominence=least)
-    places = np.concatenate([maxima, minima])
+    indices = np.concatenate([maxima, minima])
     signs = np.concatenate([np.ones(maxima.size), -np.ones(minima.size)])
-    order = np.argsort(places, kind="stable")
-    places, signs = _in_turn(places[order], signs[order], smooth)
-    if places.size < 4:
+    order = np.argsort(indices, kind="stable")
+    indices, signs = _keep_alternating(indices[order], signs[order], smooth)
+    if indices.size < 4:
         return None
-    left, middle, right = smooth[places - 1], smooth[places], smooth[places + 1]
+    left, middle, right = smooth[indices - 1], smooth[indices], smooth[indices + 1]
     bend = left - 2 * middle + right
     shift = np.where(bend != 0, 0.5 * (left - right) / np.where(bend != 0, bend, 1.0), 0.0)
-    return Oscillation((places + shift) / sample_rate, middle - 0.25 * (left - right) * shift, int(signs[0]))
+    return Oscillation((indices + shift) / sample_rate, middle - 0.25 * (left - right) * shift, int(signs[0]))
 
 
-def _in_turn(places: NDArray[np.intp], signs: Array, smooth: Array) -> tuple[NDArray[np.intp], Array]:
+def _keep_alternating(
+    indices: NDArray[np.intp], signs: Array, smooth: Array
+) -> tuple[NDArray[np.intp], Array]:
     """Keep the most extreme of neighbouring maxima, or minima, so that both kinds alternate."""
     kept: list[int] = []
-    for i in range(places.size):
+    for i in range(indices.size):
         if kept and signs[kept[-1]] == signs[i]:
-            if signs[i] * (smooth[places[i]] - smooth[places[kept[-1]]]) > 0:
+            if signs[i] * (smooth[indices[i]] - smooth[indices[kept[-1]]]) > 0:
                 kept[-1] = i
         else:
             kept.append(i)
-    return places[kept], signs[kept]
+    return indices[kept], signs[kept]
 
 
 def hilbert_envelope(signal: ArrayLike, sample_rate: float) -> tuple[Array, Array]:
@@ -135,13 +137,13 @@ def hilbert_envelope(signal: ArrayLike, sample_rate: float) -> tuple[Array, Arra
 
     values = np.asarray(signal, dtype=np.float64)
     period = max(3, round(sample_rate / main_frequency(values, sample_rate)))
-    width = max(5, int(WINDOW * period) | 1)
+    width = max(5, int(CUBIC_SPAN * period) | 1)
     if width < values.size:
         values = savgol_filter(values, width, 3)
-    swing = values - uniform_filter1d(values, period, mode="nearest")
+    vibration = values - uniform_filter1d(values, period, mode="nearest")
     # Odd continuation at both ends: the transform of a record that breaks off has large end errors.
     n = min(2 * period, values.size - 1)
-    padded = np.concatenate([-swing[n:0:-1], swing, -swing[-2 : -n - 2 : -1]])
+    padded = np.concatenate([-vibration[n:0:-1], vibration, -vibration[-2 : -n - 2 : -1]])
     analytic = hilbert(padded)[n : n + values.size]
     phase = np.unwrap(np.angle(analytic))
     frequency = uniform_filter1d(np.gradient(phase) * sample_rate / (2 * np.pi), period, mode="nearest")
@@ -156,22 +158,22 @@ class OscillationGap:
     Parameters
     ----------
     amplitude_rms_error : float
-        RMS of the difference of amplitudes, swing by swing, relative to the first measured amplitude.
+        RMS of the difference of amplitudes, by half-cycle, relative to the first measured amplitude.
     mean_period_difference : float
         Mean of the absolute difference of periods, s.
-    swings : int
-        Compared.
+    half_cycles : int
+        Number compared.
     """
 
     amplitude_rms_error: float
     mean_period_difference: float
-    swings: int
+    half_cycles: int
 
 
 def compare_oscillations(
     measured: Oscillation | None, simulated: Oscillation | None
 ) -> OscillationGap | None:
-    """Compare two vibrations that were excited at the same time, swing by swing.
+    """Compare two vibrations that were excited at the same time, half-cycle by half-cycle.
 
     Returns
     -------
@@ -180,12 +182,12 @@ def compare_oscillations(
     """
     if measured is None or simulated is None:
         return None
-    a, b = _paired(measured, simulated)
+    a, b = _align_starts(measured, simulated)
     n = min(a.time.size, b.time.size)
     if n < 4:
         return None
-    # A vibration that sinks into the noise long before the other has no amplitude from there on; one that merely
-    # has fewer swings in the same time is compared swing by swing.
+    # A vibration that falls below the noise long before the other has no amplitude from there on; one that only
+    # has fewer half-cycles in the same time is compared by half-cycle.
     sunk = abs(float(a.time[-1] - b.time[-1])) > POLICY.sunk_periods * float(np.median(a.period))
     count = max(a.amplitude.size, b.amplitude.size) if sunk else n - 1
     amplitudes = np.zeros((2, count))
@@ -196,7 +198,7 @@ def compare_oscillations(
     return OscillationGap(error / float(a.amplitude[0]), float(np.mean(periods)), n - 1)
 
 
-def _paired(a: Oscillation, b: Oscillation) -> tuple[Oscillation, Oscillation]:
+def _align_starts(a: Oscillation, b: Oscillation) -> tuple[Oscillation, Oscillation]:
     """Drop first turning points until both begin with the same kind at nearly the same time."""
     half = float(np.median(a.period)) / 2
     while a.time.size > 4 and a.time[0] < b.time[0] - half / 2:

@@ -1,4 +1,4 @@
-"""What the output-error problem is made of: its parameters, and the runs as it uses them."""
+"""Parts of the output-error problem: its parameters, and the runs as it uses them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.mechanics.windows import window_starts
-from sindyjoint.record import Run
+from sindyjoint.mechanics.segments import segment_starts
+from sindyjoint.record import Motion, Run
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import Drive, angle_limits, choose_drive, measured_drive, rms, settling
 from sindyjoint.states import ForceStates
@@ -45,7 +45,7 @@ class Parameter:
     name : str
     kind : {"coefficient", "nuisance", "initial"}
     start, scale, low, high : float
-        In its own unit.
+        In the parameter's unit.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Record:
         Samples at which the simulation starts and is restarted from states that are estimated; none for a run that
         repeats, and for one whose motion is prescribed.
     initial : int
-        Place of the first of these states among the parameters: angle and rate of one start after the other.
+        Index of the first of these states among the parameters: angle and rate of one start after the other.
     """
 
     run: Run
@@ -82,8 +82,8 @@ class Record:
     initial: int
 
     @property
-    def own(self) -> range:
-        """Places of its initial states among the parameters."""
+    def initial_indices(self) -> range:
+        """Indices of its initial states among the parameters."""
         return range(self.initial, self.initial + 2 * len(self.starts))
 
     def rows(self, start: int) -> slice:
@@ -92,7 +92,7 @@ class Record:
         return slice(max(self.starts[start] - self.skip, 0), max(ends[start] - self.skip, 0))
 
     def with_drive_noise(self, generator: np.random.Generator) -> Record:
-        """Return the record with another noise of the moment channel."""
+        """Return the record with another noise draw on the moment channel."""
         level = self.states.noise.moment
         moment = self.moment + level * generator.standard_normal(self.moment.size)
         if self.excitation is None:
@@ -108,7 +108,7 @@ class Record:
 def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
     """Return a coefficient of the model, and how far it may move.
 
-    Friction that pushes starts at none and may become as large as the RMS of the moment.
+    Negative friction starts at zero and may become as large as the RMS of the moment.
     """
     term = model[name]
     value = term.coefficient
@@ -141,15 +141,16 @@ def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     return Parameter(name, "nuisance", start, scale, start - reach, start + reach)
 
 
-def initial_parameters(record: Record) -> Iterable[Parameter]:
+def initial_parameters(record: Record, motion: Motion) -> Iterable[Parameter]:
     """Angle and rate of a run where its simulation starts, and where it is restarted."""
-    signals = (("angle", record.states.angle), ("rate", record.states.rate))
+    names = ("angle", "rate") if motion == "rotation" else ("displacement", "velocity")
+    signals = tuple(zip(names, (record.states.angle, record.states.rate), strict=True))
     for number, first in enumerate(record.starts, 1):
         for name, signal in signals:
             value, size = float(signal[first]), rms(signal - np.mean(signal))
-            where = f", window {number}" if len(record.starts) > 1 else ""
+            segment = f", segment {number}" if len(record.starts) > 1 else ""
             yield Parameter(
-                f"initial {name} of {record.run.name}{where}",
+                f"initial {name} of {record.run.name}{segment}",
                 "initial",
                 value,
                 size,
@@ -158,8 +159,8 @@ def initial_parameters(record: Record) -> Iterable[Parameter]:
             )
 
 
-def record_of(law: Law, run: Run, states: ForceStates, place: int, window: float) -> Record:
-    """Return a run as the problem uses it; `place` is the next free one among the parameters."""
+def record_of(law: Law, run: Run, states: ForceStates, index: int, window: float) -> Record:
+    """Return a run as the problem uses it; `index` is the next free one among the parameters."""
     first = round(states.time[0] * run.sample_rate)
     span = slice(first, first + states.n_samples)
     drive = choose_drive(law, states)
@@ -169,7 +170,7 @@ def record_of(law: Law, run: Run, states: ForceStates, place: int, window: float
     noise = states.noise.moment if drive == "motion" else states.noise.angle
     starts: tuple[int, ...] = ()
     if drive == "windows":
-        starts = tuple(window_starts(states.n_samples, run.sample_rate, window))
+        starts = tuple(segment_starts(states.n_samples, run.sample_rate, window))
     elif drive == "moment" and states.method != "periodic":
         starts = (0,)
     return Record(
@@ -183,5 +184,5 @@ def record_of(law: Law, run: Run, states: ForceStates, place: int, window: float
         excitation=measured_drive(run, states) if drive == "moment" else None,
         limits=angle_limits(law, states, drive),
         starts=starts,
-        initial=place,
+        initial=index,
     )

@@ -15,13 +15,13 @@ class ResponsePolicy:
 
     restoring_share: float = limit(
         0.1,
-        "least elastic moment, as a share of the moment's RMS, with which a joint finds its way back by itself and is "
-        "simulated without restarts",
+        "least elastic moment, as a share of the moment's RMS, with which a joint is simulated without "
+        "restarts",
         source=JUDGEMENT,
     )
     free_share: float = limit(
         0.1,
-        "a joint swings freely while the moment stays below this share of its scale, for all but this share of the "
+        "a joint vibrates freely while the moment stays below this share of its scale, for all but this share of the "
         "time",
         source=JUDGEMENT,
     )
@@ -32,7 +32,7 @@ class ResponsePolicy:
         5, "fewest simulated sets of coefficients of which a band is made", source=JUDGEMENT
     )
     half_cycle_significance: float = limit(
-        6.0, "least swing between two turning points, in RMS of the smoothed noise", source=JUDGEMENT
+        6.0, "least half-cycle between two turning points, in RMS of the smoothed noise", source=JUDGEMENT
     )
     least_half_cycle: float = limit(
         0.002, "the same as a share of the whole range of the signal", source=JUDGEMENT

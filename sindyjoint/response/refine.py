@@ -12,7 +12,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import with_coefficients
-from sindyjoint.response.output_error import OutputError, without_pushing
+from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, campaign_states
@@ -51,12 +51,12 @@ class Refinement:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to tell beside the model."""
+        """Notes reported with the model."""
         values = [
             f"{name} {value:.4g} ± {error:.2g}{NUISANCE[name].unit}"  # type: ignore[index]
             for name, (value, error) in self.nuisance.items()
         ]
-        return (self.reason, *([f"estimated beside the coefficients: {', '.join(values)}"] if values else []),
+        return (self.reason, *([f"estimated together with the coefficients: {', '.join(values)}"] if values else []),
                 *self.undetermined)  # fmt: skip
 
 
@@ -74,7 +74,7 @@ def refine(
     The runs that may be used for identification are simulated (see
     :func:`~sindyjoint.response.run.choose_drive`) and compared with the measured response in units of its
     noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
-    restoring moment is simulated in windows, those of every window.
+    restoring moment is simulated by multiple shooting, those of every segment.
 
     Parameters
     ----------
@@ -83,10 +83,10 @@ def refine(
     states : sequence of ForceStates, optional
         Of the identification runs.
     nuisance : sequence of {"delay", "gain", "offset"}
-        What to estimate beside: the time by which the moment lags the response, s; the factor by which the response
-        channel reads too high; its zero error, rad (m).
+        What to estimate with the coefficients: the time by which the moment lags the response, s; the factor by which
+        the response channel reads too high; its zero error, rad (m).
     window : float
-        s between restarts, for joints without a restoring moment.
+        Length of a multiple-shooting segment, s, for joints without a restoring moment.
     progress : callable, optional
 
     Returns
@@ -103,7 +103,7 @@ def refine(
     unknown = [name for name in nuisance if name not in NUISANCE]
     if unknown:
         raise UnknownNameError(
-            f"nuisance parameter {unknown[0]!r} is not known; wanted: {', '.join(NUISANCE)}"
+            f"nuisance parameter {unknown[0]!r} is not known; expected one of {', '.join(NUISANCE)}"
         )
     if not model.terms:
         raise InputError("the model has no terms: there is nothing to refine; run discover first")
@@ -111,7 +111,7 @@ def refine(
     problem = OutputError.of(
         model, campaign.identification_runs, states, tuple(dict.fromkeys(nuisance)), window
     )
-    problem, left_out = problem.that_can_start()
+    problem, left_out = problem.drop_failing_runs()
     if not problem.runs:
         return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())
     start = np.array([parameter.start for parameter in problem.parameters])
@@ -126,12 +126,12 @@ def refine(
         max_nfev=MOST_EVALUATIONS,
     )  # fmt: skip
     found = solution.x * scale
-    lasting = scale[: problem.lasting]
+    lasting = scale[: problem.n_shared]
     covariance = problem.covariance(found) / np.outer(lasting, lasting)
-    return _refinement(model, problem, found, covariance, scale, before, states, left_out)
+    return _summarise_refinement(model, problem, found, covariance, scale, before, states, left_out)
 
 
-def _refinement(
+def _summarise_refinement(
     model: JointModel,
     problem: OutputError,
     found: Array,
@@ -143,12 +143,12 @@ def _refinement(
 ) -> Refinement:
     after = problem.nrmse(found)
     names = [parameter.name for parameter in problem.parameters]
-    places = [names.index(term.id) for term in model.terms]
-    lasting = problem.parameters[: problem.lasting]
-    scale = scale[: problem.lasting]
+    indices = [names.index(term.id) for term in model.terms]
+    lasting = problem.parameters[: problem.n_shared]
+    scale = scale[: problem.n_shared]
     errors = np.sqrt(np.diag(covariance)) * scale
     physical = covariance * np.outer(scale, scale)
-    new = with_coefficients(model, found[places], physical[np.ix_(places, places)])
+    new = with_coefficients(model, found[indices], physical[np.ix_(indices, indices)])
     values = {
         parameter.name: (float(found[i]), float(errors[i]))
         for i, parameter in enumerate(lasting)
@@ -163,16 +163,16 @@ def _refinement(
     count = len(problem.runs)
     reason = (
         f"coefficients refined on the simulated response of {count} run(s): NRMSE "
-        f"{100 * _pooled(before):.3f} % before, {100 * _pooled(after):.3f} % after"
+        f"{100 * _pool_nrmse(before):.3f} % before, {100 * _pool_nrmse(after):.3f} % after"
     )
-    if without_pushing(model) is not model:
-        reason += "; negative Coulomb friction, which cannot be simulated, was started from none"
+    if without_negative_friction(model) is not model:
+        reason += "; negative Coulomb friction, which cannot be simulated, was started from zero"
     if at_bound:
         reason += f"; at the end of the range searched: {', '.join(at_bound)}"
     if left_out:
         reason += f"; left out, since the model to start from does not reach their end: {'; '.join(left_out)}"
     return Refinement(
-        model=_refitted(new, states),
+        model=_update_residual(new, states),
         refined=True,
         reason=reason,
         before=before,
@@ -182,17 +182,19 @@ def _refinement(
     )
 
 
-def _pooled(values: dict[str, float]) -> float:
+def _pool_nrmse(values: dict[str, float]) -> float:
     return float(np.sqrt(np.mean(np.square(list(values.values())))))
 
 
-def _refitted(model: JointModel, states: Sequence[ForceStates]) -> JointModel:
-    """Return the model with the residual of the moment that its new coefficients leave."""
+def _update_residual(model: JointModel, states: Sequence[ForceStates]) -> JointModel:
+    """Return the model with the residual of the moment under its new coefficients."""
     squares, count = 0.0, 0
     for state in states:
         keep = state.moving
-        left = state.transfer_moment(model.inertia)[keep] - model.moment(state.angle[keep], state.rate[keep])
-        squares, count = squares + float(left @ left), count + left.size
+        residual = state.transfer_moment(model.inertia)[keep] - model.moment(
+            state.angle[keep], state.rate[keep]
+        )
+        squares, count = squares + float(residual @ residual), count + residual.size
     return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))
 
 
@@ -214,12 +216,12 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
         size = float(np.sqrt(variance))
         order = np.argsort(-np.abs(direction))
         named = [parameters[i].name for i in order if abs(direction[i]) >= POLICY.named_share]
-        alone = len(named) == 1
-        if size <= (POLICY.undetermined if alone else POLICY.undetermined_together) or not (
-            alone or entangled[order[1]]
+        single = len(named) == 1
+        if size <= (POLICY.undetermined if single else POLICY.undetermined_together) or not (
+            single or entangled[order[1]]
         ):
             continue
-        if alone:
+        if single:
             sentences.append(
                 f"{named[0]} is not determined by these runs: its standard error is {100 * size:.0f} % of it"
             )

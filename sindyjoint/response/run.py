@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
+from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
-from sindyjoint.mechanics.windows import simulate_windows
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import elastic_moment
 from sindyjoint.response.policy import POLICY
@@ -21,7 +21,7 @@ from sindyjoint.states import ForceStates, force_states
 Array = NDArray[np.float64]
 Drive = Literal["moment", "windows", "motion"]
 
-# Time between restarts where nothing pulls the joint back, s.
+# Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
@@ -29,7 +29,7 @@ RTOL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRun:
-    """A run beside its simulation, sample by sample over the compared span.
+    """A run and its simulation, sample by sample over the compared span.
 
     Parameters
     ----------
@@ -121,10 +121,11 @@ def rms(values: ArrayLike) -> float:
 
 
 def choose_drive(law: Law, states: ForceStates) -> Drive:
-    """Choose how a law is simulated beside a run.
+    """Choose how a law is simulated against a run.
 
-    By the moment where the joint has inertia and a restoring moment over the run's angles; in windows where it has
-    inertia only; by the motion where it has none, since then the moment alone does not determine how it moves.
+    By the moment where the joint has inertia and a restoring moment over the run's angles; by multiple shooting
+    ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
+    the motion.
     """
     if not law.inertia > 0:
         return "motion"
@@ -147,7 +148,7 @@ def simulate_run(
     window: float = WINDOW,
     **options: Any,
 ) -> SimulatedRun:
-    """Simulate a law beside a measured run.
+    """Simulate a law against a measured run.
 
     The simulation starts from the measured state where the force states begin, after the start-up transient. The
     first period of a periodic run is simulated and not compared: there, a wrong initial state has not died out.
@@ -161,14 +162,14 @@ def simulate_run(
     drive : {"moment", "windows", "motion"}, optional
         Default: :func:`choose_drive`.
     window : float
-        s, for ``"windows"``.
+        Length of a multiple-shooting segment, s, for ``"windows"``.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
     Returns
     -------
     SimulatedRun
-        A simulation that leaves the law's range is a result, too: its words are in ``failure``.
+        A simulation that leaves the law's range is a result, too: ``failure`` holds its message.
     """
     states = force_states(run) if states is None else states
     drive = choose_drive(law, states) if drive is None else drive
@@ -176,7 +177,7 @@ def simulate_run(
     span = slice(first, first + states.n_samples)
     skip = settling(states)
     kept = slice(first + skip, span.stop)
-    compared = _cut(states, skip)
+    compared = _cut_states(states, skip)
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
@@ -184,7 +185,7 @@ def simulate_run(
             law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
         )
         if drive != "motion":
-            motion = _moved(law, run, states, span, drive, window, {"rtol": RTOL, **options})
+            motion = _simulate_motion(law, run, states, span, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:
         failure = str(error)
@@ -213,7 +214,7 @@ def settling(states: ForceStates) -> int:
     return period if states.n_samples >= 3 * period else 0
 
 
-def _cut(states: ForceStates, skip: int) -> ForceStates:
+def _cut_states(states: ForceStates, skip: int) -> ForceStates:
     """Return the states from a sample on."""
     if not skip:
         return states
@@ -224,7 +225,8 @@ def _cut(states: ForceStates, skip: int) -> ForceStates:
 def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     """Return the angles that end a simulation.
 
-    The softening limit; where the measured motion itself passes it, or in windows, three times the measured range.
+    The softening limit; where the measured motion passes it, or under multiple shooting, three times the
+    measured range.
     """
     low, high = softening_limit(law)
     least, most = float(np.min(states.angle)), float(np.max(states.angle))
@@ -238,7 +240,7 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
     """Return the measured moment over the span of the states as an excitation.
 
     A run that repeats is driven by the mean of its periods: its response repeats, too, so noise of the moment
-    channel has no place in the simulation.
+    channel does not belong in the simulation.
     """
     first = round(states.time[0] * run.sample_rate)
     moment = run.moment[first : first + states.n_samples]
@@ -248,12 +250,12 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
 
     per = run.sample_rate / states.frequency
     nodes, periods = round(per), int((moment.size - 1) / per + 1e-9)
-    places = (np.arange(periods)[:, None] + np.arange(nodes) / nodes) * per
-    mean = CubicSpline(np.arange(moment.size), moment)(places).mean(axis=0)
+    positions = (np.arange(periods)[:, None] + np.arange(nodes) / nodes) * per
+    mean = CubicSpline(np.arange(moment.size), moment)(positions).mean(axis=0)
     return repeated(mean, 1 / states.frequency)
 
 
-def _moved(
+def _simulate_motion(
     law: Law, run: Run, states: ForceStates, span: slice, drive: Drive, window: float, options: dict[str, Any]
 ) -> Any:
     """Simulate the joint under the measured moment."""
@@ -261,7 +263,7 @@ def _moved(
     if "limits" not in options:
         options["limits"] = angle_limits(law, states, drive)
     if states.repeated:
-        # Internal states of the law are not known at the start; one period before, they find their way.
+        # Internal states of the law are not known at the start; they settle within one period.
         periods = repeated(states.moment, states.n_samples / run.sample_rate)
         at = (states.angle[0], states.rate[0])
         duration = 2 * states.n_samples / run.sample_rate
@@ -269,7 +271,9 @@ def _moved(
         return replace(both, angle=both.angle[-states.n_samples :], rate=both.rate[-states.n_samples :])
     if drive == "windows":
         start = np.column_stack([states.angle, states.rate])
-        return simulate_windows(law, moment, run.sample_rate, window, start, interpolation="cubic", **options)
+        return simulate_segments(
+            law, moment, run.sample_rate, window, start, interpolation="cubic", **options
+        )
     return simulate(
         law,
         measured_drive(run, states),

@@ -1,4 +1,4 @@
-"""What a verification says: run by run, over all runs, and the verdict."""
+"""Result of a verification: by run, over all runs, and the verdict."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Verification:
     model : JointModel
     kind : {"rig", "campaign"}
     subject : str
-        What the model was held against.
+        What the model was compared with.
     verdict : {"passed", "failed"}
     reason : str
         One sentence.
@@ -161,7 +161,7 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _pooled(values: Sequence[float | None], mean: Callable[[Array], Any]) -> float | None:
+def _pool_runs(values: Sequence[float | None], mean: Callable[[Array], Any]) -> float | None:
     known = np.array([value for value in values if value is not None], dtype=float)
     return float(mean(known)) if known.size else None
 
@@ -176,18 +176,18 @@ def judged(
 ) -> Verification:
     """Return the verdict over all runs; each run counts alike."""
     failed = [run for run in runs if run.simulated is None]
-    said = [*warnings, *(f"{run.name}: {run.failure}" for run in failed)]
-    said += [
+    messages = [*warnings, *(f"{run.name}: {run.failure}" for run in failed)]
+    messages += [
         f"{run.name}: {run.band.failed} of {run.band.draws} sets of coefficients left the law's range"
         for run in runs
         if run.band is not None and run.band.failed
     ]
-    whole = None if failed else _pooled([run.response_nrmse for run in runs], rms)
-    floor = _pooled([run.noise_floor for run in runs], rms)
+    whole = None if failed else _pool_runs([run.response_nrmse for run in runs], rms)
+    floor = _pool_runs([run.noise_floor for run in runs], rms)
     beyond = float("inf") if whole is None else rms([run.beyond_noise for run in runs])
     worst = max(runs, key=lambda run: run.beyond_noise)
     if not failed and len(runs) > 1 and worst.beyond_noise > tolerance:
-        said.append(
+        messages.append(
             f"{worst.name}: {100 * worst.beyond_noise:.1f} % of the response lies beyond the noise, the most of all "
             "runs"
         )
@@ -206,10 +206,10 @@ def judged(
         reason=reason,
         tolerance=tolerance,
         response_nrmse=whole,
-        moment_nrmse=_pooled([run.moment_nrmse for run in runs], rms),
+        moment_nrmse=_pool_runs([run.moment_nrmse for run in runs], rms),
         noise_floor=floor,
-        amplitude_rms_error=_pooled([run.amplitude_rms_error for run in runs], rms),
-        mean_period_difference=_pooled([run.mean_period_difference for run in runs], np.mean),
+        amplitude_rms_error=_pool_runs([run.amplitude_rms_error for run in runs], rms),
+        mean_period_difference=_pool_runs([run.mean_period_difference for run in runs], np.mean),
         runs=tuple(runs),
-        warnings=tuple(said),
+        warnings=tuple(messages),
     )

@@ -30,7 +30,7 @@ def verify_campaign(
     say: Callable[[str], None],
 ) -> Verification:
     """Compare the validation runs, or all runs where none is kept for validation."""
-    warnings = _joint_warnings(model, campaign)
+    warnings = _compare_joints(model, campaign)
     runs = campaign.validation_runs
     if not runs:
         runs = campaign.runs
@@ -50,16 +50,16 @@ def verify_campaign(
                 simulate_run(other, run, states, drive=simulated.drive, window=window) for other in laws
             )
             band = band_of([other.simulated_response for other in others])
-        results.append(_run_result(simulated, campaign, band))
+        results.append(_compare_run(simulated, campaign, band))
     return judged(model, "campaign", campaign.joint.name, tolerance, results, warnings)
 
 
-def _joint_warnings(model: JointModel, campaign: Campaign) -> list[str]:
+def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
     warnings = [*campaign.warnings]
     if model.joint.motion != campaign.joint.motion:
         raise InputError(
             f"the model is of a joint in {model.joint.motion}, the campaign of one in {campaign.joint.motion}; "
-            "a model of the same motion is wanted"
+            "expected a model of the same motion"
         )
     if model.joint.name != campaign.joint.name:
         warnings.append(
@@ -71,16 +71,16 @@ def _joint_warnings(model: JointModel, campaign: Campaign) -> list[str]:
     return warnings
 
 
-def _run_result(simulated: SimulatedRun, campaign: Campaign, band: Band | None) -> RunVerification:
+def _compare_run(simulated: SimulatedRun, campaign: Campaign, band: Band | None) -> RunVerification:
     names = ("moment", "angle") if campaign.joint.motion == "rotation" else ("force", "displacement")
     response = simulated.simulated_response
     measured = simulated.measured_response
     frequency = simulated.frequency
-    swings = (
+    oscillations = (
         oscillation(measured, simulated.sample_rate, frequency),
         None if response is None else oscillation(response, simulated.sample_rate, frequency),
     )
-    gap = compare_oscillations(*swings) if _has_cycles(simulated) else None
+    gap = compare_oscillations(*oscillations) if _has_cycles(simulated) else None
     return RunVerification(
         name=simulated.run,
         channel=names[0] if simulated.drive == "motion" else names[1],
@@ -94,16 +94,16 @@ def _run_result(simulated: SimulatedRun, campaign: Campaign, band: Band | None) 
         noise_floor=finite(simulated.response_floor),
         amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
         mean_period_difference=None if gap is None else gap.mean_period_difference,
-        oscillations=swings,
+        oscillations=oscillations,
         energy=cycle_energy(simulated),
         failure=simulated.failure,
     )
 
 
 def _has_cycles(simulated: SimulatedRun) -> bool:
-    """Whether amplitude and period mean something: the run repeats, or the joint swings freely most of the time.
+    """Whether amplitude and period mean something: the run repeats, or the joint vibrates freely most of the time.
 
-    In windows the start of each is measured: amplitudes would flatter the model.
+    A multiple-shooting segment starts from the measured state: its amplitudes would flatter the model.
     """
     if simulated.drive != "moment":
         return False

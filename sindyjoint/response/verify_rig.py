@@ -1,4 +1,4 @@
-"""A model in the place of a rig's joint, against the rig's response to a pulse."""
+"""A model as a rig's joint, against the rig's response to a pulse."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from sindyjoint.response.verification import Band, RunVerification, Verification
 
 Array = NDArray[np.float64]
 
-# Stands in a rig for the joints whose law is "model" until a model takes their place.
-MODEL_PLACE = PaperLaw(k1=1.0, name="model")
+# Placeholder in a rig for the joints whose law is "model" until a model replaces it.
+MODEL_PLACEHOLDER = PaperLaw(k1=1.0, name="model")
 
 
 def verify_rig(
@@ -42,9 +42,9 @@ def verify_rig(
     """Compare the rig's measured response, or a virtual pulse test, with the model's simulation."""
     if model.joint.motion != "rotation":
         raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-    places = model_places(rig, model)
+    modelled = find_model_joints(rig, model)
     say("the measured response")
-    test = _pulse_test(rig, truth, generator)
+    test = _provide_pulse_test(rig, truth, generator)
     warnings = []
     if test.simulated:
         beyond = f"; it holds {test.truth}, which the simulation does not know" if test.truth else ""
@@ -53,7 +53,7 @@ def verify_rig(
     options = {"points": (test.point,), "duration": duration, "sample_rate": test.sample_rate}
 
     def response(law: Law) -> Any:
-        return with_laws(rig, lambda hinge: law if hinge.name in places else hinge.law).respond(**options)
+        return with_laws(rig, lambda hinge: law if hinge.name in modelled else hinge.law).respond(**options)
 
     say("simulating the rig")
     failure, simulated = "", None
@@ -65,19 +65,21 @@ def verify_rig(
     band = None
     if simulated is not None and draws:
         say(f"simulating {draws} sets of coefficients")
-        band = band_of([_tip(response, draw, test.point, n) for draw in draw_models(model, draws, generator)])
-    result = _pulse_result(rig, test, simulated, band, failure)
+        band = band_of(
+            [_simulate_tip(response, draw, test.point, n) for draw in draw_models(model, draws, generator)]
+        )
+    result = _compare_pulse(rig, test, simulated, band, failure)
     return judged(model, "rig", rig.name, tolerance, [result], warnings)
 
 
-def _tip(response: Callable[[Law], Any], draw: JointModel, point: str, n: int) -> Array | None:
+def _simulate_tip(response: Callable[[Law], Any], draw: JointModel, point: str, n: int) -> Array | None:
     try:
         return response(model_law(draw)).displacement[point][:n]
     except SimulationError:
         return None
 
 
-def model_places(rig: Rig, model: JointModel) -> set[str]:
+def find_model_joints(rig: Rig, model: JointModel) -> set[str]:
     """Return the names of the joints that the model stands for.
 
     Those whose law is "model" in the rig; else those whose law has the name of the model's joint; else the only one.
@@ -85,7 +87,7 @@ def model_places(rig: Rig, model: JointModel) -> set[str]:
     joints = hinges(rig)
     if not joints:
         raise InputError(f"the rig {rig.name!r} has no joint for the model to stand for")
-    marked = {hinge.name for hinge in joints if hinge.law is MODEL_PLACE}
+    marked = {hinge.name for hinge in joints if hinge.law is MODEL_PLACEHOLDER}
     alike = {hinge.name for hinge in joints if getattr(hinge.law, "name", None) == model.joint.name}
     if marked or alike:
         return marked or alike
@@ -97,7 +99,7 @@ def model_places(rig: Rig, model: JointModel) -> set[str]:
     )
 
 
-def _pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.Generator) -> PulseTest:
+def _provide_pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.Generator) -> PulseTest:
     measured = rig.measured
     if measured is not None:
         if truth:
@@ -105,7 +107,7 @@ def _pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.Generato
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig {rig.name!r} names a measured response"
             )
         return PulseTest(measured.point, measured.displacement, measured.sample_rate)
-    if any(hinge.law is MODEL_PLACE for hinge in hinges(rig)):
+    if any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(rig)):
         raise InputError(
             f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
             "true law; add a [measured] table, or name a shipped joint as the law"
@@ -113,18 +115,18 @@ def _pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.Generato
     return virtual_pulse_test(rig, random_state=generator, **truth)
 
 
-def _pulse_result(
+def _compare_pulse(
     rig: Rig, test: PulseTest, response: Any, band: Band | None, failure: str
 ) -> RunVerification:
     measured = test.displacement
     scale = float(np.std(measured))
     simulated = None if response is None else response.displacement[test.point][: measured.size]
     frequency = main_frequency(measured, test.sample_rate)
-    swings = (
+    oscillations = (
         oscillation(measured, test.sample_rate, frequency),
         None if simulated is None else oscillation(simulated, test.sample_rate, frequency),
     )
-    gap = compare_oscillations(*swings)
+    gap = compare_oscillations(*oscillations)
     return RunVerification(
         name=f"pulse at {rig.at}",
         channel="displacement",
@@ -138,18 +140,20 @@ def _pulse_result(
         noise_floor=white_noise(measured) / scale,
         amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
         mean_period_difference=None if gap is None else gap.mean_period_difference,
-        oscillations=swings,
-        energy=None if response is None else _swing_energy(swings, response),
+        oscillations=oscillations,
+        energy=None if response is None else _energy_per_cycle(oscillations, response),
         failure=failure,
     )
 
 
-def _swing_energy(swings: tuple[Oscillation | None, Oscillation | None], response: Any) -> Array | None:
-    """Energy lost from one swing to the next but one, J, shape (2, cycles).
+def _energy_per_cycle(
+    oscillations: tuple[Oscillation | None, Oscillation | None], response: Any
+) -> Array | None:
+    """Energy lost from one half-cycle to the next but one, J, shape (2, cycles).
 
     The simulated energy is known; the measured one is taken in proportion to the square of the amplitude.
     """
-    measured, simulated = swings
+    measured, simulated = oscillations
     if measured is None or simulated is None:
         return None
     n = min(measured.amplitude.size, simulated.amplitude.size)

@@ -1,4 +1,4 @@
-"""What a campaign cannot show: said beside every diagnosis, so that a short answer is not taken for a full one."""
+"""Identifiability notes: what a campaign cannot show, reported with every diagnosis."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
 
 
-def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
-    """Return one line for each thing that a campaign's runs leave open.
+def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
+    """Return one line for each question that a campaign's runs leave open.
 
     Parameters
     ----------
@@ -25,18 +25,19 @@ def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
         held = (
             "the runs kept for validation are all there is to check it"
             if campaign.validation_runs
-            else "nothing could be held out, the gaps are those of stretches of that run"
+            else "nothing could be held out, the gaps are those of segments of that run"
         )
         lines.append(f"one run only: {held}")
     frequencies = [s.frequency for s in states if s.frequency is not None]
     if len(frequencies) == len(states) and max(frequencies) < POLICY.same_frequency * min(frequencies):
-        lines.append("one frequency only: effects of frequency, of rate and of inertia cannot be told apart")
-    swings = [float(np.ptp(s.angle)) for s in states]
+        rate = "rate" if campaign.joint.motion == "rotation" else "velocity"
+        lines.append(f"one frequency only: effects of frequency, {rate} and inertia cannot be distinguished")
+    ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
-    if len(periodic) == len(states) and max(swings) < POLICY.same_level * min(swings):
-        lines.append("one level only: effects of amplitude cannot be told apart")
+    if len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges):
+        lines.append("one level only: effects of amplitude cannot be distinguished")
     if not periodic:
-        lines.append("no run repeats: noise was judged from the spectrum, not from repetition")
+        lines.append("no run repeats: noise was estimated from the spectrum, not from repetition")
     short = [
         s.run
         for s in periodic
@@ -44,19 +45,19 @@ def limits(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
     ]
     if short:
         lines.append(
-            f"fewer than {POLICY.few_periods} periods in {_some(short)}: what changes in time cannot be seen"
+            f"fewer than {POLICY.few_periods} periods in {_list_some(short)}: what changes in time cannot be seen"
         )
     ends = {run.name: run.duration for run in campaign.runs}
     late = [s.run for s in periodic if s.dropped > POLICY.large_drop * ends[s.run]]
     if late:
         lines.append(
             f"{100 * max(s.dropped / ends[s.run] for s in periodic):.0f} % of the record was left out as start-up in "
-            f"{_some(late)}: what changed in that time was not examined"
+            f"{_list_some(late)}: what changed in that time was not examined"
         )
     return lines
 
 
-def _some(names: Sequence[str]) -> str:
+def _list_some(names: Sequence[str]) -> str:
     """Return a few names, and how many more there are."""
     shown = ", ".join(names[:3])
     return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more runs"

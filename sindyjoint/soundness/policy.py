@@ -20,14 +20,14 @@ class SoundnessPolicy:
         1.02, "ratio of frequencies below which all runs have one", source=JUDGEMENT
     )
     large_drop: float = limit(
-        0.25, "share of a record left out as start-up from which it is told", source=JUDGEMENT
+        0.25, "share of a record left out as start-up from which it is reported", source=JUDGEMENT
     )
     few_periods: int = limit(
         8, "periods below which a change in time cannot be seen", unit="periods", source=JUDGEMENT
     )
     elastic_share: float = limit(
         0.2,
-        "share of the moment's RMS from which the elastic moment has a sign to speak of",
+        "share of the moment's RMS from which the elastic moment has a definite sign",
         source="a small part of the whole may well fall",
     )
     hardly_moving: float = limit(

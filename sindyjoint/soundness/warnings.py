@@ -1,4 +1,4 @@
-"""What a person should know beside a result: each caution is one sentence with the number that caused it."""
+"""Warnings reported with a result: each is one sentence with the number that caused it."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ Array = NDArray[np.float64]
 OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
 
 
-def cautions(
+def list_warnings(
     campaign: Campaign,
     states: Sequence[ForceStates],
     model: JointModel,
-    skew: Skew | None,
+    delay: Skew | None,
     aligned: bool,
     indistinct: Sequence[str] = (),
 ) -> Iterator[str]:
-    """Yield the cautions that hold for a result."""
+    """Yield the warnings that hold for a result."""
     yield from campaign.warnings
     if model.fitted.misfit <= EQUATION.tolerated_misfit:
-        # Where the law does not fit, the best skew makes up for what the law lacks.
-        yield from _skew(skew, model, aligned)
-    yield from _signs(states, model)
-    yield from _softening(model)
-    yield from _offsets(model)
-    yield from _variety(campaign, states)
+        # Where the law does not fit, the best delay compensates for what the law lacks.
+        yield from _warn_of_delay(delay, model, aligned)
+    yield from _warn_of_signs(states, model)
+    yield from _warn_of_softening(model)
+    yield from _warn_of_offsets(model)
+    yield from _warn_of_variety(campaign, states)
     if indistinct:
         yield f"left out, because on these runs they are combinations of other candidates: {', '.join(indistinct)}"
-    yield from _sticking(states)
-    yield from _misfit(model)
+    yield from _warn_of_sticking(states)
+    yield from _warn_of_misfit(model)
 
 
-def _skew(skew: Skew | None, model: JointModel, aligned: bool) -> Iterator[str]:
-    if skew is None or not skew.significant:
+def _warn_of_delay(delay: Skew | None, model: JointModel, aligned: bool) -> Iterator[str]:
+    if delay is None or not delay.significant:
         return
-    size = f"{1e3 * abs(skew.time):.3f} ± {1e3 * skew.standard_error:.3f} ms"
-    direction = "lags" if skew.time > 0 else "leads"
+    size = f"{1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms"
+    direction = "lags" if delay.time > 0 else "leads"
     moment, angle = channel_words(model)
     if aligned:
         yield f"the {moment} {direction} the {angle} by {size}; the channels were aligned"
         return
     effect = ""
     if "linear_stiffness" in model:
-        bias = skew.time * model["linear_stiffness"].coefficient
-        effect = f", which shifts the linear damping by about {-bias:.3g} {_damping_unit(model)}"
+        bias = delay.time * model["linear_stiffness"].coefficient
+        effect = f", which shifts the viscous damping by about {-bias:.3g} {_damping_unit(model)}"
     yield (
         f"the {moment} seems to {direction[:-1]} the {angle} by {size}{effect}: check the common trigger, or run "
         "again with --align"
@@ -70,7 +70,7 @@ def _damping_unit(model: JointModel) -> str:
     return "N*m*s/rad" if model.joint.motion == "rotation" else "N*s/m"
 
 
-def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
+def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
     """Elastic stiffness and dissipation that are negative in every run point to a reversed channel."""
     stiffness, power = [], []
     for state in states:
@@ -79,7 +79,7 @@ def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
         angle, rate = state.angle[rows] - np.mean(state.angle), state.rate[rows]
         stiffness.append(float(np.mean((moment - moment.mean()) * angle)))
         power.append(float(np.mean(moment * rate)))
-    # An elastic moment that is a small part of the whole may well fall: only a main part has a sign to speak of.
+    # An elastic moment that is a small part of the whole may well fall: only a main part has a definite sign.
     mean_stiffness = _mean_stiffness(model)
     elastic = abs(mean_stiffness) * model.fitted.angle > POLICY.elastic_share * model.fitted.moment_rms
     backwards = elastic and mean_stiffness < 0 and max(stiffness) < 0
@@ -95,17 +95,17 @@ def _signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
             f"{load} may lead the {motion} in time"
         )
     else:
-        yield from falling(model)
+        yield from warn_of_negative_damping(model)
 
 
-def falling(model: JointModel) -> Iterator[str]:
-    """Warn of a viscous damping that feeds energy into a joint which, on the whole, takes it."""
+def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
+    """Warn of a viscous damping that feeds energy into a joint that dissipates on the whole."""
     if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
         return
     moment, angle = channel_words(model)
     rate = "rate" if angle == "angle" else "velocity"
     yield (
-        f"the linear damping is negative, {model['linear_damping'].coefficient:.3g} {_damping_unit(model)}: the "
+        f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {_damping_unit(model)}: the "
         f"{moment} falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the "
         "tested range the model gives off energy"
     )
@@ -118,7 +118,7 @@ def _mean_stiffness(model: JointModel) -> float:
     return float((ends[0] - ends[1]) / (2 * top)) if top > 0 else 0.0
 
 
-def _softening(model: JointModel) -> Iterator[str]:
+def _warn_of_softening(model: JointModel) -> Iterator[str]:
     """Warn where the elastic moment reaches zero tangent inside the tested range."""
     top = model.fitted.angle
     if not any(term.family == "stiffness" for term in model.terms) or top <= 0:
@@ -137,7 +137,7 @@ def _softening(model: JointModel) -> Iterator[str]:
         )
 
 
-def _offsets(model: JointModel) -> Iterator[str]:
+def _warn_of_offsets(model: JointModel) -> Iterator[str]:
     if any(term in model for term in OFFSET_FAMILY):
         moment, angle = channel_words(model)
         yield (
@@ -147,28 +147,28 @@ def _offsets(model: JointModel) -> Iterator[str]:
         )
 
 
-def _variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]:
+def _warn_of_variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]:
     frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
     if len(states) == 1 and states[0].frequency is not None:
         yield (
             "one periodic run only: on it stiffness terms look alike, and so do damping and friction; at least three "
-            "levels at three frequencies tell them apart"
+            "levels at three frequencies distinguish them"
         )
     elif len(states) == 1:
-        yield "one run only: terms were held out by stretches of time, not by frequency"
+        yield "one run only: terms were held out by segments of time, not by frequency"
     elif len(frequencies) == 1:
-        yield "one frequency only: whether the parameters depend on it cannot be told"
+        yield "one frequency only: whether the parameters depend on it cannot be determined"
     if campaign.joint.inertia is None and len(frequencies) == 1 and states[0].method == "periodic":
-        yield "the inertia is not declared and one frequency cannot tell it from stiffness: declare it"
+        yield "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it"
 
 
-def _sticking(states: Sequence[ForceStates]) -> Iterator[str]:
+def _warn_of_sticking(states: Sequence[ForceStates]) -> Iterator[str]:
     least = min(states, key=lambda s: s.moving_fraction)
     if least.moving_fraction < POLICY.hardly_moving:
         yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
 
 
-def _misfit(model: JointModel) -> Iterator[str]:
+def _warn_of_misfit(model: JointModel) -> Iterator[str]:
     fitted = model.fitted
     if model.terms and fitted.misfit > EQUATION.tolerated_misfit:
         explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
@@ -176,6 +176,6 @@ def _misfit(model: JointModel) -> Iterator[str]:
         yield (
             f"the model explains {100 * explained:.1f} % of the mean square {moment}; "
             f"{100 * fitted.misfit:.1f} % of the RMS {moment} is neither model nor noise (noise floor "
-            f"{100 * (fitted.noise_floor / fitted.moment_rms):.1f} %): memory, play or another effect "
+            f"{100 * (fitted.noise_floor / fitted.moment_rms):.1f} %): hysteresis, play or another effect "
             "outside this library is likely"
         )

@@ -1,4 +1,4 @@
-"""Force states of a run that does not repeat: one smoothing kernel and its own derivatives."""
+"""Force states of a run that does not repeat: one smoothing kernel and its derivatives."""
 
 from __future__ import annotations
 
@@ -57,19 +57,19 @@ def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, 
 
 
 def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
-    """Return the frequency at which a signal first sinks into its noise floor, Hz, and the RMS of that noise.
+    """Return the frequency at which a signal first falls to its noise floor, Hz, and the RMS of that noise.
 
-    As :func:`signal_end`, which says in addition whether the signal fades there.
+    As :func:`signal_end`, which also returns whether the signal fades there.
     """
     return signal_end(signal, sample_rate)[:2]
 
 
 def signal_end(signal: Array, sample_rate: float) -> tuple[float, float, bool]:
-    """Return the frequency at which a signal first sinks into its noise floor, and the RMS of that noise.
+    """Return the frequency at which a signal first falls to its noise floor, and the RMS of that noise.
 
     The floor is the median spectral density over the top third of the band. Going up from the strongest line, the
     signal ends where the running median of its density falls below four times the floor; single lines above it
-    (mains, a sensor's own mode) do not count. Beyond that frequency a derivative gains more noise than signal.
+    (mains, a mode of the sensor) do not count. Beyond that frequency a derivative gains more noise than signal.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def difference_noise(signal: Array) -> float:
 
 
 def moment_noise(moment: Array, sample_rate: float) -> float:
-    """Return the RMS of the moment's white noise: the smaller of what differences and the spectrum's top show.
+    """Return the RMS of the moment's white noise: the smaller of two estimates, by differences and by the spectrum.
 
     Differences ignore friction steps but take a moment that changes from sample to sample for noise; the top of the
     spectrum ignores such a moment while it is band-limited, but holds the tail of friction steps.
@@ -119,7 +119,7 @@ def moment_noise(moment: Array, sample_rate: float) -> float:
 
 
 def dwells(rate: Array) -> bool:
-    """Return whether the joint rests at zero rate instead of passing through it.
+    """Return whether the joint sticks at zero rate instead of passing through it.
 
     Passing at a constant acceleration it spends a third as long within 5 % of the peak rate as within 15 %; a joint
     that sticks spends most of that time (0.5 to 0.9, measured on simulated joints).
@@ -132,7 +132,7 @@ def dwells(rate: Array) -> bool:
 
 
 def _reversal_spacing(rate: Array) -> float:
-    """Return the median number of samples between sign changes of the rate that are not its noise."""
+    """Return the median number of samples between sign changes of the rate that are not due to its noise."""
     strong = np.flatnonzero(np.abs(rate) > 0.05 * np.max(np.abs(rate)))
     sign = np.sign(rate[strong])
     change = strong[1:][sign[1:] != sign[:-1]]
@@ -151,11 +151,11 @@ def broadband_states(
     ----------
     run : Run
     bandwidth : float, optional
-        Cut-off of the kernel, Hz. Default: where the angle sinks into its noise, or a fifth above where it does not
+        Cut-off of the kernel, Hz. Default: where the angle falls to its noise, or a fifth above where it does not
         fade but ends there, so that the kernel passes its last lines.
     rate_share : float
         Share of the peak rate below which samples count as reversal. Default: 0.02,
-        or 0.1 where the joint dwells at rest.
+        or 0.1 where the joint sticks.
     repeated : bool
         The run is one period of a motion that repeats: its end is followed by its beginning, and nothing is dropped.
 
@@ -167,8 +167,8 @@ def broadband_states(
     from scipy.signal import fftconvolve
 
     found, angle_noise, abrupt = signal_end(run.angle, run.sample_rate)
-    wanted = bandwidth or (ROOM * found if abrupt else found)
-    cutoff = float(np.clip(wanted, 1e-6, WIDEST * run.sample_rate))
+    highest = bandwidth or (ROOM * found if abrupt else found)
+    cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
     low, first, second = smoothing_kernels(cutoff, run.sample_rate)
     half = low.size // 2
     if run.n_samples < 4 * low.size:
@@ -177,8 +177,8 @@ def broadband_states(
         half = low.size // 2
         if run.n_samples < 3 * low.size:
             raise InputError(
-                f"{run.label}: {run.n_samples} samples are too few to differentiate; at least "
-                f"{3 * low.size} are wanted"
+                f"{run.label}: {run.n_samples} samples are too few to differentiate; expected at "
+                f"least {3 * low.size}"
             )
     edge = 0 if repeated else half
     middle = slice(edge, run.n_samples - edge)

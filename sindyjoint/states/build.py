@@ -33,10 +33,10 @@ def force_states(
         ``"auto"``: periodic where the run repeats at its declared (or, without one, its estimated) frequency for
         at least three steady periods, otherwise broadband; a multisine that repeats three times is averaged first.
     bandwidth : float, optional
-        Highest frequency kept in the angle, Hz. Default: where the angle sinks into its noise.
+        Highest frequency kept in the angle, Hz. Default: where the angle falls to its noise.
     rate_share : float
         Share of the peak rate below which a sample counts as reversal, not as motion. Default: 0.05 periodic,
-        0.02 broadband, 0.1 where a broadband run dwells at rest.
+        0.02 broadband, 0.1 where the joint of a broadband run sticks.
 
     Raises
     ------
@@ -44,29 +44,29 @@ def force_states(
         For an unknown method, a run too short for it, or a run in which the joint hardly ever moves.
     """
     if method not in ("auto", "periodic", "broadband"):
-        raise InputError(f"method is {method!r}; 'auto', 'periodic' or 'broadband' is wanted")
+        raise InputError(f"method is {method!r}; expected 'auto', 'periodic' or 'broadband'")
     if bandwidth is not None and not bandwidth > 0:
-        raise InputError(f"bandwidth is {bandwidth!r} Hz; a positive number is wanted")
+        raise InputError(f"bandwidth is {bandwidth!r} Hz; expected a positive number")
     if method == "periodic" or (method == "auto" and repeats(run)):
         if run.frequency is None:
             run = replace(run, frequency=estimate_frequency(run))
         states = periodic_states(run, bandwidth, rate_share)
     elif method == "auto" and (period := repetition(run)) is not None:
-        states = _averaged(run, period, bandwidth, rate_share)
+        states = _average_periods(run, period, bandwidth, rate_share)
     else:
         states = broadband_states(run, bandwidth, rate_share)
     count = int(np.count_nonzero(states.moving))
-    # Noise alone passes four of its own standard errors now and then.
+    # Pure noise exceeds four of its standard errors now and then.
     if count < MINIMUM_SAMPLES:
         raise InputError(
-            f"{run.label}: {count or 'no'} moving samples: the angular velocity hardly rises above its noise "
-            f"({states.noise.rate:.2g} rad/s); a larger excitation or a less noisy angle channel is wanted"
+            f"{run.label}: {count or 'no'} moving samples: the velocity hardly rises above its noise "
+            f"({states.noise.rate:.2g} rad/s or m/s); expected a larger excitation or a less noisy motion channel"
         )
     return states
 
 
-def _averaged(run: Run, period: int, bandwidth: float | None, rate_share: float | None) -> ForceStates:
-    """Return the broadband states of a run's mean period, placed where the averaged periods begin."""
+def _average_periods(run: Run, period: int, bandwidth: float | None, rate_share: float | None) -> ForceStates:
+    """Return the broadband states of a run's mean period, timed from the start of the averaged periods."""
     mean, first = mean_period(run, period)
     states = broadband_states(mean, bandwidth, rate_share, repeated=True)
     start = first / run.sample_rate
@@ -82,7 +82,7 @@ def campaign_states(
     """Return the force states of every run that may be used for identification."""
     runs = campaign.identification_runs
     if not runs:
-        raise InputError("every run is marked use = 'validate'; at least one run to identify from is wanted")
+        raise InputError("every run is marked use = 'validate'; expected at least one run to identify from")
     return tuple(force_states(run, method, bandwidth, rate_share) for run in runs)
 
 

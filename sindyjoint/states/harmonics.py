@@ -38,7 +38,7 @@ class HarmonicBasis:
         """Return the basis of the given harmonic orders of ``frequency`` (Hz) at ``time`` (s)."""
         angular = np.asarray(2 * np.pi * frequency * orders, dtype=np.float64)
         if np.array_equal(orders, np.arange(1, len(orders) + 1)):
-            cosine, sine = _multiples(angular[0] * time, len(orders))
+            cosine, sine = _compute_multiples(angular[0] * time, len(orders))
             return cls(cosine.T, sine.T, angular, complete=True)
         phase = np.outer(angular, time)
         return cls(np.cos(phase).T, np.sin(phase).T, angular)
@@ -99,10 +99,10 @@ class HarmonicBasis:
         return -(self.cosine @ (a * square)) - self.sine @ (b * square)
 
 
-def _multiples(phase: Array, count: int) -> tuple[Array, Array]:
+def _compute_multiples(phase: Array, count: int) -> tuple[Array, Array]:
     """Return cosine and sine of 1 to ``count`` times a phase, each of shape (count, n).
 
-    By the formulas for sums of angles, four products for each in the place of two series; rounding grows to
+    By the formulas for sums of angles, four products each instead of two series; rounding grows to
     ``count`` times that of one.
     """
     cosine, sine = np.empty((2, count, phase.size))
@@ -117,7 +117,7 @@ def _multiples(phase: Array, count: int) -> tuple[Array, Array]:
 
 
 def local_noise(residual: Array, sample_rate: float, frequencies: Array, width: float) -> Array:
-    """Return the noise variance that a residual shows around each frequency, as of white noise.
+    """Return the noise variance of a residual around each frequency, as of white noise.
 
     Parameters
     ----------
@@ -202,8 +202,8 @@ def steady_start(signal: Array, sample_rate: float, frequency: float, harmonics:
         return 0
     edges = np.round(np.arange(periods + 1) * per).astype(int)
     time = np.arange(edges[-1]) / sample_rate
-    # The harmonics' own sum over one period is not zero where the period is no whole number of samples; the mean
-    # is removed first, so what is left of it is the same in every period.
+    # The harmonics' sum over one period is not zero where the period is no whole number of samples; the mean
+    # is removed first, so the remainder is the same in every period.
     centred = signal[: edges[-1]] - np.mean(signal)
     orders = np.arange(1, harmonics + 1)
     rotated = centred[:, None] * np.exp(-2j * np.pi * frequency * np.outer(time, orders))

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def rate_limit(rate: Array, noise: float, share: float) -> float:
-    """Return the angular velocity below which nothing is said about its sign, rad/s.
+    """Return the angular velocity below which its sign is unknown, rad/s.
 
     The larger of ``share`` of the peak rate and four standard errors of the rate: below it the sign of θ̇, and
     with it the side of the Coulomb friction, is not known.

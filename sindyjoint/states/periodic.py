@@ -100,7 +100,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
 def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
     """Return the samples left out on either side of a reversal; the motion has harmonics up to ``highest`` Hz."""
     guard = max(2, int(np.ceil(POLICY.periodic_guard * sample_rate / highest)))
-    # Displacement-driven runs have one harmonic; half its period would leave nothing.
+    # Displacement-driven runs have one harmonic; half its period would leave no samples.
     return min(guard, max(2, int(POLICY.periodic_guard_limit * sample_rate / frequency)))
 
 
@@ -126,7 +126,7 @@ def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
 
 @dataclass(frozen=True, eq=False)
 class _Series:
-    """A channel as the Fourier series of the harmonics that stand out of its noise."""
+    """A channel as the Fourier series of the harmonics that exceed its noise."""
 
     signal: Array
     basis: HarmonicBasis
@@ -168,7 +168,7 @@ class _Series:
         return basis.series(mean, a, b), basis.derivative(a, b), basis.second_derivative(a, b)
 
     def replicates(self, edges: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-        """Return series and derivatives estimated from each block alone."""
+        """Return series and derivatives estimated from each block separately."""
         parts = [self.motion(slice(low, high)) for low, high in zip(edges[:-1], edges[1:], strict=True)]
         series, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
         return series, first, second
@@ -190,7 +190,7 @@ def repeat_noise(signal: Array, sample_rate: float, frequency: float, where: NDA
     """Return the RMS of what does not repeat from one period to a later one, per sample.
 
     The lag is the whole number of periods, up to half the record, that is nearest to a whole number of samples;
-    what is left of it is interpolated linearly. Only samples marked in ``where`` are compared, so a friction
+    the remainder is interpolated linearly. Only samples marked in ``where`` are compared, so a friction
     step that falls between samples is not taken for noise.
     """
     per = sample_rate / frequency

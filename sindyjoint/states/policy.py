@@ -47,9 +47,9 @@ class StatesPolicy:
         "harmonics in a row that are not significant, at which the spectrum has ended in noise",
         source=f"{SIMULATED}: ending there costs 0.5 % in c1 at 5 % noise",
     )
-    same_stretch: float = limit(
+    same_segment: float = limit(
         0.15,
-        "two stretches are the same excitation when they differ by less than this share of their RMS",
+        "two segments are the same excitation when they differ by less than this share of their RMS",
         source="twice 5 % noise, and √2",
     )
     fewest_repetitions: int = limit(
@@ -63,15 +63,15 @@ class StatesPolicy:
     )
     transient: float = limit(
         1.5,
-        "a first period that differs from the others by so many times what they do among one another is left out",
+        "a first period that differs from the others by so many times their mutual difference is left out",
         source=JUDGEMENT,
     )
     signal_to_noise: float = limit(
-        4.0, "ratio of spectral densities at which a signal sinks into its noise floor", source=JUDGEMENT
+        4.0, "ratio of spectral densities at which a signal falls to its noise floor", source=JUDGEMENT
     )
     cut_off_abruptly: float = limit(
         40.0,
-        "density just below a signal's end, in noise floors, beyond which it does not fade but was cut there",
+        "density just below a signal's end, in noise floors, beyond which it was cut there instead of fading",
         source=JUDGEMENT,
     )
     rate_sigmas: float = limit(
@@ -82,7 +82,7 @@ class StatesPolicy:
     )
     periodic_guard: float = limit(
         0.5,
-        "guard beside a reversal: the length over which a truncated series rings",
+        "guard on each side of a reversal: the length over which a truncated series rings",
         unit="periods of the highest kept harmonic",
         source=JUDGEMENT,
     )
@@ -102,16 +102,19 @@ class StatesPolicy:
         source=JUDGEMENT,
     )
     sticking_guard: float = limit(
-        0.5, "guard beside a reversal of such a run", unit="periods of the cut-off", source=JUDGEMENT
+        0.5, "guard on each side of a reversal of such a run", unit="periods of the cut-off", source=JUDGEMENT
     )
     passing_rate_share: float = limit(
         0.02,
         "share of the peak rate below which a sample is reversal, where the joint only passes through zero: its slow "
-        "samples tell friction from damping",
+        "samples distinguish friction from damping",
         source=JUDGEMENT,
     )
     passing_guard: float = limit(
-        0.25, "guard beside a reversal of such a run", unit="periods of the cut-off", source=JUDGEMENT
+        0.25,
+        "guard on each side of a reversal of such a run",
+        unit="periods of the cut-off",
+        source=JUDGEMENT,
     )
     broadband_guard_limit: float = limit(
         0.1, "either guard at most, as a share of the usual spacing of reversals", source=JUDGEMENT

@@ -72,9 +72,9 @@ class ForceStates:
     moving : ndarray of bool, shape (n,)
         False while the joint sticks or reverses; there the moment is not a function of (θ, θ̇).
     block : ndarray of int, shape (n,)
-        Replicate block (a stretch of whole periods, or of time) to which a sample belongs.
+        Replicate block (a segment of whole periods, or of time) to which a sample belongs.
     replicate : tuple of three ndarray, or None
-        Angle, rate and acceleration estimated from each block alone. Their scatter carries the noise of the angle
+        Angle, rate and acceleration estimated from each block separately. Their scatter carries the noise of the angle
         channel into standard errors. ``None`` where blocks share one estimate.
     noise : NoiseFloor
     method : {"periodic", "broadband"}
@@ -83,11 +83,12 @@ class ForceStates:
     dropped : float
         Seconds left out at the start as transient (periodic) or at the edges (broadband).
     repeated : bool
-        Whether the samples are the mean of repeated stretches (the periods of a multisine), and so follow themselves.
+        Whether the samples are the mean of repeated segments (the periods of a multisine), so that the last
+        precedes the first.
     rate_measured : bool
-        Whether the angular velocity comes from a channel of its own.
+        Whether the angular velocity comes from a separate channel.
     began : float
-        Start of the run since that of the campaign's first one, s; zero where nobody asked.
+        Start of the run since that of the campaign's first one, s; zero where not requested.
     slowest : float
         Rate below which a sample counts as reversal, rad/s.
     guard : int

@@ -31,7 +31,7 @@ def repetition(run: Run) -> int | None:
         return None
     likeness = np.minimum(_autocorrelation(angle), _autocorrelation(moment))
     near = likeness[POLICY.shortest_repetition : late + 1]
-    passing = np.flatnonzero(near > 1 - POLICY.same_stretch**2)
+    passing = np.flatnonzero(near > 1 - POLICY.same_segment**2)
     if not passing.size:
         return None
     top = int(passing[0])
@@ -39,7 +39,7 @@ def repetition(run: Run) -> int | None:
         top += 1
     lag = POLICY.shortest_repetition + top
     alike = all(
-        np.std(late_part[lag:] - late_part[:-lag]) <= POLICY.same_stretch * np.sqrt(2) * np.std(late_part)
+        np.std(late_part[lag:] - late_part[:-lag]) <= POLICY.same_segment * np.sqrt(2) * np.std(late_part)
         for late_part in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
     )
     wasted = run.n_samples % lag
@@ -49,7 +49,7 @@ def repetition(run: Run) -> int | None:
 def mean_period(run: Run, period: int) -> tuple[Run, int]:
     """Return one mean period of a run that repeats, and the first sample of the periods that it is the mean of.
 
-    A first period that differs more from the others than they do among one another is left out.
+    A first period that differs more from the others than these differ among themselves is left out.
 
     Parameters
     ----------

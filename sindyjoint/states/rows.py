@@ -30,7 +30,7 @@ class RegressionRows:
     runs, blocks : ndarray, shape (n,)
         ``runs`` is None for a single run.
     X_replicate, y_replicate : ndarray
-        The same rows from each block alone.
+        The same rows from each block separately.
     """
 
     X: Array
@@ -47,7 +47,7 @@ class RegressionRows:
 
 
 def group_labels(states: Sequence[ForceStates]) -> list[str]:
-    """Return what is held out together: runs of one frequency; or each run alone where all share one.
+    """Return the group in which each run is held out: its frequency, or the run itself where all share one.
 
     Frequencies are refined run by run: within one per cent they are the same.
     """

@@ -101,15 +101,15 @@ def force_state_map(angle: ArrayLike, rate: ArrayLike, moment: ArrayLike, n: int
     theta, omega, torque = (np.asarray(signal, dtype=np.float64) for signal in (angle, rate, moment))
     if not theta.shape == omega.shape == torque.shape or theta.ndim != 1 or theta.size == 0:
         raise InputError(
-            f"angle, rate and moment have shapes {theta.shape}, {omega.shape} and {torque.shape}; three signals of "
-            "one length are wanted"
+            f"angle, rate and moment have shapes {theta.shape}, {omega.shape} and {torque.shape}; expected three "
+            "signals of one length"
         )
     if n < 2:
-        raise InputError(f"a map of {n} cells along each axis was asked for; at least 2 are wanted")
-    angle_edges = _edges(float(theta.min()), float(theta.max()), n)
+        raise InputError(f"a map of {n} cells along each axis was asked for; expected at least 2")
+    angle_edges = _make_edges(float(theta.min()), float(theta.max()), n)
     top = float(np.max(np.abs(omega)))
-    rate_edges = _edges(-top, top, n)
-    cell = _index(theta, angle_edges) * n + _index(omega, rate_edges)
+    rate_edges = _make_edges(-top, top, n)
+    cell = _find_cells(theta, angle_edges) * n + _find_cells(omega, rate_edges)
     count = np.bincount(cell, minlength=n * n)
 
     def mean(values: Array) -> Array:
@@ -117,7 +117,7 @@ def force_state_map(angle: ArrayLike, rate: ArrayLike, moment: ArrayLike, n: int
             return np.bincount(cell, values, minlength=n * n) / count
 
     average = mean(torque)
-    # The deviation from the cell's own mean: squares of large numbers would cancel.
+    # The deviation from the cell's mean: squares of large numbers would cancel.
     spread = np.sqrt(mean((torque - average[cell]) ** 2))
     return ForceStateMap(
         angle_edges,
@@ -164,7 +164,7 @@ def fit_surface(surface: ForceStateMap, at: str = "centres") -> SurfaceFit:
     ----------
     surface : ForceStateMap
     at : {"centres", "means"}
-        Where a cell's mean moment is said to hold: at the middle of the cell, as a map is read, or at the mean
+        State to which a cell's mean moment belongs: at the middle of the cell, as a map is read, or at the mean
         state of its samples, which is less biased in cells that are half empty.
 
     Raises
@@ -181,20 +181,20 @@ def fit_surface(surface: ForceStateMap, at: str = "centres") -> SurfaceFit:
     ['3.000000', '0.000000', '0.000000', '0.000000', '0.500000']
     """
     if at not in ("centres", "means"):
-        raise InputError(f"at is {at!r}; 'centres' or 'means' is wanted")
+        raise InputError(f"at is {at!r}; expected 'centres' or 'means'")
     filled = surface.filled
     angle, rate = surface.centres if at == "centres" else (surface.angle, surface.rate)
     theta, omega, moment = angle[filled], rate[filled], surface.moment[filled]
     columns = np.column_stack([theta, theta**2, theta**3, omega, np.sign(omega)])
     if moment.size <= columns.shape[1]:
-        raise InputError(f"{moment.size} filled cells for {columns.shape[1]} terms; a finer map is wanted")
+        raise InputError(f"{moment.size} filled cells for {columns.shape[1]} terms; expected a finer map")
     solved = scaled_least_squares(columns, moment)
     residual = moment - columns @ solved
     rms = float(np.sqrt(np.mean(residual**2)))
     return SurfaceFit(tuple(float(value) for value in solved), rms, int(moment.size))
 
 
-def _edges(low: float, high: float, n: int) -> Array:
+def _make_edges(low: float, high: float, n: int) -> Array:
     """Return n + 1 increasing edges; a signal that does not vary gets a cell around it."""
     if not high > low:
         half = abs(low) * 1e-9 or 1e-30
@@ -202,6 +202,6 @@ def _edges(low: float, high: float, n: int) -> Array:
     return np.linspace(low, high, n + 1)
 
 
-def _index(values: Array, edges: Array) -> NDArray[np.intp]:
+def _find_cells(values: Array, edges: Array) -> NDArray[np.intp]:
     """Return the cell of each value; the last cell holds its upper edge too."""
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)

@@ -17,7 +17,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.warnings import cautions
+from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.workflows.second_search import campaign_model, search_again, softened
 from sindyjoint.workflows.verdict import Verdict, judge
@@ -206,7 +206,7 @@ def discover(
     say("measuring the bias of the processing")
     fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
-    warnings = [*cautions(campaign, force_states, model, skew, align, regressor.indistinct_)]
+    warnings = [*list_warnings(campaign, force_states, model, skew, align, regressor.indistinct_)]
     warnings += filter(None, notes)
     if fixed is not None and fixed.reason:
         warnings.append(

@@ -25,8 +25,8 @@ def frequency_tests(
     discovery : Discovery
         Of a campaign with three or more excitation frequencies; otherwise nothing is returned.
     bias : Bias, optional
-        Taken from each frequency's estimates, and a quarter of it added to their errors: what the processing does
-        differently at different frequencies is not the joint's.
+        Taken from each frequency's estimates, and a quarter of it added to their errors: a difference between
+        frequencies that the processing causes is not the joint's.
     margin : float
         Relative change over the band that would not matter.
     """

@@ -1,4 +1,4 @@
-"""What the paper's own Tables 1 and 2 say, and where a printed figure does not follow from its rows."""
+"""Check of the paper's Tables 1 and 2: printed figures that do not follow from their rows."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class TableCheck:
     average, deviation : float
         Recomputed; the deviation divided by the number of rows (ddof = 0).
     sample_deviation : float
-        Divided by one less (ddof = 1): what four values say of the scatter behind them.
+        Divided by one less (ddof = 1): the scatter estimated from four values.
     printed_average, printed_deviation : float
     average_follows, deviation_follows : bool
         Whether the printed figure can follow from the printed rows, rounding of both allowed for.
@@ -85,10 +85,10 @@ def check_tables(tables: Sequence[PaperTable] = TABLES) -> tuple[TableCheck, ...
     """Recompute what the tables print from their rows, and test each parameter for dependence on frequency."""
     checks = []
     for table in tables:
-        for place, (term, symbol, unit) in enumerate(zip(TERMS, SYMBOLS, UNITS, strict=True)):
+        for index, (term, symbol, unit) in enumerate(zip(TERMS, SYMBOLS, UNITS, strict=True)):
             rows = table.column(term)
             average, deviation = float(np.mean(rows)), float(np.std(rows))
-            printed_average, printed_deviation = table.average[place], table.deviation[place]
+            printed_average, printed_deviation = table.average[index], table.deviation[index]
             # Rounding the rows by half a unit each moves their mean, and their deviation, by as much at most.
             rounding = max(half_unit(value) for value in rows)
             test = frequency_test(term, FREQUENCIES, rows)
@@ -116,38 +116,38 @@ def check_tables(tables: Sequence[PaperTable] = TABLES) -> tuple[TableCheck, ...
 
 
 def table_findings(checks: Sequence[TableCheck]) -> tuple[str, ...]:
-    """Say in sentences what the tables show and what they cannot."""
-    said = []
+    """Report in sentences what the tables show and what they cannot."""
+    sentences = []
     for check in checks:
         for what, printed, found, follows in (
             ("average", check.printed_average, check.average, check.average_follows),
             ("standard deviation", check.printed_deviation, check.deviation, check.deviation_follows),
         ):
             if not follows:
-                said.append(
+                sentences.append(
                     f"Table {check.table} prints {printed:.4g} as the {what} of {check.symbol}; its rows give "
                     f"{found:.4g}, and rounding does not explain the difference"
                 )
-    said.append(
+    sentences.append(
         "the printed standard deviations divide by four (ddof = 0); as estimates of the scatter behind four values "
         f"they are {100 * np.sqrt(3 / 4):.0f} % of what dividing by three gives"
     )
     moved = [check for check in checks if check.test.answer == "depends on frequency"]
     same = [check for check in checks if check.test.answer == "independent within margin"]
     for check in moved:
-        said.append(f"{check.joint}, {check.symbol}: {check.test.reason}")
+        sentences.append(f"{check.joint}, {check.symbol}: {check.test.reason}")
     if moved:
-        said.append(
+        sentences.append(
             f"of {len(checks)} such tests at 5 %, {len(checks) * 0.05:.1f} find a trend by chance where there is none"
         )
     if same:
         names = ", ".join(f"{check.symbol} ({check.joint})" for check in same)
-        said.append(
+        sentences.append(
             f"a change over 3 to 6 Hz of more than {100 * same[0].test.margin:.0f} % is ruled out for {names} only"
         )
     least, most = min(c.detectable for c in checks), max(c.detectable for c in checks)
-    said.append(
+    sentences.append(
         "'no obvious trend' from four values is weak: a change over the band would have to be "
         f"{100 * least:.0f} % (at best) to {100 * most:.0f} % to be found in four of five such tables"
     )
-    return tuple(said)
+    return tuple(sentences)

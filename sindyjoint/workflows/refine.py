@@ -11,7 +11,7 @@ from sindyjoint.workflows.discover import Discovery
 
 
 def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: object) -> Discovery:
-    """Return a discovery whose coefficients are refined on the simulated response, and what it took."""
+    """Return a discovery whose coefficients are refined on the simulated response, with the notes of that."""
     if not result.found:
         return result
     refinement = refine(

@@ -1,4 +1,4 @@
-"""The paper again, from virtual tests of its two joints: whole chain from strains to tables, and the pulse."""
+"""The paper again, from virtual tests of its two joints: processing pipeline from strains to tables, and the pulse."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ class JointReproduction:
     campaign : Campaign
         Runs at all frequencies.
     models : tuple of JointModel
-        The five terms fitted at each frequency alone.
+        The five terms fitted at each frequency separately.
     loops : tuple of ForceStates
         Runs at 3 Hz at many levels, for Figures 5 and 7.
     surface : ForceStateMap
         Of the moving samples at 3 Hz.
     paper_fit : SurfaceFit
-        The paper's own procedure on the same runs: cells averaged with the sticking samples in them, then fitted.
+        The paper's procedure on the same runs: cells averaged with the sticking samples in them, then fitted.
     """
 
     table: PaperTable
@@ -110,7 +110,7 @@ class PulseReproduction:
     plain : Verification
         Against a virtual measurement that holds nothing the model lacks.
     richer : Verification
-        Against one whose friction gives way elastically before it slips.
+        Against one whose friction has elastic presliding.
     locked_at : float
         s after the pulse, when the joint slips for the last time.
     stuck_share : float
@@ -160,12 +160,12 @@ def reproduce(random_state: int = 0, progress: Callable[[str], None] | None = No
     joints = []
     for table in TABLES:
         say(f"virtual tests of the {table.joint}")
-        joints.append(_joint(table, generator))
+        joints.append(_reproduce_joint(table, generator))
     say("a linear joint")
     linear_law = PaperLaw(k1=TABLES[0].average[0], c1=TABLES[0].average[3], name="linear spring and damper")
-    linear = _linear_map(linear_law, generator)
+    linear = _build_linear_map(linear_law, generator)
     say("the pulse")
-    pulse = _pulse(joints[0].average_model, generator)
+    pulse = _reproduce_pulse(joints[0].average_model, generator)
     checks = check_tables()
     return Reproduction(
         tuple(joints), linear, linear_law, pulse, checks,
@@ -173,24 +173,28 @@ def reproduce(random_state: int = 0, progress: Callable[[str], None] | None = No
     )  # fmt: skip
 
 
-def _law(table: PaperTable, frequency: float) -> PaperLaw:
+def _build_law(table: PaperTable, frequency: float) -> PaperLaw:
     k1, k2, k3, c1, friction = table.row(frequency)
     return PaperLaw(k1, k2, k3, c1, friction, name=table.joint)
 
 
-def _joint(table: PaperTable, generator: np.random.Generator) -> JointReproduction:
+def _reproduce_joint(table: PaperTable, generator: np.random.Generator) -> JointReproduction:
     runs = []
     for frequency in FREQUENCIES:
-        test = virtual_test(_law(table, frequency), noise=NOISE, raw_channels=True, frequencies=(frequency,))
+        test = virtual_test(
+            _build_law(table, frequency), noise=NOISE, raw_channels=True, frequencies=(frequency,)
+        )
         runs += [made.run for made in run_tests(test, generator)]
     joint = replace(campaign_joint(test), name=table.joint)
     campaign = Campaign(joint, tuple(runs), simulated=True)
     states = campaign_states(campaign)
     models = tuple(
-        _five_terms([s for s, run in zip(states, runs, strict=True) if run.frequency == frequency], campaign)
+        _fit_five_terms(
+            [s for s, run in zip(states, runs, strict=True) if run.frequency == frequency], campaign
+        )
         for frequency in FREQUENCIES
     )
-    rings = _rings(_law(table, MAP_FREQUENCY), generator)
+    rings = _simulate_rings(_build_law(table, MAP_FREQUENCY), generator)
     return JointReproduction(
         table=table,
         campaign=campaign,
@@ -201,7 +205,7 @@ def _joint(table: PaperTable, generator: np.random.Generator) -> JointReproducti
     )
 
 
-def _rings(law: PaperLaw, generator: np.random.Generator, **options: Any) -> tuple[ForceStates, ...]:
+def _simulate_rings(law: PaperLaw, generator: np.random.Generator, **options: Any) -> tuple[ForceStates, ...]:
     """Force states at 3 Hz at many levels."""
     test = virtual_test(
         law, noise=NOISE, raw_channels=True, frequencies=(MAP_FREQUENCY,), levels=MAP_LEVELS, duration=MAP_DURATION,
@@ -211,11 +215,11 @@ def _rings(law: PaperLaw, generator: np.random.Generator, **options: Any) -> tup
     return campaign_states(Campaign(campaign_joint(test), runs, simulated=True))
 
 
-def _linear_map(law: PaperLaw, generator: np.random.Generator) -> ForceStateMap:
-    return map_of_states(_rings(law, generator, angle_limit=8e-4), law.inertia, MAP_CELLS)
+def _build_linear_map(law: PaperLaw, generator: np.random.Generator) -> ForceStateMap:
+    return map_of_states(_simulate_rings(law, generator, angle_limit=8e-4), law.inertia, MAP_CELLS)
 
 
-def _five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:
+def _fit_five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:
     """Fit Eq. 6 to the runs of one frequency."""
     from sindyjoint.discovery.estimator import JointRegressor
 
@@ -224,7 +228,7 @@ def _five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:
     return replace(fitted.model_, joint=campaign.joint)
 
 
-def _pulse(model: JointModel, generator: np.random.Generator) -> PulseReproduction:
+def _reproduce_pulse(model: JointModel, generator: np.random.Generator) -> PulseReproduction:
     rig = load_rig("pulse-rig")
     plain = verify(model, rig, draws=0, random_state=generator)
     richer = verify(model, rig, draws=0, presliding=PRESLIDING, random_state=generator)
@@ -239,7 +243,7 @@ def _pulse(model: JointModel, generator: np.random.Generator) -> PulseReproducti
     )
 
 
-def swings_of(verification: Verification) -> tuple[Oscillation, Oscillation]:
+def turning_points_of(verification: Verification) -> tuple[Oscillation, Oscillation]:
     """Return measured and simulated turning points of a pulse test."""
     measured, simulated = verification.runs[0].oscillations
     assert measured is not None and simulated is not None
@@ -248,33 +252,33 @@ def swings_of(verification: Verification) -> tuple[Oscillation, Oscillation]:
 
 def statements(joints: tuple[JointReproduction, ...], pulse: PulseReproduction) -> tuple[str, ...]:
     """Say what was reproduced, what cannot be, and what the paper's law predicts that the paper did not see."""
-    said = [
+    sentences = [
         "everything here is simulated: the paper gives no raw data, no rig dimensions, no moving inertia, no "
         "excitation levels and no noise; its Tables 1 and 2 are the truth of the virtual tests, and coming back to "
-        "them shows that the chain from strains to tables holds, not that a real joint is like that",
+        "them shows that the processing pipeline from strains to tables is right, not that a real joint is like that",
         "Figures 1 to 4 and 8 are drawings and photographs of hardware; the paper's measured loops, maps and responses "
         "cannot be drawn again without its data",
     ]
     for joint in joints:
         largest = float(joint.largest_error.max())
         term = SYMBOLS[int(np.argmax(joint.largest_error))]
-        said.append(
+        sentences.append(
             f"{joint.table.joint}: every parameter at every frequency comes back within {largest:.2f} of the paper's "
             f"standard deviations (furthest: {term}), from strains and displacements with {100 * NOISE:.0f} % noise"
         )
         fit = np.array(joint.paper_fit.coefficients)
         off = np.abs(fit / np.array(joint.table.row(MAP_FREQUENCY)) - 1)
-        said.append(
-            f"{joint.table.joint}: the paper's own procedure (cells averaged with the sticking samples in them, then a "
+        sentences.append(
+            f"{joint.table.joint}: the paper's procedure (cells averaged with the sticking samples in them, then a "
             f"surface) misses the truth by {100 * off[0]:.0f} % of k1, {100 * off[3]:.0f} % of c1 and "
             f"{100 * off[4]:.0f} % of M_F on the same virtual runs, and leaves "
             f"{joint.paper_fit.residual_rms:.3g} N·m RMS; the paper prints {joint.table.surface_rms:g} N·m for its fit"
         )
-    return (*said, *_pulse_statements(pulse))
+    return (*sentences, *_pulse_statements(pulse))
 
 
 def _pulse_statements(pulse: PulseReproduction) -> list[str]:
-    _, simulated = swings_of(pulse.plain)
+    _, simulated = turning_points_of(pulse.plain)
     first, last = float(simulated.period[0]), float(np.median(simulated.period[-20:]))
     plain, richer = pulse.plain, pulse.richer
     return [
@@ -282,11 +286,11 @@ def _pulse_statements(pulse: PulseReproduction) -> list[str]:
         f"{100 * (plain.amplitude_rms_error or 0):.2f} % of the first peak and mean period difference "
         f"{1e3 * (plain.mean_period_difference or 0):.2f} ms where the truth holds nothing the model lacks; "
         f"{100 * (richer.amplitude_rms_error or 0):.1f} % and {1e3 * (richer.mean_period_difference or 0):.2f} ms "
-        f"where its friction gives way elastically over {1e6 * PRESLIDING:g} µrad; the paper prints "
+        f"where its friction has elastic presliding over {1e6 * PRESLIDING:g} µrad; the paper prints "
         f"{PULSE.amplitude_rms_error:g} (no unit) and {1e3 * PULSE.mean_period_difference:g} ms",
         f"the paper's five-term law predicts what the paper did not see: the joint slips for the last time "
         f"{pulse.locked_at:.2f} s after the pulse and is locked for {100 * pulse.stuck_share:.0f} % of the "
-        f"{PULSE.compared:g} s, while the beams ring on with their material damping alone",
+        f"{PULSE.compared:g} s, while the beams ring on with only their material damping",
         f"and its period shrinks from {1e3 * first:.0f} to {1e3 * last:.0f} ms as the amplitude falls, since the joint "
         "softens at large angles and is rigid when locked; the paper reports a period that grows slightly, which "
         "this law does not give here",

@@ -17,7 +17,7 @@ from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.verify_rig import MODEL_PLACE, model_places
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class RigMotion:
     ----------
     rig : Rig
     slipping, locked : ndarray, shape (modes,)
-        Natural frequencies with the joints' tangent stiffness at rest, and with locked joints, Hz.
+        Natural frequencies with the joints' tangent stiffness at standstill, and with locked joints, Hz.
     response : Response
     """
 
@@ -43,7 +43,7 @@ class RigMotion:
 
     @property
     def heat(self) -> dict[str, float]:
-        """What became heat in each joint and in the beams, J."""
+        """Energy dissipated in each joint and in the beams, J."""
         response = self.response
         joints = dict(zip(response.joints, response.joint_dissipation.tolist(), strict=True))
         return {**joints, "beams": response.beam_dissipation}
@@ -95,7 +95,7 @@ def rig_motion(
     rig : Rig, str or Path
         The name of a shipped rig, or a TOML file.
     model : JointModel, str or Path, optional
-        Takes the places of the joints that bear its name, or that the rig gives as ``law = "model"``.
+        Replaces the joints that bear its name, or that the rig gives as ``law = "model"``.
     progress : callable, optional
 
     Returns
@@ -105,7 +105,7 @@ def rig_motion(
     Raises
     ------
     InputError
-        For a rig or a model that cannot be read, or a rig that wants a model where none is given.
+        For a rig or a model that cannot be read, or a rig that needs a model where none is given.
     SimulationError
         When a joint passes its softening limit; carries the time.
 
@@ -117,14 +117,14 @@ def rig_motion(
     """
     say = progress or (lambda stage: None)
     say("reading the rig")
-    made = rig if isinstance(rig, Rig) else load_rig(rig, {"model": MODEL_PLACE})
+    made = rig if isinstance(rig, Rig) else load_rig(rig, {"model": MODEL_PLACEHOLDER})
     if model is not None:
         known = model if isinstance(model, JointModel) else read_model(model)
         if known.joint.motion != "rotation":
             raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-        law, places = model_law(known), model_places(made, known)
-        made = with_laws(made, lambda hinge: law if hinge.name in places else hinge.law)
-    elif any(hinge.law is MODEL_PLACE for hinge in hinges(made)):
+        law, modelled = model_law(known), find_model_joints(made, known)
+        made = with_laws(made, lambda hinge: law if hinge.name in modelled else hinge.law)
+    elif any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(made)):
         raise InputError(
             f"the rig {made.name!r} has a joint whose law is 'model', and no model was given; give --model"
         )

@@ -55,12 +55,12 @@ def judge(regressor: JointRegressor, model: JointModel, completed: bool = False)
     found = [term for term in model.ids if term != INERTIA]
     missing = tuple(term for term in PAPER_TERMS if term not in found)
     extra = tuple(term for term in found if term not in PAPER_TERMS)
-    verdict, reason = _answer(regressor, model, missing, extra)
-    if completed and extra and verdict == "refuted" and _paper_suffices(regressor, model):
+    verdict, reason = _reach_verdict(regressor, model, missing, extra)
+    if completed and extra and verdict == "refuted" and _paper_terms_suffice(regressor, model):
         verdict, reason = (
             "undecided",
             (
-                f"{_names(extra)} fits best, yet within the doubt of the noise the paper's five terms do as well"
+                f"{_spell_terms(extra)} fits best, yet the paper's five terms do as well within the noise's uncertainty"
             ),
         )
     gap, (word, _) = model.fitted.misfit, channel_words(model)
@@ -69,7 +69,7 @@ def judge(regressor: JointRegressor, model: JointModel, completed: bool = False)
     return Verdict(verdict, missing, extra, reason)
 
 
-def _answer(
+def _reach_verdict(
     regressor: JointRegressor, model: JointModel, missing: tuple[str, ...], extra: tuple[str, ...]
 ) -> tuple[str, str]:
     """Return the verdict and its reason."""
@@ -79,50 +79,50 @@ def _answer(
     offered = {*regressor.evidence_.ids, *regressor.indistinct_}
     withheld = [term for term in PAPER_TERMS if term not in offered]
     if withheld:
-        return "undecided", f"{_names(withheld)} was not among the candidates: others may stand in its place"
+        return "undecided", f"{_spell_terms(withheld)} was not among the candidates: others may replace it"
     if model.fitted.runs == 1 and model.fitted.frequencies:
         # On one closed curve every term is a function of the phase: sums of other terms come arbitrarily close.
-        reason = "one periodic run cannot tell terms from one another: add levels and frequencies"
-        return "undecided", f"{reason} (found: {_names(model.ids)})"
+        reason = "one periodic run cannot distinguish terms: add levels and frequencies"
+        return "undecided", f"{reason} (found: {_spell_terms(model.ids)})"
     if extra == ("constant_moment",) and not set(missing) - {"quadratic_stiffness"}:
-        reason = "beside the paper's terms the data need a constant, which may be a zero error of a sensor, preload or "
-        reason += "friction that differs by direction"
+        reason = "in addition to the paper's terms the data need a constant, which may be a zero error of a sensor, "
+        reason += "preload or friction that differs by direction"
         return "undecided", reason + (", and which can hide quadratic stiffness" if missing else "")
-    if extra and missing and not _needed(regressor, extra):
-        reason = f"{_names(extra)} may stand in place of {_names(missing)}: beside the paper's five terms they are not "
-        return "undecided", reason + "significant on these runs"
+    if extra and missing and not _is_needed(regressor, extra):
+        reason = f"{_spell_terms(extra)} may replace {_spell_terms(missing)}: together with the paper's five terms "
+        return "undecided", reason + "they are not significant on these runs"
     if extra:
-        reason = f"the data need {_names(extra)}, which the paper's law lacks"
-        return "refuted", reason + (f", and do not show {_names(missing)}" if missing else "")
+        reason = f"the data need {_spell_terms(extra)}, which the paper's law lacks"
+        return "refuted", reason + (f", and do not show {_spell_terms(missing)}" if missing else "")
     hidden = [term for term in missing if _largest_share(regressor, model, term) > POLICY.negligible_share]
     absent = [term for term in missing if term not in hidden]
     if absent:
         return (
             "refuted",
-            f"{_names(absent)} would carry less than {100 * POLICY.negligible_share:.0f} % of the {word}",
+            f"{_spell_terms(absent)} would carry less than {100 * POLICY.negligible_share:.0f} % of the {word}",
         )
     if hidden:
-        return "undecided", f"{_names(hidden)} was not found, and these runs could not have shown it"
+        return "undecided", f"{_spell_terms(hidden)} was not found, and these runs could not have shown it"
     return _judge_fit(regressor, model, word)
 
 
 def _judge_fit(regressor: JointRegressor, model: JointModel, word: str) -> tuple[str, str]:
-    """Return the verdict where exactly the five terms were found: it hangs on what they leave unexplained."""
+    """Return the verdict where exactly the five terms were found: it depends on their misfit."""
     gap, least = model.fitted.misfit, min(term.unique_share for term in model.terms if term.id != INERTIA)
-    doubt = POLICY.noise_uncertainty * model.fitted.noise_floor / model.fitted.moment_rms
-    if gap > min(max(least, doubt), EQUATION.tolerated_misfit):
+    uncertainty = POLICY.noise_uncertainty * model.fitted.noise_floor / model.fitted.moment_rms
+    if gap > min(max(least, uncertainty), EQUATION.tolerated_misfit):
         # What is missing is larger than the weakest of the five: it may be a term, or change that one.
         return "undecided", (
             f"the five terms are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
-            f"noise; the weakest of the five alone carries {100 * least:.1f} %"
+            f"noise; the smallest unique share of the five is {100 * least:.1f} %"
         )
     return "confirmed", (
-        f"exactly the paper's five terms out of {len(regressor.terms_)} candidates; the weakest of them alone carries "
-        f"{100 * least:.1f} % of the {word}, and {100 * gap:.1f} % is left beyond the noise"
+        f"exactly the paper's five terms out of {len(regressor.terms_)} candidates; their smallest unique share "
+        f"is {100 * least:.1f} % of the {word}, and the misfit beyond the noise {100 * gap:.1f} %"
     )
 
 
-def _needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
+def _is_needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
     """Return whether any of the extra terms is significant when all of the paper's terms are in the law with them."""
     ids = regressor.evidence_.ids
     columns = [ids.index(term) for term in (*extra, *PAPER_TERMS) if term in ids]
@@ -131,18 +131,18 @@ def _needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
     return bool(np.any(fit.t_ratios[others] >= regressor.significance))
 
 
-def _paper_suffices(regressor: JointRegressor, model: JointModel) -> bool:
-    """Return whether the five terms alone leave no more than the noise or the found ones, within the noise's doubt."""
+def _paper_terms_suffice(regressor: JointRegressor, model: JointModel) -> bool:
+    """Return whether the residual of the five terms is that of the noise or the found ones, within its uncertainty."""
     ids = regressor.evidence_.ids
-    wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
-    if not set(wanted) <= set(ids):
+    columns = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
+    if not set(columns) <= set(ids):
         return False
-    fit = fit_columns(regressor.evidence_, [ids.index(term) for term in wanted])
-    left = max(model.fitted.noise_floor, model.fitted.residual_rms)
-    return bool(fit.residual_rms**2 < (1 + POLICY.noise_uncertainty**2) * left**2)
+    fit = fit_columns(regressor.evidence_, [ids.index(term) for term in columns])
+    least = max(model.fitted.noise_floor, model.fitted.residual_rms)
+    return bool(fit.residual_rms**2 < (1 + POLICY.noise_uncertainty**2) * least**2)
 
 
-def _names(terms: Sequence[str]) -> str:
+def _spell_terms(terms: Sequence[str]) -> str:
     words = [spelled(term) for term in terms]
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 

@@ -15,7 +15,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
 from sindyjoint.response.verify_campaign import verify_campaign
-from sindyjoint.response.verify_rig import MODEL_PLACE, verify_rig
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
 from sindyjoint.workflows.policy import POLICY
 
 DRAWS = 20
@@ -34,7 +34,7 @@ def verify(
     random_state: int | np.random.Generator | None = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Verification:
-    """Simulate a model and hold it against measured response.
+    """Simulate a model and compare it with measured response.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ def verify(
     against : Rig, Campaign, or path
         A campaign: its runs marked ``use = "validate"``, or all of them where none is. A rig (or the name of a
         shipped one): the response it names as measured; without one, a virtual pulse test of the rig as it is
-        written, in which the model then takes the joint's place.
+        written, in which the model then replaces the joint.
     tolerance : float
         Largest response NRMSE beyond the noise floor that passes.
     draws : int
         Sets of coefficients drawn from the model's covariance for the band; 0: no band.
     window : float
-        s between restarts for joints without restoring moment.
+        Length of a multiple-shooting segment, for joints without restoring moment, s.
     noise, presliding, loss_factor : float, optional
         Of the virtual pulse test: sensor noise (fraction of RMS, 0.01), elastic presliding of the friction (rad) and
         the beams' loss factor.
@@ -66,15 +66,15 @@ def verify(
     """
     say = progress or (lambda stage: None)
     if not (np.isfinite(tolerance) and tolerance > 0):
-        raise InputError(f"tolerance is {tolerance!r}; a number above zero is wanted")
+        raise InputError(f"tolerance is {tolerance!r}; expected a number above zero")
     if draws < 0:
-        raise InputError(f"draws is {draws!r}; a number that is not negative is wanted")
+        raise InputError(f"draws is {draws!r}; expected a number that is not negative")
     if not isinstance(model, JointModel):
         model = read_model(model)
     if not model.terms:
         raise InputError("the model has no terms: there is nothing to simulate; run discover first")
     generator = np.random.default_rng(random_state)
-    against = _opened(against)
+    against = _open_input(against)
     given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
     truth = {name: value for name, value in given.items() if value is not None}
     if isinstance(against, Campaign):
@@ -86,7 +86,7 @@ def verify(
     return verify_rig(model, against, tolerance, draws, truth, generator, say)
 
 
-def _opened(against: Rig | Campaign | str | Path) -> Rig | Campaign:
+def _open_input(against: Rig | Campaign | str | Path) -> Rig | Campaign:
     """Return the rig or campaign that a path means: a TOML file with a chain is a rig."""
     if isinstance(against, Rig | Campaign):
         return against
@@ -97,11 +97,11 @@ def _opened(against: Rig | Campaign | str | Path) -> Rig | Campaign:
         return load_rig(str(against))
     if not path.exists():
         raise MissingInputError(
-            f"{str(against)!r}: no such file or folder; a campaign.toml, its folder, a rig's TOML file or one of the "
-            f"shipped rigs ({', '.join(shipped_rigs())}) is wanted"
+            f"{str(against)!r}: no such file or folder; expected a campaign.toml, its folder, a rig's TOML file or one "
+            f"of the shipped rigs ({', '.join(shipped_rigs())})"
         )
     if path.is_file() and is_rig(path):
-        return load_rig(path, {"model": MODEL_PLACE})
+        return load_rig(path, {"model": MODEL_PLACEHOLDER})
     return load_campaign(path)
 
 

@@ -1,14 +1,14 @@
-"""The bias of the processing: measured on twins, taken out, and told where it cannot be."""
+"""The bias of the processing: measured on synthetic replicates, taken out, and reported where it cannot be."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sindyjoint.bias.broadband import inertia_in_front as broadband_front
+from sindyjoint.bias.broadband import estimate_exciter_inertia as broadband_exciter_inertia
 from sindyjoint.bias.correction import corrected_model
-from sindyjoint.bias.periodic import Spectrum, amplitudes, inertia_in_front, kept_shift, series
-from sindyjoint.bias.replicates import make_twins
+from sindyjoint.bias.periodic import Spectrum, amplitudes, estimate_exciter_inertia, kept_shift, series
+from sindyjoint.bias.replicates import make_replicates
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.virtual import BEAM_INERTIA, virtual_campaign
@@ -38,7 +38,7 @@ def test_series_and_amplitudes_are_inverse():
 
 
 @pytest.mark.parametrize("true", [0.0, 1.0, 2.5, 4.0, 9.0])
-def test_what_a_kept_harmonic_tells_of_its_noise(true):
+def test_mean_noise_of_a_kept_harmonic(true):
     # 400 000 draws of two normal numbers: mean of those that pass, to three of its standard errors
     draws = np.random.default_rng(0).normal(size=(400_000, 2))
     along = draws[np.hypot(true + draws[:, 0], draws[:, 1]) > POLICY.harmonic_significance, 0]
@@ -46,13 +46,15 @@ def test_what_a_kept_harmonic_tells_of_its_noise(true):
     assert abs(shift - along.mean()) < 3 * along.std() / np.sqrt(along.size) + 2e-3
 
 
-def test_a_mass_in_front_of_the_joint_is_seen(campaign):
+def test_the_exciter_inertia_is_estimated(campaign):
     drive, tested = campaign
     states = campaign_states(tested)
     spectra = [Spectrum.of(run, state) for run, state in zip(tested.runs, states, strict=True)]
-    front = inertia_in_front(spectra, states)
+    exciter_inertia = estimate_exciter_inertia(spectra, states)
     # the rig's 5 kg·m² from harmonics at 1 % noise; a tenth is far more than its scatter from seed to seed (2 %)
-    assert front == pytest.approx(BEAM_INERTIA, rel=0.1) if drive == "rig" else front == 0.0
+    assert (
+        exciter_inertia == pytest.approx(BEAM_INERTIA, rel=0.1) if drive == "rig" else exciter_inertia == 0.0
+    )
     smooth = campaign_states(tested, "broadband")[0]
     first = round(smooth.time[0] * 1000)
     from sindyjoint.states.broadband import smoothing_kernels
@@ -60,7 +62,7 @@ def test_a_mass_in_front_of_the_joint_is_seen(campaign):
     low = smoothing_kernels(smooth.bandwidth, 1000.0)[0]
     moment = np.convolve(tested.runs[0].moment, low, mode="valid")
     assert first == low.size // 2
-    found = broadband_front(smooth, moment)
+    found = broadband_exciter_inertia(smooth, moment)
     assert found == pytest.approx(BEAM_INERTIA, rel=0.2) if drive == "rig" else found == 0.0
 
 
@@ -68,18 +70,18 @@ def test_a_mass_in_front_of_the_joint_is_seen(campaign):
 def test_twins_move_as_the_joint_did(campaign, states):
     drive, tested = campaign
     measured = campaign_states(tested, states)
-    twins = make_twins(INTER_PANEL, tested.runs, measured)
+    replicates = make_replicates(INTER_PANEL, tested.runs, measured)
     # a run whose drive shows no fewer harmonics than its angle is taken as prescribed: one of the nine at this seed
-    driven = [twin.driven for twin in twins].count("moment")
+    driven = [replicate.driven for replicate in replicates].count("moment")
     assert driven == 0 if drive == "displacement" else driven >= 7
-    for twin, state in zip(twins, measured, strict=True):
-        motion, moment = twin.rows()
+    for replicate, state in zip(replicates, measured, strict=True):
+        motion, moment = replicate.rows()
         moving = state.moving
         # moving samples only: their RMS depends a little on the mask
         for column, signal in zip(motion.T, (state.angle, state.rate), strict=False):
             assert np.std(column) == pytest.approx(np.std(signal[moving]), rel=0.05)
         assert np.std(moment) == pytest.approx(np.std(state.moment[moving]), rel=0.05)
-        again = twin.rows(twin.noise(np.random.default_rng(0)), 0.0)[0]
+        again = replicate.rows(replicate.noise(np.random.default_rng(0)), 0.0)[0]
         np.testing.assert_array_equal(again, motion)
 
 

@@ -10,7 +10,7 @@ from sindyjoint.cli import main
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.identifiability import limits
+from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
@@ -32,7 +32,7 @@ def run_of(name, frequency=4.0, level=1e-3, duration=6.0, change_at=None, use="i
 
 def said(*runs, simulated=False):
     campaign = Campaign(Joint(inertia=0.0), runs, simulated=simulated)
-    return limits(campaign, campaign_states(campaign))
+    return identifiability_notes(campaign, campaign_states(campaign))
 
 
 FULL = [run_of(f"{f:g}-{x:g}", f, x) for f in (3.0, 5.0) for x in (1e-3, 4e-4)]

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 
 def solve_stick_slip(law, moment, duration, time, rtol=1e-10, method="DOP853", inertia=None):
-    """Angle and rate at `time` of inertia·θ̈ + law = moment(t), from rest; the law has no internal state."""
+    """Angle and rate at `time` of inertia·θ̈ + law = moment(t), from standstill; the law has no internal state."""
     inertia = law.inertia if inertia is None else inertia
     parameters = law.parameters
     k1, k2, k3, c1, friction = (float(p) for p in parameters)

@@ -1,4 +1,4 @@
-"""Rig files: those that ship, and what a bad one is told."""
+"""Rig files: those that ship, and the errors of bad ones."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_pulse_rig_is_the_papers_test():
     assert response.stuck[0][-1000:].all()
 
 
-def test_model_takes_the_place_of_the_joint(tmp_path):
+def test_model_replaces_the_joint(tmp_path):
     text = (RIG_FOLDER / "pulse-rig.toml").read_text(encoding="utf-8").replace('"inter-panel"', '"model"')
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     law = PaperLaw(k1=5000.0)
@@ -79,7 +79,7 @@ def test_measured_pulse(tmp_path):
         (
             'law = "inter-panel"',
             'law = "elbow"',
-            "joint 'elbow' is not known; wanted: inter-panel, panel-root",
+            "joint 'elbow' is not known; expected one of inter-panel, panel-root",
         ),
         ('joint = "joint"', 'hinge = "joint"', "unknown key 'hinge'"),
         ('value = "8 kg"', 'inertia = "1 kg*m^2"', "a mass wants value"),

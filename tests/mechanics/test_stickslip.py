@@ -17,15 +17,15 @@ from sindyjoint.mechanics.laws import (
     PaperLaw,
     SumLaw,
 )
+from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import (
     simulate,
     simulate_many,
     slip_direction,
     transfer_moment,
 )
-from sindyjoint.mechanics.windows import simulate_windows
 
-REST = harmonic(0.0, 1.0)
+NO_MOMENT = harmonic(0.0, 1.0)
 
 
 def jenkins(theta, omega, direction, state, parameters, out):
@@ -36,8 +36,8 @@ def jenkins(theta, omega, direction, state, parameters, out):
 
 
 def peaks(angle):
-    inner = (angle[1:-1] - angle[:-2]) * (angle[2:] - angle[1:-1]) <= 0
-    return np.abs(angle[1:-1][inner])
+    extreme = (angle[1:-1] - angle[:-2]) * (angle[2:] - angle[1:-1]) <= 0
+    return np.abs(angle[1:-1][extreme])
 
 
 def test_coulomb_ring_down_loses_two_friction_over_stiffness_per_half_cycle():
@@ -45,7 +45,7 @@ def test_coulomb_ring_down_loses_two_friction_over_stiffness_per_half_cycle():
     law = PaperLaw(k1=1000.0, M_F=0.05, inertia=0.1)
     period = 2 * np.pi * np.sqrt(law.inertia / law.k1)
     start = 20.3 * law.M_F / law.k1
-    motion = simulate(law, REST, 12 * period, 2000 / period, initial=(start, 0.0), rtol=1e-11)
+    motion = simulate(law, NO_MOMENT, 12 * period, 2000 / period, initial=(start, 0.0), rtol=1e-11)
     turns = motion.angle[::1000][:10]
     expected = (start - 2 * law.M_F / law.k1 * np.arange(10)) * (-1.0) ** np.arange(10)
     np.testing.assert_allclose(turns, expected, rtol=1e-8)
@@ -100,12 +100,14 @@ def test_jenkins_loop_area():
 
 
 def test_softening_frequency_shift():
-    # Duffing, first order: ω = ω0·(1 + 3·k3·A²/(8·k1)); the rest is O(A⁴): Nayfeh & Mook 1979, section 2.3
+    # Duffing, first order: ω = ω0·(1 + 3·k3·A²/(8·k1)); the remainder is O(A⁴): Nayfeh & Mook 1979, section 2.3
     law = PaperLaw(k1=1000.0, k3=-1e9, inertia=0.1)
     omega0 = np.sqrt(law.k1 / law.inertia)
     errors = []
     for amplitude in (1e-4, 2e-4):
-        motion = simulate(law, REST, 60 * 2 * np.pi / omega0, 20_000, initial=(amplitude, 0.0), rtol=1e-11)
+        motion = simulate(
+            law, NO_MOMENT, 60 * 2 * np.pi / omega0, 20_000, initial=(amplitude, 0.0), rtol=1e-11
+        )
         down = np.flatnonzero((motion.angle[:-1] > 0) & (motion.angle[1:] <= 0))
         a, b = motion.angle[down], motion.angle[down + 1]
         crossings = motion.time[down] + a / (a - b) / motion.sample_rate
@@ -175,19 +177,19 @@ def test_measured_moment_gives_the_motion_back():
 
 
 def test_windows_restart_from_the_measured_state():
-    # a pure mass has no restoring stiffness: a moment offset makes it drift, windows keep it near
+    # a pure mass has no restoring stiffness: a moment offset makes it drift, multiple shooting keeps it near
     law = PaperLaw(k1=0.0, c1=0.5, inertia=0.1)
     truth = simulate(law, harmonic(1.0, 2.0), 4.0, 500.0)
     biased = truth.moment + 0.05
     start = np.stack([truth.angle, truth.rate], axis=1)
     free = simulate(law, sampled(biased, 500.0, "linear"), 4.0, 500.0)
-    windowed = simulate_windows(law, biased, 500.0, 0.5, start)
-    drift, kept = (np.abs(m.angle - truth.angle).max() for m in (free, windowed))
+    segmented = simulate_segments(law, biased, 500.0, 0.5, start)
+    drift, kept = (np.abs(m.angle - truth.angle).max() for m in (free, segmented))
     assert kept < drift / 5
-    assert windowed.angle.size == truth.angle.size
-    assert windowed.angle[250] == truth.angle[250]
-    with pytest.raises(InputError, match="window is 0.004 s at 500.0 Hz; at least four samples are wanted"):
-        simulate_windows(law, biased, 500.0, 0.004, start)
+    assert segmented.angle.size == truth.angle.size
+    assert segmented.angle[250] == truth.angle[250]
+    with pytest.raises(InputError, match="window is 0.004 s at 500.0 Hz; expected at least four samples"):
+        simulate_segments(law, biased, 500.0, 0.004, start)
 
 
 def test_formula_function_and_paper_law_move_alike():
@@ -245,9 +247,7 @@ def test_odd_law_answers_odd():
 
 
 def test_crossing_the_softening_limit_is_an_error_with_its_time():
-    with pytest.raises(
-        SimulationError, match=r"left its angle range .* at t = 0\.046.* softening limit"
-    ) as caught:
+    with pytest.raises(SimulationError, match=r"left its range .* at t = 0\.046.* softening limit") as caught:
         simulate(INTER_PANEL, harmonic(7.5, 4.0), 1.0, 1000.0)
     assert caught.value.time == pytest.approx(0.0469, abs=1e-3)
 
@@ -258,11 +258,11 @@ def test_snap_through_without_limits_ends_in_a_state_that_is_not_finite():
 
 
 def test_active_friction_is_refused():
-    def pushes(theta, omega, direction, state, parameters, out):
+    def negative_friction(theta, omega, direction, state, parameters, out):
         out[0] = 100.0 * theta - 0.5 * direction
 
-    with pytest.raises(SimulationError, match="friction that pushes instead of holds"):
-        simulate(FunctionLaw(pushes, inertia=0.1), harmonic(1.0, 2.0), 1.0, 500.0)
+    with pytest.raises(SimulationError, match="came to a standstill with negative friction"):
+        simulate(FunctionLaw(negative_friction, inertia=0.1), harmonic(1.0, 2.0), 1.0, 500.0)
 
 
 def test_law_that_cannot_be_compiled_is_named():
@@ -283,7 +283,7 @@ def test_law_that_cannot_be_compiled_is_named():
         ({"law": PaperLaw(k1=1.0, inertia=0.0)}, "needs a positive one"),
     ],
 )
-def test_bad_calls_say_what_is_wanted(change, message):
+def test_bad_calls_report_what_is_expected(change, message):
     arguments = {
         "law": INTER_PANEL,
         "excitation": harmonic(1.0, 2.0),
@@ -294,7 +294,7 @@ def test_bad_calls_say_what_is_wanted(change, message):
         simulate(arguments.pop("law"), arguments.pop("excitation"), **arguments)
 
 
-def test_bad_laws_say_what_is_wanted():
+def test_bad_laws_report_what_is_expected():
     with pytest.raises(InputError, match="M_F is -1"):
         PaperLaw(k1=1.0, M_F=-1)
     with pytest.raises(InputError, match="k1 is nan"):

@@ -22,7 +22,7 @@ def chain(law, loss=0.0, tip=8.0):
 
 
 def elastic_slider(theta, omega, direction, state, parameters, out):
-    """Elastic–perfectly plastic moment beside a spring; parameters k, stick stiffness, slip moment."""
+    """Elastic–perfectly plastic moment parallel to a spring; parameters k, stick stiffness, slip moment."""
     slider = min(max(state[0], -parameters[2]), parameters[2])
     out[0] = parameters[0] * theta + slider
     sliding = abs(state[0]) >= parameters[2] and state[0] * omega > 0
@@ -102,7 +102,7 @@ def test_second_order_in_the_step():
         for h in (2.5e-3, 1.25e-3, 1.5625e-4)
     ]
     coarse, fine = (np.abs(run - runs[2]).max() for run in runs[:2])
-    # 4 for an exact reference; the reference's own error of 1/256 moves it little
+    # 4 for an exact reference; the reference's error of 1/256 moves it little
     assert coarse / fine == pytest.approx(4.0, rel=0.15)
 
 
@@ -193,7 +193,7 @@ def opensees_pulse(slider):
 
 
 def frequency_of(motion, near):
-    """Frequency of a motion, Hz: what its phase beside a tone nearby gains from one window to another 3 s later."""
+    """Frequency of a motion, Hz: from its phase against a nearby tone in two spans 3 s apart."""
     time = np.arange(motion.size) / 1000
     phases = []
     for start in (500, 3500):
@@ -263,7 +263,7 @@ def test_bad_simulations_say_what_is_wrong():
     with pytest.raises(InputError, match="too large for the first mode at 4 Hz; at most 0.0125 s"):
         respond(structure, HAMMER, step=0.02)
     with pytest.raises(
-        UnknownNameError, match="point 'top' is not in the chain; wanted: lower, joint, upper"
+        UnknownNameError, match="point 'top' is not in the chain; expected one of lower, joint, upper"
     ):
         respond(structure, HAMMER, at="top")
     with pytest.raises(SimulationError, match="joint 'joint' left its angle range .* at t = 0.0") as caught:

@@ -57,7 +57,7 @@ def test_random_state_rules_the_noise():
         assert level == pytest.approx(0.01, rel=0.08)
 
 
-def test_skew_delays_the_moment():
+def test_the_time_delay_is_that_of_the_moment():
     plan = {"frequencies": [4], "levels": [0.6], "duration": 2.0, "noise": 0.0}
     plain, late = (virtual_campaign(skew=s, **plan).runs[0] for s in (0.0, 2e-3))
     np.testing.assert_array_equal(plain.angle.round(12), late.angle.round(12))
@@ -109,13 +109,13 @@ def test_hidden_effect_acts_through_the_law():
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"joint": "elbow"}, UnknownNameError, "wanted: inter-panel, panel-root"),
+        ({"joint": "elbow"}, UnknownNameError, "expected one of inter-panel, panel-root"),
         ({"drive": "hammer"}, InputError, "'moment', 'rig' or 'displacement'"),
         ({"frequencies": []}, InputError, "frequencies are \\(\\)"),
         ({"levels": [0.5, 0.5]}, InputError, "each may be named once"),
         ({"levels": [-0.5]}, InputError, "at least one positive number"),
         ({"noise": -0.1}, InputError, "noise is -0.1"),
-        ({"quantisation": 2}, InputError, "4 to 32 are wanted"),
+        ({"quantisation": 2}, InputError, "expected 4 to 32"),
         ({"sample_rate": 20}, InputError, "ten samples per period"),
         ({"duration": 0}, InputError, "duration is 0"),
         ({"settling": -1}, InputError, "settling is -1"),
@@ -123,6 +123,6 @@ def test_hidden_effect_acts_through_the_law():
         ({"joint": PaperLaw(k1=1e3, c1=1.0)}, InputError, "give angle_limit in rad"),
     ],
 )
-def test_bad_plans_say_what_is_wanted(options, error, message):
+def test_bad_plans_report_what_is_expected(options, error, message):
     with pytest.raises(error, match=message):
         virtual_campaign(**options)

@@ -71,7 +71,9 @@ def test_friction_damper_says_what_it_cannot_explain(public_data, sindyjoint):
     # Its owners' memoryless laws stop at a force NRMSE of 0.42; friction in series with a gap reaches
     # 0.11. That is memory.
     said = [
-        w for w in record["warnings"] if "memory, play or another effect outside this library is likely" in w
+        w
+        for w in record["warnings"]
+        if "hysteresis, play or another effect outside this library is likely" in w
     ]
     assert len(said) == 1 and "of the mean square force" in said[0]
     assert (
@@ -99,6 +101,8 @@ def test_bouc_wen_is_called_memory(public_data):
     found = discover(public_data("bouc-wen"))
     fitted = found.model.fitted
     assert 0.2 < fitted.residual_rms / fitted.moment_rms < 0.4
-    assert any("memory, play or another effect outside this library is likely" in w for w in found.warnings)
+    assert any(
+        "hysteresis, play or another effect outside this library is likely" in w for w in found.warnings
+    )
     assert found.verdict.verdict != "confirmed"
     assert np.isfinite(found.model.coefficients).all()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from random_joints import TRUE_IDS, maxwell_campaign, random_plan, rising_stiffness
 
-from sindyjoint.bias.replicates import make_twins
+from sindyjoint.bias.replicates import make_replicates
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states
@@ -94,7 +94,7 @@ def test_dependence_on_frequency_is_reported():
 
 @pytest.mark.slow
 def test_what_the_processing_makes_of_the_paper_s_law_refutes_nothing():
-    """At 5 % noise two kinds of damping stand five standard errors out here; a twin without them shows as much."""
+    """At 5 % noise two kinds of damping stand five standard errors out here; a replicate without them shows as much."""
     campaign = random_plan(204).campaign(0.05)
     found = discover(campaign)
     assert found.verdict.verdict in ("undecided", "confirmed")
@@ -107,5 +107,5 @@ def test_a_prescribed_motion_is_not_taken_for_a_driven_one(seed):
     """Low-passed to 10 Hz, single frequencies leave gaps, and stiffness above half the band looks like a mass."""
     plan = random_plan(seed, duration=5.0)
     tested = plan.campaign(0.05)
-    twins = make_twins(plan.law, tested.runs, campaign_states(tested, "broadband"))
-    assert plan.drive == "displacement" and {twin.driven for twin in twins} == {"angle"}
+    replicates = make_replicates(plan.law, tested.runs, campaign_states(tested, "broadband"))
+    assert plan.drive == "displacement" and {replicate.driven for replicate in replicates} == {"angle"}

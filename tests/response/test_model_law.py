@@ -85,7 +85,7 @@ def test_identified_inertia_is_the_law_s_inertia_and_no_moment():
     assert isinstance(law, PaperLaw) and law.inertia == 0.03
 
 
-def test_friction_that_pushes_still_makes_a_law():
+def test_negative_friction_still_makes_a_law():
     values = (6e3, 0.0, 0.0, 40.0, -0.5)
     law = model_law(paper_model(values=values))
     assert not isinstance(law, PaperLaw)
@@ -96,6 +96,9 @@ def test_a_term_of_the_acceleration_is_refused():
     model = model_of([term("linear_stiffness", "theta", 6e3), term("mine", "alpha*abs(theta)", 1.0)])
     with pytest.raises(InputError, match=r"term 'mine' \(alpha\*abs\(theta\)\) depends on alpha"):
         model_law(model)
+    sliding = replace(model, joint=replace(model.joint, motion="translation"))
+    with pytest.raises(InputError, match="terms of displacement and velocity, and inertia"):
+        model_law(sliding)
 
 
 def test_coefficients_replaced_keep_their_order_and_shape():
@@ -105,7 +108,7 @@ def test_coefficients_replaced_keep_their_order_and_shape():
     np.testing.assert_array_equal(new.standard_errors, [1, 2, 3, 4, 5])
     assert new.terms[0].interval95 == pytest.approx((2 * 6066 - 1.96, 2 * 6066 + 1.96))
     with pytest.raises(
-        InputError, match=r"coefficients of shape \(4,\) given; \(5,\), one per term, is wanted"
+        InputError, match=r"coefficients of shape \(4,\) given; expected \(5,\), one per term"
     ):
         with_coefficients(model, [1, 2, 3, 4])
 

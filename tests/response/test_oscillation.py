@@ -29,7 +29,7 @@ def test_white_noise_is_measured_on_a_vibration():
 def test_period_and_amplitude_of_a_ring_down():
     frequency, decay = 4.5, 0.06
     found = oscillation(ring_down(frequency, decay), RATE)
-    # Extremes of exp(−δt)·sin(ωt) lie 1/(2f) apart exactly; swing k+2 is exp(−δT) times swing k.
+    # Extremes of exp(−δt)·sin(ωt) lie 1/(2f) apart exactly; half-cycle k+2 is exp(−δT) times half-cycle k.
     np.testing.assert_allclose(found.period, 1 / frequency, atol=2e-6)
     np.testing.assert_allclose(
         found.amplitude[2:] / found.amplitude[:-2], np.exp(-decay / frequency), rtol=1e-4
@@ -53,9 +53,9 @@ def test_a_wandering_rest_drops_out_of_the_amplitude():
 
 def test_envelope_and_frequency_by_hilbert():
     envelope, frequency = hilbert_envelope(ring_down(), RATE)
-    inner = slice(500, -500)
-    np.testing.assert_allclose(envelope[inner], 1.4e-3 * np.exp(-0.06 * TIME[inner]), rtol=0.03)
-    np.testing.assert_allclose(frequency[inner], 4.5, rtol=0.02)
+    middle = slice(500, -500)
+    np.testing.assert_allclose(envelope[middle], 1.4e-3 * np.exp(-0.06 * TIME[middle]), rtol=0.03)
+    np.testing.assert_allclose(frequency[middle], 4.5, rtol=0.02)
     assert main_frequency(ring_down(), RATE) == pytest.approx(4.5, abs=0.05)
 
 
@@ -63,7 +63,7 @@ def test_two_vibrations_differ_by_what_was_put_in():
     gap = compare_oscillations(oscillation(ring_down(4.5), RATE), oscillation(1.1 * ring_down(4.6), RATE))
     assert gap.mean_period_difference == pytest.approx(1 / 4.5 - 1 / 4.6, rel=1e-3)
     # 10 % of every amplitude: the root mean square of exp(−δt) over the record, relative to the first, and 1 % more
-    # since the quicker one has decayed less at the same swing, and a larger first amplitude.
+    # since the quicker one has decayed less at the same half-cycle, and a larger first amplitude.
     expected = 0.1 * np.sqrt(np.mean(np.exp(-0.12 * TIME)))
     assert gap.amplitude_rms_error == pytest.approx(expected, rel=0.12)
     same = compare_oscillations(oscillation(ring_down(), RATE), oscillation(ring_down(), RATE))

@@ -1,5 +1,7 @@
 """Output-error refinement: coefficients, nuisance parameters, and directions that nothing determines."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,7 +38,7 @@ def refined():
 
 def test_wrong_coefficients_come_back(refined):
     error = refined.model.coefficients / TRUTH - 1
-    # Seed 6. Within three of its own standard errors, and those are what a few runs of 5 s at 1 % noise allow.
+    # Seed 6. Within three of its standard errors, and those are what a few runs of 5 s at 1 % noise allow.
     assert np.all(np.abs(error) < 3 * refined.model.standard_errors / np.abs(TRUTH))
     assert np.all(np.abs(error) < [0.002, 0.05, 0.01, 0.005, 0.003])
     assert refined.refined and refined.undetermined == () and refined.nuisance == {}
@@ -77,7 +79,7 @@ def test_nuisance_parameters_are_found_and_keep_the_coefficients_clean(name, opt
     gone = np.abs(without.model.coefficients / TRUTH - 1)
     kept = np.abs(found.model.coefficients / TRUTH - 1)
     assert kept[1] < 0.06 and gone.max() > 4 * np.delete(kept, 1).max()
-    assert any(f"estimated beside the coefficients: {name}" in note for note in found.notes)
+    assert any(f"estimated together with the coefficients: {name}" in note for note in found.notes)
 
 
 def test_a_gain_is_named_as_one_direction_with_the_coefficients():
@@ -92,8 +94,8 @@ def test_a_gain_is_named_as_one_direction_with_the_coefficients():
 def test_directions_are_named_alone_and_together():
     parameters = [Parameter(name, "coefficient", 1.0, 1.0, 0.0, 2.0) for name in ("k1", "k3", "c1")]
     assert undetermined_directions(parameters, np.diag([1e-4, 1e-4, 1e-4])) == ()
-    alone = undetermined_directions(parameters, np.diag([1e-4, 1e-4, 0.36]))
-    assert alone == ("c1 is not determined by these runs: its standard error is 60 % of it",)
+    single = undetermined_directions(parameters, np.diag([1e-4, 1e-4, 0.36]))
+    assert single == ("c1 is not determined by these runs: its standard error is 60 % of it",)
     together = np.diag([1e-6, 1e-6, 1e-6])
     together[:2, :2] += 0.01 * np.array([[1.0, -0.8], [-0.8, 0.64]])
     assert undetermined_directions(parameters, together)[0].startswith(
@@ -132,33 +134,43 @@ def free_model(damping, friction):
     return model_of(terms, inertia=0.1)
 
 
-def test_without_a_restoring_moment_every_window_starts_from_a_state_of_its_own():
+def test_without_a_restoring_moment_every_segment_starts_from_an_estimated_state():
     made = free_mass()
     problem = OutputError.of(free_model(2.2, 0.7), made.runs, campaign_states(made), (), 1.0)
     names = [p.name for p in problem.parameters]
     assert {record.drive for record in problem.runs} == {"windows"}
-    assert names[2:4] == ["initial angle of slow, window 1", "initial rate of slow, window 1"]
-    # One perturbed simulation serves all windows: the same as one for each.
+    assert names[2:4] == ["initial angle of slow, segment 1", "initial rate of slow, segment 1"]
+    # One perturbed simulation serves all segments: the same as one for each.
     x = np.array([p.start for p in problem.parameters])
-    jacobian, place = problem.jacobian(x), names.index("initial rate of fast, window 3")
+    jacobian, place = problem.jacobian(x), names.index("initial rate of fast, segment 3")
     step = np.zeros(x.size)
     step[place] = 2e-4 * problem.parameters[place].scale
-    alone = (problem.residual(x + step) - problem.residual(x)) / step[place]
-    np.testing.assert_allclose(jacobian[:, place], alone, atol=1e-6 * np.abs(alone).max())
+    separate = (problem.residual(x + step) - problem.residual(x)) / step[place]
+    np.testing.assert_allclose(jacobian[:, place], separate, atol=1e-6 * np.abs(separate).max())
     found = refine(free_model(2.2, 0.7), made)
     errors = found.model.standard_errors
-    # Seed 5. Within four of its own standard errors, and those are below a per cent.
+    # Seed 5. Within four of its standard errors, and those are below a per cent.
     assert np.all(np.abs(found.model.coefficients - [2.0, 0.8]) < 4 * errors)
     assert np.all(errors < [0.02, 0.008])
-    # Windows of a second at 1 % noise: the noise, less what two initial values of 500 samples take.
+    # Segments of a second at 1 % noise: the noise, less what two initial values of 500 samples take.
     assert max(found.after.values()) < 0.0105 < 0.02 < min(found.before.values())
 
 
-def test_negative_friction_is_started_from_none():
+def test_initial_states_of_a_sliding_joint_are_displacement_and_velocity():
+    made, model = free_mass(), free_model(2.2, 0.7)
+    sliding = replace(model, joint=replace(model.joint, motion="translation"))
+    problem = OutputError.of(sliding, made.runs, campaign_states(made), (), 1.0)
+    assert [p.name for p in problem.parameters[2:4]] == [
+        "initial displacement of slow, segment 1",
+        "initial velocity of slow, segment 1",
+    ]
+
+
+def test_negative_friction_is_started_from_zero():
     found = refine(free_model(2.6, -0.3), free_mass())
     assert (
         found.refined
-        and "negative Coulomb friction, which cannot be simulated, was started from none" in found.reason
+        and "negative Coulomb friction, which cannot be simulated, was started from zero" in found.reason
     )
     assert found.model["coulomb_friction"].coefficient == pytest.approx(0.8, abs=0.05)
     assert found.model["linear_damping"].coefficient == pytest.approx(2.0, abs=0.05)
@@ -175,9 +187,7 @@ def test_runs_that_the_first_model_cannot_follow_are_left_out():
     assert "left out, since the model to start from does not reach their end: 3Hz-0.9 (" in found.reason
     assert found.refined
     nothing = refine(paper_model(1e-2, tuple(values)), campaign(levels=[0.9]))
-    assert not nothing.refined and nothing.reason.startswith(
-        "not refined: 3Hz-0.9 (the joint left its angle range"
-    )
+    assert not nothing.refined and nothing.reason.startswith("not refined: 3Hz-0.9 (the joint left its range")
     assert nothing.model.coefficients == pytest.approx(values)
 
 
@@ -200,7 +210,7 @@ def test_general_terms_and_an_identified_inertia_are_refined_alike():
 
 def test_what_cannot_be_refined_is_said():
     with pytest.raises(
-        UnknownNameError, match="nuisance parameter 'phase' is not known; wanted: delay, gain, offset"
+        UnknownNameError, match="nuisance parameter 'phase' is not known; expected one of delay, gain, offset"
     ):
         refine(paper_model(), campaign(), nuisance=("phase",))
     with pytest.raises(
@@ -217,6 +227,6 @@ def test_discover_refines_on_request(sindyjoint, tmp_path):
     answer = sindyjoint("discover", tmp_path, "--library", "paper", "--refine", "--nuisance", "delay")
     text = " ".join(answer.stdout.split())
     assert answer.status == 0 and "coefficients refined on the simulated response of 4 run(s)" in text
-    assert "estimated beside the coefficients: delay" in text
+    assert "estimated together with the coefficients: delay" in text
     refused = sindyjoint("discover", tmp_path, "--nuisance", "delay")
     assert refused.status == 2 and "belongs to --refine; add --refine, or leave it out" in refused.stderr

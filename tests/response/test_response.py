@@ -1,4 +1,4 @@
-"""Simulated beside measured runs: driven by the moment, in windows, by the motion."""
+"""Simulated against measured runs: driven by the moment, by multiple shooting, by the motion."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def test_the_true_law_reaches_the_noise_floor(drive, noise):
         allowed = 0.002 if drive == "moment" else 0.004
         assert np.sqrt(max(found.response_nrmse**2 - found.response_floor**2, 0.0)) < allowed
         assert found.response_floor == pytest.approx(noise, rel=0.2)
-        # At 0.2 % the cut of the harmonics at the corners of the motion shows beside the noise.
+        # At 0.2 % the cut of the harmonics at the corners of the motion exceeds the noise.
         assert found.moment_nrmse == pytest.approx(noise, rel=0.2)
 
 
@@ -104,7 +104,7 @@ def test_past_the_softening_limit_is_a_result_in_words():
     softer = replace(INTER_PANEL, k3=1.6 * INTER_PANEL.k3)
     found = simulate_run(softer, runs()[0])
     assert found.simulated_angle is None and np.isnan(found.response_nrmse)
-    assert "the joint left its angle range" in found.failure and "snaps through" in found.failure
+    assert "the joint left its range" in found.failure and "snaps through" in found.failure
     # Along the measured motion it still has a moment.
     assert 0.01 < found.moment_nrmse < 0.2
 

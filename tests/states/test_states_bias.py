@@ -1,4 +1,4 @@
-"""Which treatment of the signals leaves the coefficients least wrong, and how well a time skew is found.
+"""Which treatment of the signals leaves the coefficients least wrong, and how well a time delay is found.
 
 Filtering a nonlinear column and computing a nonlinear column of filtered data are not the same thing. The virtual test
 of the inter-panel joint, whose law is known, judges six treatments by the same least-squares fit of the five terms.
@@ -53,7 +53,7 @@ def treatments(run):
     """Return columns and transfer moment of a run by each treatment."""
     state = force_states(run)
     moving, moment = state.moving, state.transfer_moment(LAW.inertia)
-    own = columns(state.angle, state.rate)
+    estimated = columns(state.angle, state.rate)
     used = slice(
         round(state.time[0] * run.sample_rate), round(state.time[0] * run.sample_rate) + state.n_samples
     )
@@ -64,10 +64,10 @@ def treatments(run):
         for part in gradients(sosfiltfilt(low, run.angle), sosfiltfilt(low, run.moment), run.sample_rate)
     ]
     filtered = projected(state.moment, state) - LAW.inertia * state.acceleration
-    alike = projected(np.column_stack([own, moment]) * moving[:, None], state)
+    alike = projected(np.column_stack([estimated, moment]) * moving[:, None], state)
     return {
-        "unfiltered moment": (own[moving], moment[moving]),
-        "filtered moment": (own[moving], filtered[moving]),
+        "unfiltered moment": (estimated[moving], moment[moving]),
+        "filtered moment": (estimated[moving], filtered[moving]),
         "both sides filtered alike": (alike[:, :5], alike[:, 5]),
         "differences": (raw[0][moving], raw[1][moving]),
         "low-pass and differences": (smooth[0][moving], smooth[1][moving]),
@@ -130,13 +130,13 @@ def test_skew_is_found_in_a_sticking_joint(joint, lag):
         campaign = virtual_campaign(joint, noise=0.01, skew=lag, random_state=seed)
         found.append(discover(campaign, "paper").skew)
     # Seeds 0 to 3 at 1 kHz: 0.004 ± 0.008 ms (inter-panel), −0.021 ± 0.014 ms (panel root); a twentieth of a sample.
-    times = np.array([skew.time for skew in found])
+    times = np.array([delay.time for delay in found])
     assert np.all(np.abs(times - lag) < 5e-5)
-    assert all(skew.significant == (lag > 0) for skew in found)
+    assert all(delay.significant == (lag > 0) for delay in found)
 
 
 def test_a_heavy_joint_has_no_skew_of_its_own():
-    # Without the slope of the inertia's own moment among what a lag moves, 1.5 kg·m² shows 1.4 ms at 1 % noise. What is
+    # Without the slope of the inertia's moment among what a lag changes, 1.5 kg·m² shows 1.4 ms at 1 % noise. What is
     # left, 0.11 ms, is the truncated acceleration at the end of a slip.
     campaign = virtual_campaign(replace(LAW, inertia=1.5), noise=0.01, random_state=0)
     assert abs(discover(campaign, "paper").skew.time) < 2e-4
@@ -145,7 +145,7 @@ def test_a_heavy_joint_has_no_skew_of_its_own():
 def test_skew_is_aligned_on_request():
     campaign = virtual_campaign(noise=0.01, skew=1e-3, random_state=0)
     asis, aligned = discover(campaign, "paper"), discover(campaign, "paper", align=True)
-    # One millisecond of lag costs τ·k1 = 6 of the 48 N·m·s/rad (an eighth); alignment leaves what the skew is wrong by.
+    # One millisecond of lag costs τ·k1 = 6 of the 48 N·m·s/rad (an eighth); alignment leaves the error of the delay.
     assert asis.model["linear_damping"].coefficient / LAW.c1 - 1 < -0.08
     assert aligned.model["linear_damping"].coefficient == pytest.approx(LAW.c1, rel=0.01)
     assert any("run again with --align" in warning for warning in asis.warnings)

@@ -1,4 +1,4 @@
-"""One smoothing kernel and its own derivatives; bandwidth and noise read off the spectrum."""
+"""One smoothing kernel and its derivatives; bandwidth and noise read off the spectrum."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def test_derivatives_are_exact_in_the_passband(cutoff, share):
     for order, kernel in enumerate(kernels):
         found = np.convolve(np.sin(w * time + 0.3), kernel, mode="valid")
         exact = w**order * np.sin(w * time[half:-half] + 0.3 + order * np.pi / 2)
-        # Against the size of the kernel's own band, (2π·cutoff)^order: the error of the sampled kernel is of its ends.
+        # Against the size of the kernel's band, (2π·cutoff)^order: the error of the sampled kernel is of its ends.
         np.testing.assert_allclose(found, exact, atol=1e-4 * w**order + 2e-6 * (2 * np.pi * cutoff) ** order)
 
 
@@ -115,11 +115,11 @@ def test_states_of_a_sweep():
     assert states.dropped == pytest.approx(states.time[0])
     np.testing.assert_array_equal(states.moment, run.moment[middle])
     # Noise-free, the ends of the sweep are what limits: a cut in a chirp is no band-limited signal.
-    inner = slice(500, -500)
-    np.testing.assert_allclose(states.angle[inner], angle[middle][inner], atol=1e-6 * 1e-3)
-    np.testing.assert_allclose(states.rate[inner], rate[middle][inner], atol=1e-5 * np.abs(rate).max())
+    core = slice(500, -500)
+    np.testing.assert_allclose(states.angle[core], angle[middle][core], atol=1e-6 * 1e-3)
+    np.testing.assert_allclose(states.rate[core], rate[middle][core], atol=1e-5 * np.abs(rate).max())
     np.testing.assert_allclose(
-        states.acceleration[inner], acceleration[middle][inner], atol=1e-4 * np.abs(acceleration).max()
+        states.acceleration[core], acceleration[middle][core], atol=1e-4 * np.abs(acceleration).max()
     )
     assert states.replicate is None and states.method == "broadband"
     assert set(states.block) == set(range(32))
@@ -145,10 +145,10 @@ def test_measured_rate_is_used():
     run, angle, rate, acceleration = sweep()
     states = broadband_states(replace(run, rate=2 * rate))
     middle = slice(round(states.time[0] * RATE), round(states.time[0] * RATE) + states.n_samples)
-    inner = slice(500, -500)
-    np.testing.assert_allclose(states.rate[inner], 2 * rate[middle][inner], atol=1e-4 * np.abs(rate).max())
+    core = slice(500, -500)
+    np.testing.assert_allclose(states.rate[core], 2 * rate[middle][core], atol=1e-4 * np.abs(rate).max())
     np.testing.assert_allclose(
-        states.acceleration[inner], 2 * acceleration[middle][inner], atol=1e-3 * np.abs(acceleration).max()
+        states.acceleration[core], 2 * acceleration[middle][core], atol=1e-3 * np.abs(acceleration).max()
     )
 
 
@@ -156,7 +156,7 @@ def test_a_record_too_short_is_refused():
     rng = np.random.default_rng(9)
     run = Run("short", rng.normal(size=40), rng.normal(size=40), 1000.0)
     with pytest.raises(
-        InputError, match=r"run 'short': 40 samples are too few to differentiate; at least \d+ are"
+        InputError, match=r"run 'short': 40 samples are too few to differentiate; expected at least \d+"
     ):
         broadband_states(run)
 

@@ -1,4 +1,4 @@
-"""From runs to force states: which way, what is left out, how much noise, what the rows of a regression are."""
+"""From runs to force states: method, samples left out, noise, rows of the regression."""
 
 from dataclasses import replace
 
@@ -95,7 +95,7 @@ def test_transient_is_left_out():
     states = force_states(
         virtual_campaign(noise=0.001, random_state=0, frequencies=[3], levels=[0.6], drive="rig").runs[0]
     )
-    # The rig starts from rest, under a moment that grows over a second, near a resonance.
+    # The rig starts from standstill, under a moment that grows over a second, near a resonance.
     assert 1.0 <= states.dropped <= 5.0
     assert states.time[0] == pytest.approx(states.dropped, abs=1e-3)
     quiet = force_states(harmonic_run()[0])
@@ -184,9 +184,9 @@ def test_repeat_noise_ignores_steps_that_fall_between_samples():
 
 
 REFUSED = [
-    ({"method": "wavelet"}, "method is 'wavelet'; 'auto', 'periodic' or 'broadband' is wanted"),
-    ({"bandwidth": -3.0}, "bandwidth is -3.0 Hz; a positive number is wanted"),
-    ({"bandwidth": 0.0}, "bandwidth is 0.0 Hz; a positive number is wanted"),
+    ({"method": "wavelet"}, "method is 'wavelet'; expected 'auto', 'periodic' or 'broadband'"),
+    ({"bandwidth": -3.0}, "bandwidth is -3.0 Hz; expected a positive number"),
+    ({"bandwidth": 0.0}, "bandwidth is 0.0 Hz; expected a positive number"),
 ]
 
 
@@ -202,7 +202,7 @@ def test_no_moving_samples(seed):
     rng = np.random.default_rng(seed)
     idle = Run("idle", rng.normal(size=5000), 1e-6 * rng.normal(size=5000), RATE)
     with pytest.raises(
-        InputError, match=r"run 'idle': (no|\d) moving samples: the angular velocity hardly rises above its"
+        InputError, match=r"run 'idle': (no|\d) moving samples: the velocity hardly rises above its"
     ):
         force_states(idle)
 
@@ -220,7 +220,7 @@ def test_periodic_needs_three_periods_and_a_frequency():
 def test_validation_runs_are_never_used():
     one, two = harmonic_run(name="one")[0], harmonic_run(5.0, name="two", use="validate")[0]
     assert [s.run for s in campaign_states(Campaign(Joint(), (one, two)))] == ["one"]
-    with pytest.raises(InputError, match="every run is marked use = 'validate'; at least one run"):
+    with pytest.raises(InputError, match="every run is marked use = 'validate'; expected at least one run"):
         campaign_states(Campaign(Joint(), (two,)))
 
 

@@ -84,7 +84,7 @@ def test_local_noise_is_local():
 def test_harmonics_end_where_the_spectrum_sinks_into_noise():
     amplitude = np.array([9.0, 5, 1, 4, 1, 1, 1, 1, 9.0])
     keep = significant_harmonics(amplitude, np.ones(9))
-    # the third is a gap, the ninth stands alone beyond four misses: noise
+    # the third is a gap, the ninth is single beyond four misses: noise
     assert keep.tolist() == [True, True, False, True, False, False, False, False, False]
     assert significant_harmonics(np.zeros(3), np.ones(3)).tolist() == [True, False, False]
 

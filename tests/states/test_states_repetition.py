@@ -11,7 +11,7 @@ RATE = 500.0
 
 
 def multisine(periods, noise=0.0, samples=1000, seed=0):
-    """An angle of 20 tones and its own acceleration as the moment; the period is ``samples`` long."""
+    """An angle of 20 tones and its acceleration as the moment; the period is ``samples`` long."""
     generator = np.random.default_rng(seed)
     time = np.arange(samples * periods) / RATE
     lines = np.arange(1, 21)

@@ -107,9 +107,12 @@ def test_sticking_samples_blur_the_friction_step():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([0.0, 1.0], [0.0], [0.0, 1.0]), r"shapes \(2,\), \(1,\) and \(2,\); three signals of one length"),
-        (([], [], []), r"shapes \(0,\).* are wanted"),
-        (([0.0], [0.0], [0.0], 1), "a map of 1 cells along each axis was asked for; at least 2 are wanted"),
+        (
+            ([0.0, 1.0], [0.0], [0.0, 1.0]),
+            r"shapes \(2,\), \(1,\) and \(2,\); expected three signals of one length",
+        ),
+        (([], [], []), r"shapes \(0,\).* expected three signals"),
+        (([0.0], [0.0], [0.0], 1), "a map of 1 cells along each axis was asked for; expected at least 2"),
     ],
 )
 def test_what_cannot_be_averaged_is_refused(arguments, message):
@@ -119,7 +122,7 @@ def test_what_cannot_be_averaged_is_refused(arguments, message):
 
 def test_what_cannot_be_fitted_is_refused():
     found = force_state_map([0.0, 1.0], [-1.0, 1.0], [0.0, 1.0], n=2)
-    with pytest.raises(InputError, match="2 filled cells for 5 terms; a finer map is wanted"):
+    with pytest.raises(InputError, match="2 filled cells for 5 terms; expected a finer map"):
         fit_surface(found)
-    with pytest.raises(InputError, match="at is 'edges'; 'centres' or 'means' is wanted"):
+    with pytest.raises(InputError, match="at is 'edges'; expected 'centres' or 'means'"):
         fit_surface(found, at="edges")

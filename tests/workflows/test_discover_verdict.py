@@ -52,9 +52,9 @@ def test_one_engine():
     made = campaign()
     found = discover(made)
     rows = regression_rows(campaign_states(made), made.joint.inertia)
-    alone = JointRegressor().fit(**rows.fit_arguments())
-    assert alone.selected_ == found.model.ids
-    np.testing.assert_array_equal(alone.coef_, found.regressor.coef_)
+    regressor = JointRegressor().fit(**rows.fit_arguments())
+    assert regressor.selected_ == found.model.ids
+    np.testing.assert_array_equal(regressor.coef_, found.regressor.coef_)
 
 
 def test_viscous_joint_has_no_friction():
@@ -149,7 +149,7 @@ def test_an_effect_outside_the_library_leaves_it_undecided():
     found = discover(hidden, library="paper")
     assert set(found.model.ids) == set(PAPER_TERMS)
     assert found.verdict.verdict == "undecided"
-    assert "is neither they nor noise; the weakest of the five alone carries" in found.verdict.reason
+    assert "is neither they nor noise; the smallest unique share of the five is" in found.verdict.reason
     assert discover(campaign(drive="displacement"), library="paper").verdict.verdict == "confirmed"
 
 
@@ -167,7 +167,7 @@ def test_a_term_that_the_paper_lacks_refutes_it():
 def test_a_library_without_the_terms_decides_nothing():
     found = discover(campaign(), library="damping")
     assert found.verdict.verdict == "undecided"
-    assert "was not among the candidates: others may stand in its place" in found.verdict.reason
+    assert "was not among the candidates: others may replace it" in found.verdict.reason
     forbidden = discover(campaign(), forbidden=("coulomb_friction",))
     assert forbidden.verdict.verdict == "undecided"
     assert forbidden.verdict.reason.startswith("Coulomb friction was not among the candidates")
@@ -176,13 +176,13 @@ def test_a_library_without_the_terms_decides_nothing():
 def test_one_periodic_run_decides_nothing():
     found = discover(campaign(frequencies=[4], levels=[0.9]))
     assert found.verdict.verdict == "undecided"
-    assert found.verdict.reason.startswith("one periodic run cannot tell terms from one another")
+    assert found.verdict.reason.startswith("one periodic run cannot distinguish terms")
     assert any(warning.startswith("one periodic run only") for warning in found.warnings)
 
 
 def test_one_frequency_is_said():
     made = campaign(frequencies=[4])
-    words = "one frequency only: whether the parameters depend on it cannot be told"
+    words = "one frequency only: whether the parameters depend on it cannot be determined"
     assert words in discover(made).warnings
     undeclared = replace(made, joint=replace(made.joint, inertia=None))
     assert "the inertia is not declared and one frequency cannot tell it from stiffness: declare it" in (
@@ -227,7 +227,7 @@ def test_record_holds_what_it_promises():
 
 def test_damping_that_is_negative_in_a_joint_that_dissipates_is_pointed_at():
     # Friction falls from 1.87 N·m at standstill by 10 N·m·s/rad: dissipation stays positive at all tested rates.
-    said = "the linear damping is negative, -9.99 N*m*s/rad: the moment falls as the rate grows"
+    said = "the viscous damping is negative, -9.99 N*m*s/rad: the moment falls as the rate grows"
     for damping, expected in ((-10.0, 1), (INTER_PANEL.c1, 0)):
         made = campaign(replace(INTER_PANEL, c1=damping), drive="displacement")
         found = discover(made, library="paper")

@@ -16,7 +16,7 @@ SOURCE = Path(__file__).parents[3] / "shared" / "paper" / "tables.toml"
 @pytest.mark.shared
 def test_tables_are_typed_as_transcribed():
     if not SOURCE.is_file():
-        pytest.skip("the transcription of the paper's tables is not beside this checkout")
+        pytest.skip("the transcription of the paper's tables is not next to this checkout")
     given = tomllib.loads(SOURCE.read_text())
     for table, key in ((INTER_PANEL, "inter_panel"), (PANEL_ROOT, "panel_root")):
         source = given[key]
@@ -58,10 +58,13 @@ def test_half_a_printed_unit(value, half):
 
 
 def test_findings_say_what_four_values_cannot_show():
-    said = table_findings(check_tables())
-    assert said[0].startswith("Table 1 prints 0.8651 as the standard deviation of c1; its rows give 0.8718")
-    assert any(
-        "ruled out for k1 (inter-panel joint), c1 (panel root joint) only" in sentence for sentence in said
+    sentences = table_findings(check_tables())
+    assert sentences[0].startswith(
+        "Table 1 prints 0.8651 as the standard deviation of c1; its rows give 0.8718"
     )
-    assert "to be found in four of five such tables" in said[-1]
+    assert any(
+        "ruled out for k1 (inter-panel joint), c1 (panel root joint) only" in sentence
+        for sentence in sentences
+    )
+    assert "to be found in four of five such tables" in sentences[-1]
     assert len(check_tables()) == 5 * len(TABLES)

@@ -1,4 +1,4 @@
-"""The paper again: from strains to tables within its own standard deviations, every figure drawn, limits said."""
+"""The paper again: from strains to tables within its standard deviations, every figure drawn, limits stated."""
 
 import json
 import sys
@@ -30,7 +30,7 @@ def test_parameters_come_back_within_the_paper_s_deviations(result):
         assert joint.campaign.simulated and len(joint.campaign.runs) == 12
         assert np.all(np.abs(joint.rows - np.array(table.rows)) < np.array(table.deviation))
         assert np.all(np.abs(joint.average - np.array(table.average)) < 0.5 * np.array(table.deviation))
-        # Within five of their own standard errors, too: four rows of five parameters.
+        # Within five of their standard errors, too: four rows of five parameters.
         assert np.all(np.abs(joint.rows - np.array(table.rows)) < 5 * joint.errors)
 
 

@@ -1,4 +1,4 @@
-"""Verification: what passes, what fails, what is said, on runs and on the pulse rig."""
+"""Verification: what passes, what fails, which warnings, on runs and on the pulse rig."""
 
 import json
 from dataclasses import replace
@@ -82,13 +82,13 @@ def test_energy_per_cycle_adds_up_to_what_the_pulse_brought():
     response = load_rig("pulse-rig").respond()
     first = result.runs[0].oscillations[1].amplitude_time[0]
     at_first = np.interp(first, response.time, response.energy)
-    # What is lost from the first swing on is what was there, less what is left after 20 s.
+    # The energy lost from the first half-cycle on is the initial one less the residual one after 20 s.
     assert simulated.sum() == pytest.approx(at_first - response.energy[-1], rel=0.01)
     assert measured.sum() == pytest.approx(simulated.sum(), rel=0.02)
 
 
 def test_the_model_takes_the_places_that_bear_its_name():
-    # Three inter-panel joints of the wing take the model; the root keeps its own law.
+    # Three inter-panel joints of the wing take the model; the root keeps its law.
     result = verify(paper_model(), "four-panel-wing", draws=0)
     assert result.verdict == "passed" and result.kind == "rig"
 
@@ -110,7 +110,7 @@ def test_a_softer_model_that_snaps_through_fails_in_words():
 
 
 def measured_rig(folder, law="model", unit="mm", factor=1e3, **options):
-    """Write the pulse rig with a measured response beside it."""
+    """Write the pulse rig with a measured response next to it."""
     test = virtual_pulse_test(load_rig("pulse-rig"), **options)
     np.savetxt(
         folder / "tip.csv",
@@ -162,7 +162,7 @@ def test_presliding_is_a_spring_that_yields_to_the_friction_moment():
     assert law.state_rate(zero, 0.01 * one, one, np.zeros((1, 1)))[0, 0] == pytest.approx(0.01 / 5e-5)
     assert law.state_rate(zero, 0.01 * one, one, np.ones((1, 1)))[0, 0] == 0.0
     assert law.moment(zero, 0 * one, one, np.ones((1, 1)))[0] == pytest.approx(INTER_PANEL.M_F)
-    with pytest.raises(InputError, match="presliding angle is 0.0 rad; a finite number above zero is wanted"):
+    with pytest.raises(InputError, match="presliding angle is 0.0 rad; expected a finite number above zero"):
         presliding_law(INTER_PANEL, 0.0)
 
 
@@ -225,8 +225,8 @@ def test_differences_between_model_and_campaign_are_said(campaign):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"tolerance": 0}, "tolerance is 0; a number above zero is wanted"),
-        ({"draws": -1}, "draws is -1; a number that is not negative is wanted"),
+        ({"tolerance": 0}, "tolerance is 0; expected a number above zero"),
+        ({"draws": -1}, "draws is -1; expected a number that is not negative"),
         (
             {"presliding": 1e-5},
             r"presliding: belong\(s\) to a virtual pulse test of a rig; a campaign is given",
@@ -296,22 +296,22 @@ PULSE_FILE = 'file = "hammer.csv"\ntime = {{ column = "t", unit = "ms" }}\nforce
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('length = "0.5 m"', 'length = "0 m"'), "length is 0.0; a finite number above zero is wanted"),
-        (('height = "20 mm"', 'height = "-20 mm"'), "height is -0.02; a number above zero is wanted"),
-        (('law = "inter-panel"', 'law = "elbow"'), "joint 'elbow' is not known; wanted: inter-panel"),
+        (('length = "0.5 m"', 'length = "0 m"'), "length is 0.0; expected a finite number above zero"),
+        (('height = "20 mm"', 'height = "-20 mm"'), "height is -0.02; expected a number above zero"),
+        (('law = "inter-panel"', 'law = "elbow"'), "joint 'elbow' is not known; expected one of inter-panel"),
         (('step = "0.5 ms"', 'step = "50 ms"'), "too large for the first mode"),
         (('force = "65 N"', 'force = "65 kg"'), "[pulse] force: "),
         (
             ('youngs_modulus = "70 GPa"', 'youngs_modulus = "-70 GPa"'),
-            "youngs_modulus is -7e+10; a number above zero is wanted",
+            "youngs_modulus is -7e+10; expected a number above zero",
         ),
         (
             ("[pulse]", '[base]\nclamp_stiffness = "-1e5 N*m/rad"\n\n[pulse]'),
-            "clamp_stiffness is -100000.0; a number above zero, or inf, is wanted",
+            "clamp_stiffness is -100000.0; expected a number above zero, or inf",
         ),
         (
             ("[[chain]]\nmass", '[[chain]]\njoint = "end"\nlaw = "inter-panel"\n\n[[chain]]\nmass'),
-            "the chain is disconnected: joint 'end' is followed by 'lumped mass'; a beam is wanted behind it",
+            "the chain is disconnected: joint 'end' is followed by 'lumped mass'; expected a beam behind it",
         ),
         (
             ('shape = "rectangular"\nforce = "65 N"\nduration = "5 ms"', PULSE_FILE.format(force="mm")),
@@ -321,7 +321,7 @@ PULSE_FILE = 'file = "hammer.csv"\ntime = {{ column = "t", unit = "ms" }}\nforce
             ('shape = "rectangular"\nforce = "65 N"\nduration = "5 ms"', PULSE_FILE.format(force="kN")),
             "left its angle range",
         ),
-        (('point = "tip"', 'point = "tip top"'), "point 'tip top' is not in the chain; wanted:"),
+        (('point = "tip"', 'point = "tip top"'), "point 'tip top' is not in the chain; expected one of"),
     ],
 )
 def test_bad_rigs_end_in_one_line(sindyjoint, model_file, tmp_path, change, message):

@@ -1,4 +1,4 @@
-"""Verification of models of real joints, on data that is read from beside the checkout and never copied."""
+"""Verification of models of real joints, on data that is read from next to the checkout and never copied."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.shared
 def folder(name):
     path = DATA / name
     if not path.is_dir():
-        pytest.skip(f"the public data set {name!r} is not beside this checkout")
+        pytest.skip(f"the public data set {name!r} is not next to this checkout")
     return path
 
 
@@ -68,9 +68,9 @@ def test_friction_damper_by_force_on_the_measured_motion():
     assert {run.drive for run in result.runs} == {"motion"} and {run.channel for run in result.runs} == {
         "force"
     }
-    own = next(run for run in result.runs if run.name == "0.5Hz_1in")
+    fitted_run = next(run for run in result.runs if run.name == "0.5Hz_1in")
     # Others report 0.419 for these three terms on this run: after each reversal the damper has play.
-    assert own.response_nrmse == pytest.approx(0.419, abs=0.05) and not result.passed
+    assert fitted_run.response_nrmse == pytest.approx(0.419, abs=0.05) and not result.passed
 
 
 def test_pendulum_swings_past_its_softening_limit_without_snapping():

@@ -42,8 +42,8 @@ from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.identifiability import limits
-from sindyjoint.soundness.warnings import falling
+from sindyjoint.soundness.identifiability import identifiability_notes
+from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states
 
 
@@ -233,7 +233,10 @@ class CampaignProblem(Problem):
         repaired, campaign = self.repaired, self.work.campaign
         return Diagnosis(
             **found,
-            warnings=(*limits(campaign, self.states), *falling(repaired.model)),
+            warnings=(
+                *identifiability_notes(campaign, self.states),
+                *warn_of_negative_damping(repaired.model),
+            ),
             model=repaired.model,
             effects=self.found,
             whole=whole_model(

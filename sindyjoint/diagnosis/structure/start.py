@@ -23,7 +23,7 @@ from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import main_frequency
-from sindyjoint.response.verify_rig import MODEL_PLACE, model_places
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
 
 
 def open_rig(rig: Rig | str | Path) -> Rig:
@@ -32,7 +32,7 @@ def open_rig(rig: Rig | str | Path) -> Rig:
         return rig
     if str(rig) in shipped_rigs():
         return load_rig(str(rig))
-    return load_rig(rig, {"model": MODEL_PLACE})
+    return load_rig(rig, {"model": MODEL_PLACEHOLDER})
 
 
 def model_in_place(rig: Rig, model: JointModel | None) -> tuple[JointModel, frozenset[str], bool]:
@@ -42,9 +42,9 @@ def model_in_place(rig: Rig, model: JointModel | None) -> tuple[JointModel, froz
             raise InputError("the model is of a joint in translation; the joints of a rig rotate")
         if not [term for term in model.terms if term.id != INERTIA]:
             raise InputError("the model has no terms: there is nothing to simulate; run discover first")
-        return model, frozenset(model_places(rig, model)), False
+        return model, frozenset(find_model_joints(rig, model)), False
     laws = {hinge.law for hinge in hinges(rig)}
-    if not laws or MODEL_PLACE in laws or not all(isinstance(law, PaperLaw) for law in laws):
+    if not laws or MODEL_PLACEHOLDER in laws or not all(isinstance(law, PaperLaw) for law in laws):
         raise InputError(
             f"the rig {rig.name!r} gives no law for its joint; give the model that stands there (--model)"
         )
@@ -63,7 +63,7 @@ def virtual_pulse_test(
     rig: Rig, places: frozenset[str], model: JointModel, generator: np.random.Generator, drawn: bool
 ) -> tuple[Rig, str]:
     """Return a rig that names no records with those of a virtual test, and what the generator hid in it."""
-    if any(hinge.law is MODEL_PLACE for hinge in hinges(rig)):
+    if any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(rig)):
         raise InputError(
             f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
             "true law; add a [measured] table, or name a shipped joint as the law"

@@ -1,4 +1,4 @@
-"""Simulation in windows: a joint that nothing pulls back is restarted from the measured state every so often."""
+"""Multiple shooting: a joint without restoring moment is restarted from the measured state at every segment."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, simulate
 
 
-def window_starts(n_samples: int, sample_rate: float, window: float) -> list[int]:
-    """Return the first sample of every window; a rest of fewer than four samples joins the window before.
+def segment_starts(n_samples: int, sample_rate: float, window: float) -> list[int]:
+    """Return the first sample of every segment; a remainder of fewer than four samples joins the last segment.
 
     Parameters
     ----------
@@ -22,26 +22,26 @@ def window_starts(n_samples: int, sample_rate: float, window: float) -> list[int
     sample_rate : float
         Hz.
     window : float
-        s.
+        Length of a segment, s.
 
     Raises
     ------
     InputError
-        For a window of fewer than four samples.
+        For a segment of fewer than four samples.
 
     Examples
     --------
-    >>> window_starts(1002, 100.0, 5.0)
+    >>> segment_starts(1002, 100.0, 5.0)
     [0, 500]
     """
     length = round(window * sample_rate)
     if length < 4:
-        raise InputError(f"window is {window!r} s at {sample_rate!r} Hz; at least four samples are wanted")
+        raise InputError(f"window is {window!r} s at {sample_rate!r} Hz; expected at least four samples")
     starts = list(range(0, n_samples, length))
     return starts[:-1] if len(starts) > 1 and n_samples - starts[-1] < 4 else starts
 
 
-def simulate_windows(
+def simulate_segments(
     law: Law,
     moment: ArrayLike,
     sample_rate: float,
@@ -52,7 +52,7 @@ def simulate_windows(
     initial_state: ArrayLike | None = None,
     **options: Any,
 ) -> Motion:
-    """Simulate a measured moment in windows, each restarted from a given state.
+    """Simulate a measured moment by multiple shooting: each segment restarts from a given state.
 
     A drive without restoring stiffness drifts; restarting keeps the comparison with a measurement meaningful.
 
@@ -64,9 +64,9 @@ def simulate_windows(
     sample_rate : float
         Hz.
     window : float
-        Time between restarts, s.
+        Length of a segment, s.
     initial : array_like, shape (n, 2)
-        Measured angle and rate at every sample, from which each window starts.
+        Measured angle and rate at every sample, from which each segment starts.
     interpolation : {"linear", "cubic", "hold"}
     initial_state : array_like, shape (n_states, n), optional
         Internal states at every sample.
@@ -76,14 +76,12 @@ def simulate_windows(
     Returns
     -------
     Motion
-        One record of n samples, the windows behind one another.
+        One record of n samples, the segments one after another.
     """
     values, start = np.asarray(moment, dtype=np.float64), np.asarray(initial, dtype=np.float64)
     if start.shape != (values.size, 2):
-        raise InputError(
-            f"initial has shape {start.shape}; ({values.size}, 2), a state per sample, is wanted"
-        )
-    starts = window_starts(values.size, sample_rate, window)
+        raise InputError(f"initial has shape {start.shape}; expected ({values.size}, 2), a state per sample")
+    starts = segment_starts(values.size, sample_rate, window)
     ends = [*starts[1:], values.size]
     parts = []
     for a, b in zip(starts, ends, strict=True):
