@@ -250,21 +250,21 @@ class JointRegressor(RegressorMixin, BaseEstimator):
     def check_parameters(self) -> None:
         """Refuse a method, a selection or a number that there is not."""
         if self.method not in METHODS:
-            raise UnknownNameError(f"method is {self.method!r}; one of {', '.join(METHODS)} is wanted")
+            raise UnknownNameError(f"method is {self.method!r}; expected one of {', '.join(METHODS)}")
         if self.selection not in SELECTIONS:
             raise UnknownNameError(
-                f"selection is {self.selection!r}; one of {', '.join(SELECTIONS)} is wanted"
+                f"selection is {self.selection!r}; expected one of {', '.join(SELECTIONS)}"
             )
         if self.threshold is not None and not 0 <= self.threshold < 1:
             raise InputError(
-                f"threshold is {self.threshold!r}; a share of the moment's RMS, from 0 to below 1, is wanted"
+                f"threshold is {self.threshold!r}; expected a share of the moment's RMS, from 0 to below 1"
             )
         for term, sign in (self.signs or {}).items():
             if sign not in (1, -1):
-                raise InputError(f"signs: {term!r} is {sign!r}; +1 or -1 is wanted")
+                raise InputError(f"signs: {term!r} is {sign!r}; expected +1 or -1")
         for term, value in (self.fixed or {}).items():
             if not np.isfinite(value):
-                raise InputError(f"fixed: {term!r} is {value!r}; a finite coefficient is wanted")
+                raise InputError(f"fixed: {term!r} is {value!r}; expected a finite coefficient")
 
     def _catalogue(self, with_inertia: bool) -> Catalogue:
         catalogue = as_catalogue(self.library)

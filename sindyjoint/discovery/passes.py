@@ -53,7 +53,7 @@ class StretchTask(Protocol):
 
     @property
     def function(self) -> TermFunction | None:
-        """Of the terms; None: only the extremes are wanted."""
+        """Of the terms; None: only the extremes are needed."""
 
 
 TaskType = TypeVar("TaskType", bound=StretchTask)

@@ -60,7 +60,7 @@ class RowLabels:
         given = {"groups": groups, "runs": runs, "blocks": blocks}
         for name, values in given.items():
             if values is not None and np.shape(values) != (n,):
-                raise InputError(f"{name} has shape {np.shape(values)}; ({n},), one entry per row, is wanted")
+                raise InputError(f"{name} has shape {np.shape(values)}; expected ({n},), one entry per row")
         of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
         if of_runs is None or of_groups is None:
             # One record: stretches to hold out, each with its own blocks.

@@ -54,7 +54,7 @@ class Task:
     parts : int
         Blocks that its rows are cut into.
     function : TermFunction or None
-        Of the terms; None: only the extremes are wanted.
+        Of the terms; None: only the extremes are needed.
     """
 
     whole: LongRecord

@@ -53,7 +53,7 @@ class RowTask:
     inertia : float or None
         kg·m²: its moment is taken from the measured one.
     function : TermFunction or None
-        Of the terms; None: only the extremes are wanted.
+        Of the terms; None: only the extremes are needed.
     size : int
         Rows read at once.
     """
@@ -213,12 +213,12 @@ def run_rows(task: RowTask) -> Stretch:
 def _stretches(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple[str, str, Path, list[int]]]:
     """Return name, group, file and edges of the blocks of every run."""
     if groups is not None and len(groups) != len(paths):
-        raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); one each is wanted")
+        raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); expected one each")
     found = []
     for number, path in enumerate(paths):
         rows = _opened(str(path), _changed(path)).rows
         if rows < len(PARTS) * STRETCHES * 2:
-            raise InputError(f"{path}: {rows} rows; at least {len(PARTS) * STRETCHES * 2} are wanted")
+            raise InputError(f"{path}: {rows} rows; expected at least {len(PARTS) * STRETCHES * 2}")
         if len(paths) == 1:
             ends = _edges(0, rows, len(PARTS))
             pairs = zip(ends[:-1], ends[1:], strict=True)
@@ -240,7 +240,7 @@ def _changed(path: Path) -> int:
         return path.stat().st_mtime_ns
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be read ({error.strerror}); a file of force states is wanted"
+            f"{path}: cannot be read ({error.strerror}); expected a file of force states"
         ) from error
 
 
@@ -250,7 +250,7 @@ def _opened(path: str, changed: int) -> Blocks:
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(
-            f"{path}: cannot be read in stretches; CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY is wanted for "
+            f"{path}: cannot be read in stretches; expected CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY for "
             "a table of force states"
         )
     return blocks

@@ -175,7 +175,7 @@ class _Npy(Blocks):
             shape, self._fortran, self._dtype = read(file)
             if self._dtype.hasobject or len(shape) not in (1, 2):
                 raise InputError(
-                    f"{path}: an array of {self._dtype} and shape {shape}; a table of numbers is wanted"
+                    f"{path}: an array of {self._dtype} and shape {shape}; expected a table of numbers"
                 )
             self._at = file.tell()
         self.rows = shape[0]

@@ -105,7 +105,7 @@ def _joint(table: JointTable, file: str) -> Joint:
     inertia = None if text is None else parse_quantity(text, unit, f"{where} {key}")
     if inertia is not None and inertia < 0:
         raise InputError(
-            f"{where} {key}: {text!r} is negative; zero or more is wanted, or leave it out to identify it"
+            f"{where} {key}: {text!r} is negative; expected zero or more, or leave it out to identify it"
         )
     temperature = table.temperature and parse_quantity(table.temperature, "K", f"{where} temperature")
     try:
@@ -189,7 +189,7 @@ class _Door:
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file)
-        # Without the filters that cost samples at the ends: only the sampling rate is wanted.
+        # Without the filters that cost samples at the ends: only the sampling rate is needed.
         rate = replace(head, channels=channels.model_copy(update={"skew": None})).read()[1]
         wanted = WITHOUT_FREQUENCY if frequency is None else max(STRETCH, PERIODS * rate / frequency)
         count = max(4 if frequency is None else FEWEST, int(blocks.rows // wanted))
