@@ -82,7 +82,7 @@ class Source:
 
 @dataclass(frozen=True)
 class LongRecord:
-    """Where the whole of a run lies that is too long for memory; the run itself then holds its first stretch.
+    """Where the whole of a run lies that is too long for memory; the run itself then holds its first segment.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class LongRecord:
     index : int
         Of the run in it.
     edges : tuple of int
-        Rows of its file at which it is cut into stretches.
+        Rows of its file at which it is cut into segments.
     """
 
     manifest: str
@@ -100,7 +100,7 @@ class LongRecord:
 
     @property
     def n_stretches(self) -> int:
-        """Number of stretches."""
+        """Number of segments."""
         return len(self.edges) - 1
 
 

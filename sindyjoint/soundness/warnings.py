@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.delay import Skew
+from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.record import Campaign
@@ -23,7 +23,7 @@ def cautions(
     campaign: Campaign,
     states: Sequence[ForceStates],
     model: JointModel,
-    skew: Skew | None,
+    skew: ChannelDelay | None,
     aligned: bool,
     indistinct: Sequence[str] = (),
 ) -> Iterator[str]:
@@ -42,7 +42,7 @@ def cautions(
     yield from _misfit(model)
 
 
-def _skew(skew: Skew | None, model: JointModel, aligned: bool) -> Iterator[str]:
+def _skew(skew: ChannelDelay | None, model: JointModel, aligned: bool) -> Iterator[str]:
     if skew is None or not skew.significant:
         return
     size = f"{1e3 * abs(skew.time):.3f} ± {1e3 * skew.standard_error:.3f} ms"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.delay import Skew, estimate_skew, reference_of, shifted
-from sindyjoint.discovery.segments import LONGEST, Tally, fit_long, has_long_runs
+from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, reference_of, shifted
+from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.catalogue import Catalogue, as_catalogue, load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
@@ -46,7 +46,7 @@ class Discovery:
         Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
     reason : str
         How the terms were chosen.
-    skew : Skew or None
+    skew : ChannelDelay or None
         Time by which the moment lags the angle, as searched for before anything else.
     warnings : tuple of str
     states : tuple of ForceStates
@@ -61,7 +61,7 @@ class Discovery:
     verdict: Verdict
     found: bool
     reason: str
-    skew: Skew | None
+    skew: ChannelDelay | None
     warnings: tuple[str, ...]
     states: tuple[ForceStates, ...] = field(repr=False)
     regressor: JointRegressor = field(repr=False)
@@ -142,7 +142,7 @@ def discover(
     bandwidth : float, optional
         Highest frequency kept in the angle, Hz.
     align : bool
-        Remove the time skew that is found between the channels.
+        Remove the time delay that is found between the channels.
     correct : bool
         Simulate the model under the campaign's own drive and take out of the coefficients what noise and processing
         do to them.
@@ -150,7 +150,7 @@ def discover(
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
-        Where the stretches of runs that are too long for memory are worked on; see
+        Where the segments of runs that are too long for memory are worked on; see
         :func:`~sindyjoint.parallel.executor`.
     **options
         Parameters of :class:`~sindyjoint.JointRegressor`: method, threshold, selection, forced, forbidden, ...
@@ -174,25 +174,25 @@ def discover(
     inertia = campaign.joint.inertia
     say("force states")
     force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
-    say("time skew of the channels")
-    skew = _skew(force_states, inertia)
-    lag = skew.time if align and skew is not None and skew.significant else 0.0
+    say("time delay between the channels")
+    delay = _find_delay(force_states, inertia)
+    lag = delay.time if align and delay is not None and delay.significant else 0.0
     force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     if has_long_runs(campaign):
         with executor(jobs, workers, cluster) as here:
-            regressor, tallies = fit_long(
+            regressor, counts = fit_long(
                 regressor, campaign, force_states, here, bandwidth=bandwidth, lag=lag, say=say
             )
     else:
         regressor.fit(**regression_rows(force_states, inertia).fit_arguments())
-        tallies = tuple(Tally(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
+        counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
     say("judging")
-    model = _campaign_model(regressor, campaign, force_states, tallies)
+    model = _campaign_model(regressor, campaign, force_states, counts)
     measured = regressor
     if correct and not has_long_runs(campaign):
-        regressor, model, force_states = _completed(regressor, model, campaign, force_states, tallies, say)
+        regressor, model, force_states = _completed(regressor, model, campaign, force_states, counts, say)
     verdict = judge(regressor, model, completed=measured is not regressor)
     if (
         correct
@@ -208,7 +208,7 @@ def discover(
     say("measuring the bias of the processing")
     fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
-    warnings = [*cautions(campaign, force_states, model, skew, align, regressor.indistinct_)]
+    warnings = [*cautions(campaign, force_states, model, delay, align, regressor.indistinct_)]
     if measured is not regressor:
         warnings.append(
             "the inertia makes weak harmonics of the motion matter: those not known to a tenth were taken from a "
@@ -223,7 +223,7 @@ def discover(
         verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
-        skew=skew,
+        skew=delay,
         warnings=tuple(warnings),
         states=force_states,
         regressor=regressor,
@@ -237,7 +237,7 @@ def _completed(
     model: JointModel,
     campaign: Campaign,
     states: tuple[ForceStates, ...],
-    tallies: Sequence[Tally],
+    counts: Sequence[SampleCount],
     say: Callable[[str], None],
 ) -> tuple[JointRegressor, JointModel, tuple[ForceStates, ...]]:
     """Choose the terms again on states whose weak harmonics are the model's, where those matter to the moment.
@@ -266,7 +266,7 @@ def _completed(
             say("selecting terms with the harmonics below the noise")
             fitted = JointRegressor(**regressor.get_params(deep=False))
             fitted.fit(**regression_rows(more, campaign.joint.inertia).fit_arguments())
-            before, found = found.ids, _campaign_model(fitted, campaign, more, tallies)
+            before, found = found.ids, _campaign_model(fitted, campaign, more, counts)
             if not found.terms:
                 break
             if found.fitted.residual_rms < best[1].fitted.residual_rms * BETTER:
@@ -353,7 +353,7 @@ def _corrected(
 def the_campaign(
     campaign: Campaign | str | Path | None, random_state: Any = None, longest: int | None = None
 ) -> Campaign:
-    """Return a campaign from itself, a file, or the built-in virtual test; of runs beyond ``longest`` a stretch."""
+    """Return a campaign from itself, a file, or the built-in virtual test; of runs beyond ``longest`` a segment."""
     if isinstance(campaign, Campaign):
         return campaign
     if campaign is None:
@@ -367,37 +367,40 @@ def the_campaign(
     return load_campaign(campaign, longest)
 
 
-def _skew(states: Sequence[ForceStates], inertia: float | None) -> Skew | None:
-    """Search for a skew under the paper's law and a constant; None where the data do not carry that law."""
+def _find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelDelay | None:
+    """Estimate the delay under the paper's law and a constant; None where the data do not carry that law."""
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
         return None
     law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
     if inertia is None:
         law = law.union(load_catalogue("inertia"))
     try:
-        return estimate_skew(states, law.resolve(reference_of(states)), inertia)
+        return estimate_delay(states, law.resolve(reference_of(states)), inertia)
     except (np.linalg.LinAlgError, InputError):
-        # Dependent columns (one level of a pure sine): a skew cannot be told from damping there.
+        # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
         return None
 
 
 def _campaign_model(
-    regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates], tallies: Sequence[Tally]
+    regressor: JointRegressor,
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+    counts: Sequence[SampleCount],
 ) -> JointModel:
     """Return the regressor's model with the joint and the data it came from."""
     model = regressor.model_
     inertia = campaign.joint.inertia
     if inertia is None and INERTIA in model:
         inertia = model[INERTIA].coefficient
-    count = np.array([tally.moving for tally in tallies], dtype=float)
+    moving = np.array([count.moving for count in counts], dtype=float)
     # What one sample of the transfer moment cannot repeat: sensor noise, and the inertia times noise of θ̈.
     variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
     fitted = Fitted(
         moment_rms=model.fitted.moment_rms,
         residual_rms=model.fitted.residual_rms,
-        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
-        moving_fraction=float(count.sum() / sum(tally.samples for tally in tallies)),
-        samples=int(count.sum()),
+        noise_floor=float(np.sqrt(np.average(variance, weights=moving))),
+        moving_fraction=float(moving.sum() / sum(count.samples for count in counts)),
+        samples=int(moving.sum()),
         runs=len(states),
         angle=model.fitted.angle,
         rate=model.fitted.rate,
