@@ -243,11 +243,11 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
     given = [name for name, on in (("jobs", jobs != 1), ("workers", workers is not None),
                                    ("cluster", cluster is not None)) if on]  # fmt: skip
     if len(given) > 1:
-        raise InputError(f"{' and '.join(given)} were given; one way to run the tasks is wanted")
+        raise InputError(f"{' and '.join(given)} were given; expected one way to run the tasks")
     if jobs != -1 and jobs < 1:
-        raise InputError(f"jobs is {jobs}; a positive number, or -1 for one per core, is wanted")
+        raise InputError(f"jobs is {jobs}; expected a positive number, or -1 for one per core")
     if workers is not None and workers < 1:
-        raise InputError(f"workers is {workers}; a positive number is wanted")
+        raise InputError(f"workers is {workers}; expected a positive number")
     if workers is not None or cluster is not None:
         with _dask(workers, cluster) as client:
             yield _Dask(client)

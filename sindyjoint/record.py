@@ -25,7 +25,7 @@ def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
     """Return a read-only float64 copy of a one-dimensional finite signal."""
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1:
-        raise InputError(f"run {run!r}: {name} has shape {array.shape}; a one-dimensional signal is wanted")
+        raise InputError(f"run {run!r}: {name} has shape {array.shape}; expected a one-dimensional signal")
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
         raise InputError(
@@ -65,11 +65,11 @@ class Joint:
 
     def __post_init__(self) -> None:
         if self.motion not in ("rotation", "translation"):
-            raise InputError(f"motion is {self.motion!r}; 'rotation' or 'translation' is wanted")
+            raise InputError(f"motion is {self.motion!r}; expected 'rotation' or 'translation'")
         if self.inertia is not None and not (np.isfinite(self.inertia) and self.inertia >= 0):
-            raise InputError(f"inertia is {self.inertia!r}; a finite number that is not negative is wanted")
+            raise InputError(f"inertia is {self.inertia!r}; expected a finite number that is not negative")
         if self.temperature is not None and not (np.isfinite(self.temperature) and self.temperature > 0):
-            raise InputError(f"temperature is {self.temperature!r} K; a finite number above zero is wanted")
+            raise InputError(f"temperature is {self.temperature!r} K; expected a finite number above zero")
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Source:
 
 @dataclass(frozen=True)
 class LongRecord:
-    """Where the whole of a run lies that is too long for memory; the run itself then holds its first stretch.
+    """Where the whole of a run lies that is too long for memory; the run itself then holds its first segment.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class LongRecord:
     index : int
         Of the run in it.
     edges : tuple of int
-        Rows of its file at which it is cut into stretches.
+        Rows of its file at which it is cut into segments.
     """
 
     manifest: str
@@ -100,7 +100,7 @@ class LongRecord:
 
     @property
     def n_stretches(self) -> int:
-        """Number of stretches."""
+        """Number of segments."""
         return len(self.edges) - 1
 
 
@@ -155,17 +155,17 @@ class Run:
             values = getattr(self, name)
             if values is not None and values.size != n:
                 raise InputError(
-                    f"run {self.name!r}: {name} has {values.size} samples and angle has {n}; "
-                    "equal lengths are wanted"
+                    f"run {self.name!r}: {name} has {values.size} samples and angle has {n}; expected "
+                    "equal lengths"
                 )
         if n < MINIMUM_SAMPLES:
-            raise InputError(f"run {self.name!r}: {n} samples; at least {MINIMUM_SAMPLES} are wanted")
+            raise InputError(f"run {self.name!r}: {n} samples; expected at least {MINIMUM_SAMPLES}")
         if not (np.isfinite(self.sample_rate) and self.sample_rate > 0):
             raise InputError(
-                f"run {self.name!r}: sample_rate is {self.sample_rate!r} Hz; a positive number is wanted"
+                f"run {self.name!r}: sample_rate is {self.sample_rate!r} Hz; expected a positive number"
             )
         if self.use not in ("identify", "validate"):
-            raise InputError(f"run {self.name!r}: use is {self.use!r}; 'identify' or 'validate' is wanted")
+            raise InputError(f"run {self.name!r}: use is {self.use!r}; expected 'identify' or 'validate'")
         if self.frequency is not None:
             self._check_frequency()
 
@@ -173,12 +173,12 @@ class Run:
         frequency = self.frequency
         assert frequency is not None
         if not (np.isfinite(frequency) and frequency > 0):
-            raise InputError(f"run {self.name!r}: frequency is {frequency!r} Hz; a positive number is wanted")
+            raise InputError(f"run {self.name!r}: frequency is {frequency!r} Hz; expected a positive number")
         # Ten samples per period carry the first three harmonics, and no more: the least that shows a cubic.
         if self.sample_rate < 10 * frequency:
             raise InputError(
                 f"run {self.name!r}: sampling at {self.sample_rate:g} Hz is too slow for {frequency:g} Hz "
-                f"excitation; at least {10 * frequency:g} Hz is wanted"
+                f"excitation; expected at least {10 * frequency:g} Hz"
             )
 
     @property
@@ -228,7 +228,7 @@ class Campaign:
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))
         if not self.runs:
-            raise InputError("a campaign without runs was given; at least one run is wanted")
+            raise InputError("a campaign without runs was given; expected at least one run")
         names = [run.name for run in self.runs]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:

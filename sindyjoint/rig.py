@@ -183,5 +183,5 @@ def check_positive(name: str, value: float) -> float:
         Unless the value is a finite number above zero.
     """
     if not (np.isfinite(value) and value > 0):
-        raise InputError(f"{name} is {value!r}; a finite number above zero is wanted")
+        raise InputError(f"{name} is {value!r}; expected a finite number above zero")
     return value

@@ -49,5 +49,5 @@ def test_backwards_then_forwards_returns_the_signal(stiffness, height, length, f
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_impossible_constant_is_named(name, value):
     good = {"bending_stiffness": 2333.0, "section_height": 0.02, "joint_length": 0.06}
-    with pytest.raises(InputError, match=rf"{name} is .*; a finite number above zero is wanted"):
+    with pytest.raises(InputError, match=rf"{name} is .*; expected a finite number above zero"):
         SensorRig(**(good | {name: value}))

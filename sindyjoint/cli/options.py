@@ -96,7 +96,7 @@ class Finding:
     states: Annotated[States, typer.Option(help="How rates are made of angles.")] = STATES
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None
     align: Annotated[
-        bool, typer.Option("--align", help="Remove the time skew found between the channels.")
+        bool, typer.Option("--align", help="Remove the time delay found between the channels.")
     ] = ALIGN
 
     def arguments(self) -> dict[str, Any]:

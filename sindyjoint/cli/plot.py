@@ -45,7 +45,7 @@ def plot(
     target = out if out is not None else Path(f"{kind}.svg")
     suffix = target.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
-        raise InputError(f"--out is {str(target)!r}; a name that ends in .svg, .pdf or .png is wanted")
+        raise InputError(f"--out is {str(target)!r}; expected a name that ends in .svg, .pdf or .png")
     data = load_results(results)
 
     from sindyjoint.reporting.registry import draw, drawable, kinds_of

@@ -31,7 +31,7 @@ class Progress:
     Raises
     ------
     typer.BadParameter
-        If both are wanted.
+        If both are given.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False):

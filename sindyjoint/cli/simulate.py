@@ -40,7 +40,7 @@ def _numbers(text: str, option: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise InputError(f"{option} is {text!r}; numbers with commas between them are wanted") from None
+        raise InputError(f"{option} is {text!r}; expected numbers with commas between them") from None
 
 
 def _text(numbers: tuple[float, ...]) -> str:

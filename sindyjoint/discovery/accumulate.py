@@ -236,7 +236,7 @@ class Tiles:
             try:
                 total.add(block)
             except InputError as error:
-                raise InputError(f"rows from {start} of this stretch: {error}") from None
+                raise InputError(f"rows from {start} of this segment: {error}") from None
 
     def columns(self, states: Sequence[Array], target: Array, weight: Array | None = None) -> Array:
         """Return terms and target at a tile of rows, or fewer, shape (p + 1, n); of a tile until the next call."""

@@ -58,15 +58,15 @@ class SelectionRules:
         check_method(self.method)
         if self.selection not in SELECTIONS:
             raise UnknownNameError(
-                f"selection is {self.selection!r}; one of {', '.join(SELECTIONS)} is expected"
+                f"selection is {self.selection!r}; expected one of {', '.join(SELECTIONS)}"
             )
         if self.threshold is not None and not 0 <= self.threshold < 1:
             raise InputError(
-                f"threshold is {self.threshold!r}; a share of the moment's RMS, from 0 to below 1, is expected"
+                f"threshold is {self.threshold!r}; expected a share of the moment's RMS, from 0 to below 1"
             )
         for term, sign in self.signs.items():
             if sign not in (1, -1):
-                raise InputError(f"signs: {term!r} is {sign!r}; +1 or -1 is expected")
+                raise InputError(f"signs: {term!r} is {sign!r}; expected +1 or -1")
 
 
 def choose(evidence: Evidence, rules: SelectionRules, shared_motion: bool = False) -> tuple[Selection, float]:

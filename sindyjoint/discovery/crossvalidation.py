@@ -121,10 +121,10 @@ def cross_validate(
 
     names = [run.group for run in evidence.runs] if labels is None else [str(label) for label in labels]
     if len(names) != len(evidence.runs):
-        raise InputError(f"{len(names)} label(s) for {len(evidence.runs)} runs; one each is wanted")
+        raise InputError(f"{len(names)} label(s) for {len(evidence.runs)} runs; expected one each")
     if splitter is None and len(set(names)) < 2:
         raise InputError(
-            f"all runs carry the label {names[0]!r}; two different ones are wanted to leave one out"
+            f"all runs carry the label {names[0]!r}; expected two different ones to leave one out"
         )
     splitter = LeaveOneGroupOut() if splitter is None else splitter
     index = np.arange(len(names))

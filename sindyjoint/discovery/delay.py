@@ -1,4 +1,4 @@
-"""Time skew between the moment and the angle channel.
+"""Time delay between the moment and the angle channel.
 
 A moment that lags by τ is the law at the state τ earlier. Seen as physics it adds τ·k1 to the damping (about an
 eighth of c1 per millisecond for the paper's joint) and drags τ·2k2·θθ̇ and τ·3k3·θ²θ̇ along, so it is looked for
@@ -23,12 +23,12 @@ from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
-# Samples by which a signal is prolonged, for its spline to forget the end.
+# Samples by which a signal is prolonged, so that its spline does not depend on the end.
 EDGE = 12
 
 
 @dataclass(frozen=True)
-class Skew:
+class ChannelDelay:
     """Time by which the moment channel lags the angle channel.
 
     Parameters
@@ -47,7 +47,7 @@ class Skew:
 
 
 def shifted(states: ForceStates, time: float) -> ForceStates:
-    """Return the states of ``time`` seconds earlier beside the same moments: a lag of the moment undone.
+    """Return the states of ``time`` seconds earlier with the same moments: a lag of the moment undone.
 
     The motion is interpolated by cubic splines; it is band-limited, so nothing is lost.
     """
@@ -62,7 +62,7 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     edge = int(np.ceil(abs(samples))) + 1
     moving[:edge] = False
     moving[-edge:] = False
-    # The mask belongs to the motion: it travels with it, and half a sample of doubt is cut on both sides.
+    # The mask belongs to the motion: it travels with it, and half a sample is cut on both sides.
     index = np.arange(moving.size) - samples
     low = np.clip(np.floor(index).astype(int), 0, moving.size - 1)
     high = np.clip(np.ceil(index).astype(int), 0, moving.size - 1)
@@ -102,13 +102,13 @@ def _delayed(signal: Array, samples: float) -> Array:
     return np.asarray(sum(terms))
 
 
-def estimate_skew(
+def estimate_delay(
     states: Sequence[ForceStates],
     terms: Sequence[ResolvedTerm],
     inertia: float | None,
     iterations: int = 4,
     most_rows: int = 40_000,
-) -> Skew:
+) -> ChannelDelay:
     """Return the time by which the moment lags the angle, under a law made of ``terms``.
 
     Parameters
@@ -133,7 +133,7 @@ def estimate_skew(
         time = float(np.clip(time + step, -POLICY.longest_delay, POLICY.longest_delay))
         if abs(step) < 0.05 * error:
             break
-    return Skew(time, error)
+    return ChannelDelay(time, error)
 
 
 def _linearised(
@@ -150,7 +150,7 @@ def _linearised(
         extended = np.column_stack([columns, derivative])
         parts = tuple(Factor.of(extended[block == b], moment[block == b]) for b in np.unique(block))
         runs.append(RunEvidence(state.run, state.run, Factor.of(extended, moment), parts))
-    return Evidence((*(t.id for t in terms), "skew"), tuple(runs))
+    return Evidence((*(t.id for t in terms), "delay"), tuple(runs))
 
 
 def _columns(
@@ -167,7 +167,7 @@ def _columns(
         for offset in (0.0, half, -half)
     )
     derivative = (after - before) / (2 * half)
-    # A lag of the moment shifts the inertia's moment as well. Where it is known it moves to the left side, but its
+    # A lag of the moment shifts the inertia's moment as well. Where it is known it moves to the other side, but its
     # slope stays: without the jerk even 0.02 kg·m² of the paper's joint shows 0.04 ms that are not there.
     known = inertia or 0.0
     moment = states.moment[index] - known * states.acceleration[index]

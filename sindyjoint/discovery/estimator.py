@@ -141,10 +141,10 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         y : array_like, shape (n,)
             Transfer moment N·m, or with θ̈ in X the moment at the sensor.
         groups : array_like, shape (n,), optional
-            What is held out together, usually the excitation frequency. Default: stretches of consecutive rows.
+            What is held out together, usually the excitation frequency. Default: segments of consecutive rows.
         sample_weight : array_like, shape (n,), optional
         runs, blocks : array_like, shape (n,), optional
-            Run of each row (default: its group) and replicate block within the run (default: stretches of rows).
+            Run of each row (default: its group) and replicate block within the run (default: segments of rows).
         X_replicate, y_replicate : array_like, shape (n, 2) or (n, 3) and (n,), optional
             The same rows as each block alone gives them. Their scatter carries the noise of the angle channel into
             the standard errors. Equal to X, they say that all blocks share one estimate of the motion: the scatter
@@ -247,7 +247,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         self._rules().check()
         for term, value in (self.fixed or {}).items():
             if not np.isfinite(value):
-                raise InputError(f"fixed: {term!r} is {value!r}; a finite coefficient is wanted")
+                raise InputError(f"fixed: {term!r} is {value!r}; expected a finite coefficient")
 
     def _catalogue(self, with_inertia: bool) -> Catalogue:
         catalogue = catalogue_of(self.library)

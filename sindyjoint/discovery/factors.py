@@ -146,7 +146,7 @@ def merge(factors: Iterable[Factor], weights: ArrayLike | None = None) -> Factor
     if weights is not None:
         parts = [part.scaled(float(w)) for part, w in zip(parts, np.asarray(weights), strict=True) if w > 0]
     if not parts:
-        raise InputError("no factor to merge; at least one block of rows is wanted")
+        raise InputError("no factor to merge; expected at least one block of rows")
     if len(parts) == 1:
         return parts[0]
     return Factor(_triangle(np.vstack([part.triangle for part in parts])), sum(part.rows for part in parts))

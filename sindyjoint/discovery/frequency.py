@@ -160,15 +160,15 @@ def frequency_test(
     f, x = np.asarray(frequencies, dtype=float), np.asarray(estimates, dtype=float)
     if f.shape != x.shape or f.ndim != 1 or np.unique(f).size < 3:
         raise InputError(
-            f"{name}: estimates of shape {x.shape} at {np.unique(f).size} frequencies; three or more are wanted"
+            f"{name}: estimates of shape {x.shape} at {np.unique(f).size} frequencies; expected three or more"
         )
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(x)) and margin > 0):
-        raise InputError(f"{name}: frequencies, estimates and a positive margin, all finite, are wanted")
+        raise InputError(f"{name}: expected frequencies, estimates and a positive margin, all finite")
     if standard_errors is None:
         return _without_errors(name, f, x, margin)
     s = np.asarray(standard_errors, dtype=float)
     if s.shape != x.shape or not np.all(np.isfinite(s) & (s > 0)):
-        raise InputError(f"{name}: one positive standard error for each estimate is wanted")
+        raise InputError(f"{name}: expected one positive standard error for each estimate")
     nu = np.full(x.shape, 1e9) if degrees is None else np.asarray(degrees, dtype=float)
     return _with_errors(name, f, x, s, nu, margin)
 

@@ -90,12 +90,12 @@ class TermLibrary(BaseFeatureLibrary):
             For data of another shape, values that are not finite, or terms that cannot be evaluated on it.
         """
         if self.scale not in ("rms", None):
-            raise InputError(f"scale is {self.scale!r}; 'rms' or None is wanted")
+            raise InputError(f"scale is {self.scale!r}; expected 'rms' or None")
         runs = [_states(x) for x in x_full]
         widths = {states.shape[1] for states in runs}
         if len(widths) > 1:
             raise InputError(
-                "some trajectories have 2 columns and some 3; the same columns are wanted in all of them"
+                "some trajectories have 2 columns and some 3; expected the same columns in all of them"
             )
         catalogue = catalogue_of(self.library)
         if self.include_inertia:
@@ -179,8 +179,8 @@ def _states(x: Any) -> NDArray[np.float64]:
     states = np.asarray(x, dtype=np.float64)
     if states.ndim != 2 or states.shape[1] not in (2, 3) or not len(states):
         raise InputError(
-            f"X has the shape {states.shape}; (n, 2) for angle and rate, or (n, 3) with the acceleration, "
-            "is wanted"
+            f"X has the shape {states.shape}; expected (n, 2) for angle and rate, or "
+            "(n, 3) with the acceleration"
         )
     bad = np.argwhere(~np.isfinite(states))
     if bad.size:

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from sindyjoint.equation.terms import ResolvedTerm
 
 # By this share values may pass the scale that inner parameters, round shares such as a tenth, are shares of: the maxima
-# of random motion, a stretch at a time, differ by less.
+# of random motion, a segment at a time, differ by less.
 LARGER = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
-    """What one stretch of rows leaves.
+class Segment:
+    """What one segment of rows leaves.
 
     Parameters
     ----------
@@ -48,15 +48,15 @@ class Stretch:
     failure: str = ""
 
 
-class StretchTask(Protocol):
-    """A dataclass that says where a stretch of rows is to be had, and what terms to evaluate on it."""
+class SegmentTask(Protocol):
+    """A dataclass that says where a segment of rows is to be had, and what terms to evaluate on it."""
 
     @property
     def function(self) -> TermFunction | None:
-        """Of the terms; None: only the extremes are wanted."""
+        """Of the terms; None: only the extremes are needed."""
 
 
-TaskType = TypeVar("TaskType", bound=StretchTask)
+TaskType = TypeVar("TaskType", bound=SegmentTask)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,47 +66,47 @@ class Passed:
     Parameters
     ----------
     terms : tuple of ResolvedTerm
-    stretches : list of Stretch
+    segments : list of Segment
         One per task.
     reference : Reference
         Largest angle, rate and moment of all rows.
     """
 
     terms: tuple[ResolvedTerm, ...]
-    stretches: list[Stretch]
+    segments: list[Segment]
     reference: Reference
 
 
 def pass_over(
     regressor: JointRegressor,
-    work: Callable[[TaskType], Stretch],
+    work: Callable[[TaskType], Segment],
     tasks: Sequence[TaskType],
     here: Executor,
     *,
     looked: Reference | None,
-    largest: Callable[[Sequence[Stretch]], Reference],
+    largest: Callable[[Sequence[Segment]], Reference],
     with_acceleration: bool,
     say: Callable[[str], None],
 ) -> Passed:
-    """Evaluate a regressor's candidates on all stretches and add them up.
+    """Evaluate a regressor's candidates on all segments and add them up.
 
     Parameters
     ----------
     regressor : JointRegressor
     work : callable
         Does one task; to be sent to other processes.
-    tasks : sequence of StretchTask
+    tasks : sequence of SegmentTask
     here : Executor
     looked : Reference or None
         Scales as far as they are known; ``None``: the library refers to none.
     largest : callable
-        Gives the scales of all rows once the stretches are known.
+        Gives the scales of all rows once the segments are known.
     with_acceleration : bool
         Whether the inertia is to be identified as a term.
     say : callable
     """
 
-    def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[Stretch]]:
+    def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[Segment]]:
         terms = regressor.candidates(scale, with_acceleration)
         function = compile_terms([term.expression for term in terms])
         with_terms: list[Any] = [replace(task, function=function) for task in tasks]  # type: ignore[type-var]

@@ -22,8 +22,8 @@ from sindyjoint.parallel import on_threads
 Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]
 
-# Without replicate blocks of its own, a run is cut into this many stretches of consecutive rows.
-STRETCHES = 16
+# Without replicate blocks of its own, a run is cut into this many segments of consecutive rows.
+SEGMENTS = 16
 # What a single run, which has no other to be held out against, is cut into; none of these is the name of a run.
 PARTS = ("part 1", "part 2", "part 3", "part 4")
 # Rows of a run that tell how alike its columns are.
@@ -61,14 +61,14 @@ class RowLabels:
         given = {"groups": groups, "runs": runs, "blocks": blocks}
         for name, values in given.items():
             if values is not None and np.shape(values) != (n,):
-                raise InputError(f"{name} has shape {np.shape(values)}; ({n},), one entry per row, is wanted")
+                raise InputError(f"{name} has shape {np.shape(values)}; expected ({n},), one entry per row")
         of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
         if of_runs is None or of_groups is None:
-            # One record: stretches to hold out, each with its own blocks.
-            stretches = zip(PARTS, _stretches(slice(0, n), len(PARTS)), strict=True)
+            # One record: segments to hold out, each with its own blocks.
+            segments = zip(PARTS, _cut_segments(slice(0, n), len(PARTS)), strict=True)
             of_blocks = None if blocks is None else np.asarray(blocks)
             found = cls(
-                tuple(LabelledRun(part, part, _blocks_of(rows, of_blocks)) for part, rows in stretches)
+                tuple(LabelledRun(part, part, _blocks_of(rows, of_blocks)) for part, rows in segments)
             )
         else:
             found = cls.labelled(of_groups, of_runs, blocks)
@@ -314,13 +314,13 @@ def _rows_of(labels: NDArray[Any]) -> dict[Any, Index]:
 def _blocks_of(rows: Index, blocks: NDArray[Any] | None) -> tuple[Index, ...]:
     """Return the rows of each replicate block of a run, blocks in the order of their labels."""
     if blocks is None:
-        return _stretches(rows, STRETCHES)
+        return _cut_segments(rows, SEGMENTS)
     found = _rows_of(blocks[rows])
     return tuple(_within(rows, found[label]) for label in sorted(found))
 
 
-def _stretches(rows: Index, parts: int) -> tuple[Index, ...]:
-    """Cut rows into stretches of consecutive ones: the i-th of n goes to stretch i · parts // n."""
+def _cut_segments(rows: Index, parts: int) -> tuple[Index, ...]:
+    """Cut rows into segments of consecutive ones: the i-th of n goes to segment i · parts // n."""
     n = rows.stop - rows.start if isinstance(rows, slice) else rows.size
     edges = [-(-part * n // parts) for part in range(parts + 1)]
     return tuple(_within(rows, slice(a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a)

@@ -1,7 +1,7 @@
-"""Runs that are too long for memory: force states and factors stretch by stretch.
+"""Runs that are too long for memory: force states and factors segment by segment.
 
-Each stretch is worked on as a run of its own: of a sine its harmonics are those of the stretch, of any other motion the
-stretches overlap by what the smoothing kernel takes at their ends, under one cut-off. Their factors are the replicate
+Each segment is worked on as a run of its own: of a sine its harmonics are those of the segment, of any other motion the
+segments overlap by what the smoothing kernel takes at their ends, under one cut-off. Their factors are the replicate
 blocks from whose scatter the errors are told, and merged they are the run's.
 """
 
@@ -16,12 +16,12 @@ import numpy as np
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.discovery.passes import Stretch, largest_of, pass_over
+from sindyjoint.discovery.passes import Segment, largest_of, pass_over
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, run_factors
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
-from sindyjoint.files.campaign import FEWEST, load_stretch
+from sindyjoint.files.campaign import FEWEST, load_segment
 from sindyjoint.parallel import Executor
 from sindyjoint.record import Campaign, LongRecord
 from sindyjoint.states import ForceStates, force_states, regression_rows
@@ -36,16 +36,16 @@ LONGEST = 1 << 18
 
 @dataclass(frozen=True)
 class Task:
-    """One stretch of a long run.
+    """One segment of a long run.
 
     Parameters
     ----------
     whole : LongRecord
     number : int
-        Of the stretch.
+        Of the segment.
     method : {"periodic", "broadband"}
     bandwidth : float or None
-        Hz; of a broadband run one for all of its stretches.
+        Hz; of a broadband run one for all of its segments.
     margin : int
         Samples that the kernel takes at either end.
     lag : float
@@ -54,7 +54,7 @@ class Task:
     parts : int
         Blocks that its rows are cut into.
     function : TermFunction or None
-        Of the terms; None: only the extremes are wanted.
+        Of the terms; None: only the extremes are needed.
     """
 
     whole: LongRecord
@@ -69,7 +69,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Tally:
+class SampleCount:
     """Moving samples, and all samples, of a run."""
 
     moving: int
@@ -90,7 +90,7 @@ def fit_long(
     bandwidth: float | None = None,
     lag: float = 0.0,
     say: Callable[[str], None] = lambda stage: None,
-) -> tuple[JointRegressor, tuple[Tally, ...]]:
+) -> tuple[JointRegressor, tuple[SampleCount, ...]]:
     """Fit a regressor to a campaign some of whose runs are long.
 
     Parameters
@@ -98,7 +98,7 @@ def fit_long(
     regressor : JointRegressor
     campaign : Campaign
     states : sequence of ForceStates
-        Of the identification runs, of long ones of their first stretch.
+        Of the identification runs, of long ones of their first segment.
     here : Executor
     bandwidth : float, optional
     lag : float
@@ -108,13 +108,13 @@ def fit_long(
     Returns
     -------
     regressor : JointRegressor
-    tallies : tuple of Tally
+    counts : tuple of SampleCount
         One per run.
 
     Raises
     ------
     InputError
-        If more than half of a run's stretches cannot be used.
+        If more than half of a run's segments cannot be used.
     """
     inertia = campaign.joint.inertia
     tasks = {
@@ -123,43 +123,43 @@ def fit_long(
         if run.whole is not None
     }
     every = [task for group in tasks.values() for task in group]
-    say(f"{len(every)} stretches of long runs")
+    say(f"{len(every)} segments of long runs")
 
     passed = pass_over(
         regressor,
         work,
         every,
         here,
-        # The first stretches tell the scale of the others, as a rule.
+        # The first segments tell the scale of the others, as a rule.
         looked=largest_of(map(_extremes, states)),
         largest=lambda done: largest_of([*map(_extremes, states), *(s.largest for s in done)]),
         with_acceleration=inertia is None,
         say=say,
     )
-    terms, done, reference = passed.terms, passed.stretches, passed.reference
+    terms, done, reference = passed.terms, passed.segments, passed.reference
     labels, results = group_labels(states), iter(done)
-    runs, tallies = [], []
+    runs, counts = [], []
     for i, (state, label) in enumerate(zip(states, labels, strict=True)):
         if i in tasks:
-            stretches = [next(results) for _ in tasks[i]]
-            runs.append(_long_evidence(state, label, stretches))
-            tallies.append(Tally(sum(s.moving for s in stretches), sum(s.samples for s in stretches)))
+            segments = [next(results) for _ in tasks[i]]
+            runs.append(_long_evidence(state, label, segments))
+            counts.append(SampleCount(sum(s.moving for s in segments), sum(s.samples for s in segments)))
         else:
             runs.append(_short_evidence(state, label, terms, inertia))
-            tallies.append(Tally(int(np.count_nonzero(state.moving)), state.n_samples))
+            counts.append(SampleCount(int(np.count_nonzero(state.moving)), state.n_samples))
     evidence = Evidence(tuple(term.id for term in terms), tuple(runs))
     shared = all(state.replicate is None for state in states)
-    return regressor.fit_evidence(terms, evidence, reference, shared_motion=shared), tuple(tallies)
+    return regressor.fit_evidence(terms, evidence, reference, shared_motion=shared), tuple(counts)
 
 
-def work(task: Task) -> Stretch:
-    """Make the force states of one stretch and add them up."""
-    run = load_stretch(task.whole, task.number, task.margin)
+def work(task: Task) -> Segment:
+    """Make the force states of one segment and add them up."""
+    run = load_segment(task.whole, task.number, task.margin)
     try:
         states = force_states(run, task.method, task.bandwidth)  # type: ignore[arg-type]
     except InputError as error:
-        # A joint that rests for a while, a channel that is dead there: the other stretches still tell.
-        return Stretch((), (0.0, 0.0, 0.0), 0, run.n_samples, str(error))
+        # A joint that rests for a while, a channel that is dead there: the other segments still tell.
+        return Segment((), (0.0, 0.0, 0.0), 0, run.n_samples, str(error))
     rows = regression_rows([shifted(states, task.lag)], task.inertia)
     factors: list[Factor] = []
     if task.function is not None:
@@ -168,7 +168,7 @@ def work(task: Task) -> Stretch:
         blocks = [every[start:stop] for start, stop in zip(edges[:-1], edges[1:], strict=True)]
         (factors,) = run_factors(task.function, [blocks])
     largest = tuple(float(np.max(np.abs(x))) for x in (rows.X[:, 0], rows.X[:, 1], rows.y))
-    return Stretch(tuple(factors), largest, rows.y.size, states.n_samples)  # type: ignore[arg-type]
+    return Segment(tuple(factors), largest, rows.y.size, states.n_samples)  # type: ignore[arg-type]
 
 
 def _tasks(
@@ -186,14 +186,14 @@ def _extremes(state: ForceStates) -> list[float]:
     return [float(np.max(np.abs(x[state.moving]))) for x in (state.angle, state.rate, state.moment)]
 
 
-def _long_evidence(state: ForceStates, label: str, stretches: Sequence[Stretch]) -> RunEvidence:
-    failures = [s.failure for s in stretches if s.failure]
-    if 2 * len(failures) >= len(stretches):
+def _long_evidence(state: ForceStates, label: str, segments: Sequence[Segment]) -> RunEvidence:
+    failures = [s.failure for s in segments if s.failure]
+    if 2 * len(failures) >= len(segments):
         raise InputError(
-            f"run {state.run!r}: {len(failures)} of {len(stretches)} stretches of this long run cannot be used, the "
+            f"run {state.run!r}: {len(failures)} of {len(segments)} segments of this long run cannot be used, the "
             f"first because {failures[0]}"
         )
-    factors = tuple(factor for s in stretches for factor in s.factors)
+    factors = tuple(factor for s in segments for factor in s.factors)
     return RunEvidence(state.run, label, merge(factors), factors)
 
 

@@ -1,4 +1,4 @@
-"""Tables of force states larger than memory: one pass over the rows, a stretch at a time, on several processes.
+"""Tables of force states larger than memory: one pass over the rows, a segment at a time, on several processes.
 
 What comes back is what :class:`~sindyjoint.JointRegressor` makes of the same rows in memory. Where a library's inner
 parameters are shares of the largest angle or rate, and these are not given, they are shares of the largest that a look
@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.accumulate import TermSum
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
-from sindyjoint.discovery.passes import Stretch, largest_of, pass_over, relative
-from sindyjoint.discovery.rows import PARTS, STRETCHES
+from sindyjoint.discovery.passes import Segment, largest_of, pass_over, relative
+from sindyjoint.discovery.rows import PARTS, SEGMENTS
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
@@ -42,7 +42,7 @@ PIECES = 16
 
 @dataclass(frozen=True)
 class RowTask:
-    """A stretch of rows of one file.
+    """A segment of rows of one file.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class RowTask:
     inertia : float or None
         kg·m²: its moment is taken from the measured one.
     function : TermFunction or None
-        Of the terms; None: only the extremes are wanted.
+        Of the terms; None: only the extremes are needed.
     size : int
         Rows read at once.
     """
@@ -88,7 +88,7 @@ def discover_rows(
     ----------
     files : path or sequence of paths
         CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY, in SI units. Each file is a run; a single one is cut into
-        four stretches.
+        four segments.
     library : str, Path, Catalogue, or sequence of these
     columns : mapping, optional
         Which column is ``angle``, ``rate``, ``moment`` and, if there, ``acceleration``: names, or numbers from 1.
@@ -117,7 +117,7 @@ def discover_rows(
     Raises
     ------
     InputError
-        For files that cannot be read in stretches, columns that are missing, or values that are not finite.
+        For files that cannot be read in segments, columns that are missing, or values that are not finite.
     """
     from sindyjoint.discovery.estimator import JointRegressor
 
@@ -132,7 +132,7 @@ def discover_rows(
         )
     regressor = JointRegressor(as_catalogue(library), **options)
     regressor.check_parameters()
-    runs = _stretches(paths, groups)
+    runs = _segments(paths, groups)
     tasks = [
         RowTask(path, names, start, stop, inertia, None, size)
         for _, _, path, edges in runs
@@ -157,7 +157,7 @@ def discover_rows(
             with_acceleration=len(names) == 4 and inertia is None,
             say=say,
         )
-    factors = iter(factor for part in passed.stretches for factor in part.factors)
+    factors = iter(factor for part in passed.segments for factor in part.factors)
     evidence = []
     for name, group, _, edges in runs:
         blocks = tuple(next(factors) for _ in edges[1:])
@@ -189,8 +189,8 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
     return tasks
 
 
-def run_rows(task: RowTask) -> Stretch:
-    """Work through a stretch of rows."""
+def run_rows(task: RowTask) -> Segment:
+    """Work through a segment of rows."""
     source = _opened(str(task.path), task.path.stat().st_mtime_ns)
     total = None if task.function is None else TermSum(task.function)
     largest = np.zeros(3)
@@ -207,25 +207,25 @@ def run_rows(task: RowTask) -> Stretch:
             total.add(states, moment)
     top = (float(largest[0]), float(largest[1]), float(largest[2]))
     rows = task.stop - task.start
-    return Stretch(() if total is None else (total.factor(),), top, rows, rows)
+    return Segment(() if total is None else (total.factor(),), top, rows, rows)
 
 
-def _stretches(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple[str, str, Path, list[int]]]:
+def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple[str, str, Path, list[int]]]:
     """Return name, group, file and edges of the blocks of every run."""
     if groups is not None and len(groups) != len(paths):
-        raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); one each is wanted")
+        raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); expected one each")
     found = []
     for number, path in enumerate(paths):
         rows = _opened(str(path), _changed(path)).rows
-        if rows < len(PARTS) * STRETCHES * 2:
-            raise InputError(f"{path}: {rows} rows; at least {len(PARTS) * STRETCHES * 2} are wanted")
+        if rows < len(PARTS) * SEGMENTS * 2:
+            raise InputError(f"{path}: {rows} rows; expected at least {len(PARTS) * SEGMENTS * 2}")
         if len(paths) == 1:
             ends = _edges(0, rows, len(PARTS))
             pairs = zip(ends[:-1], ends[1:], strict=True)
-            found += [(str(i), str(i), path, _edges(a, b, STRETCHES)) for i, (a, b) in enumerate(pairs)]
+            found += [(str(i), str(i), path, _edges(a, b, SEGMENTS)) for i, (a, b) in enumerate(pairs)]
         else:
             name = path.stem if sum(other.stem == path.stem for other in paths) == 1 else str(path)
-            found.append((name, groups[number] if groups else name, path, _edges(0, rows, STRETCHES)))
+            found.append((name, groups[number] if groups else name, path, _edges(0, rows, SEGMENTS)))
     return found
 
 
@@ -240,7 +240,7 @@ def _changed(path: Path) -> int:
         return path.stat().st_mtime_ns
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be read ({error.strerror}); a file of force states is wanted"
+            f"{path}: cannot be read ({error.strerror}); expected a file of force states"
         ) from error
 
 
@@ -250,7 +250,7 @@ def _opened(path: str, changed: int) -> Blocks:
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(
-            f"{path}: cannot be read in stretches; CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY is wanted for "
+            f"{path}: cannot be read in segments; expected CSV, Parquet, Feather, HDF5, MATLAB v7.3, TDMS or NPY for "
             "a table of force states"
         )
     return blocks

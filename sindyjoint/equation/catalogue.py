@@ -189,7 +189,7 @@ def as_catalogue(library: str | Path | Catalogue | Sequence[str | Path | Catalog
         return load_catalogue(library)
     parts = [as_catalogue(part) for part in library]
     if not parts:
-        raise InputError("an empty list of libraries given; at least one name, path or Catalogue is wanted")
+        raise InputError("an empty list of libraries given; expected at least one name, path or Catalogue")
     return parts[0].union(*parts[1:]) if len(parts) > 1 else parts[0]
 
 
@@ -273,7 +273,7 @@ def _checked_motion(entry: TermEntry, expression: sympy.Expr) -> Motion:
         if dimensions.same_dimension(entry.unit, wanted):
             return motion
         moment = dimensions.MOMENT_UNITS[motion]
-        faults[motion] = f"unit {entry.unit!r} times {entry.formula} is not {moment}; {wanted} is wanted"
+        faults[motion] = f"unit {entry.unit!r} times {entry.formula} is not {moment}; expected {wanted}"
     # Report against the kind of motion that the author had in mind, as far as the letters tell.
     texts = " ".join((entry.unit, *units.values()))
     raise UnitError(faults["rotation" if "rad" in texts or "N*m" in texts else "translation"])
@@ -290,7 +290,7 @@ def _parameter(entry: ParameterEntry, motion: Motion) -> Parameter:
         if not dimensions.same_dimension(entry.unit, wanted[entry.relative_to]):
             raise UnitError(
                 f"parameter {entry.name!r} is relative to the {entry.relative_to} and has the unit "
-                f"{entry.unit!r}; {wanted[entry.relative_to]} is wanted"
+                f"{entry.unit!r}; expected {wanted[entry.relative_to]}"
             )
     return Parameter(
         entry.name, _rotational(entry.unit, motion), entry.value, entry.relative_to, entry.lower, entry.upper

@@ -43,7 +43,7 @@ class ParameterEntry(StrictEntry):
         high = self.value if self.upper is None else self.upper
         if not 0 < low <= self.value <= high:
             raise ValueError(
-                f"0 < lower <= value <= upper is wanted; given are {low:g}, {self.value:g}, {high:g}"
+                f"expected 0 < lower <= value <= upper; given are {low:g}, {self.value:g}, {high:g}"
             )
         return self
 
@@ -153,7 +153,7 @@ def find_catalogue(name_or_path: str | Path, beside: Path | None = None) -> Path
         return library_folder() / f"{text}.toml"
     path = Path(text) if beside is None else beside / text
     if path.is_dir():
-        raise InputError(f"catalogue {text}: is a folder; a .toml file is wanted")
+        raise InputError(f"catalogue {text}: is a folder; expected a .toml file")
     if not path.is_file():
         hint = f"; the shipped library is called {path.stem!r}" if path.stem in shipped_names() else ""
         raise MissingInputError(f"catalogue {text}: no such file{hint}")
@@ -236,7 +236,7 @@ def _read(path: Path) -> CatalogueEntry:
     except OSError as error:
         raise InputError(f"{path.name}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path.name}: is not a text file; a TOML catalogue in UTF-8 is wanted") from None
+        raise InputError(f"{path.name}: is not a text file; expected a TOML catalogue in UTF-8") from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"{path.name}: is not valid TOML: {error}") from None
     try:

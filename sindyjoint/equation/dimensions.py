@@ -65,12 +65,12 @@ def parse_unit(text: str) -> Any:
     """
     if not isinstance(text, str) or not re.fullmatch(r"[A-Za-zµ0-9*/^(). -]{1,64}", text.strip()):
         raise UnitError(
-            f"unit {str(text)[:64]!r}: a text such as 'N*m/rad' is wanted, '1' for a plain number"
+            f"unit {str(text)[:64]!r}: expected a text such as 'N*m/rad', or '1' for a plain number"
         )
     # pint works numbers out while it parses: a tower of powers in a downloaded catalogue would run for ever.
     if re.search(_TOWER, text):
         raise UnitError(
-            f"unit {text!r} has a power that no unit has; powers up to 99, of units, one each, are wanted"
+            f"unit {text!r} has a power that no unit has; expected powers up to 99, of units, one each"
         )
     try:
         return unit_registry().parse_units("dimensionless" if text.strip() == "1" else text)
@@ -233,8 +233,8 @@ def _unit(expression: Any, units: Mapping[str, Any]) -> Any:
     plain = argument.dimensionless or (kind in ("sin", "cos", "tan") and _alike(argument, angle))
     if not plain:
         raise UnitError(
-            f"{kind}({_readable(expression.args[0])}) is given {unit_text(argument)}; a plain number is "
-            "wanted: divide by a parameter of that unit"
+            f"{kind}({_readable(expression.args[0])}) is given {unit_text(argument)}; expected a plain number: "
+            "divide by a parameter of that unit"
         )
     return one
 
@@ -264,7 +264,7 @@ def _common_unit(expression: Any, units: Mapping[str, Any]) -> Any:
         elif not _alike(first[1], unit):
             raise UnitError(
                 f"{_readable(expression)} combines {_readable(first[0])} in {unit_text(first[1])} with "
-                f"{_readable(part)} in {unit_text(unit)}; equal units are wanted"
+                f"{_readable(part)} in {unit_text(unit)}; expected equal units"
             )
     assert first is not None
     return first[1]

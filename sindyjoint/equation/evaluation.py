@@ -86,7 +86,7 @@ class TermFunction:
         """
         if len(values) != len(self.arguments):
             raise InputError(
-                f"{len(values)} arrays given; {len(self.arguments)} ({', '.join(self.arguments)}) are wanted"
+                f"{len(values)} arrays given; expected {len(self.arguments)} ({', '.join(self.arguments)})"
             )
         arrays = [np.asarray(value, dtype=np.float64) for value in values]
         sizes = {array.size for array in arrays if array.ndim}
@@ -95,7 +95,7 @@ class TermFunction:
                 f"{name} {array.shape}" for name, array in zip(self.arguments, arrays, strict=True)
             )
             raise InputError(
-                f"arrays of shape {shapes} given; one-dimensional arrays of equal length are wanted"
+                f"arrays of shape {shapes} given; expected one-dimensional arrays of equal length"
             )
         n = sizes.pop() if sizes else 1
         out = np.empty((n, len(self.outputs)), order="F")
@@ -122,7 +122,7 @@ class TermFunction:
         registers: list[Any] = [*inputs, *self.constants]
         with np.errstate(all="ignore"):
             for number, (name, one, other) in enumerate(self.operations):
-                # What is a result goes where it is wanted.
+                # A result goes straight into its row of the output.
                 place = places.get(first + number)
                 row = scratch[number] if place is None else out[place]
                 if other < 0:

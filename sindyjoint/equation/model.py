@@ -235,7 +235,7 @@ class JointModel:
             If it is not one; the message names the field.
         """
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA or "terms" not in data:
-            raise InputError("not a joint model: 'schema': 1 and 'terms' are wanted, as model.json has them")
+            raise InputError("not a joint model: expected 'schema': 1 and 'terms', as in model.json")
         try:
             terms = tuple(
                 ModelTerm(

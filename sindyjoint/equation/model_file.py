@@ -24,8 +24,8 @@ def read_model(path: str | os.PathLike[str]) -> JointModel:
         file = file / "model.json"
     if not file.is_file():
         raise MissingInputError(
-            f"{str(path)!r}: no model is here; a model.json, or a folder with one as 'discover --out' leaves it, is "
-            "wanted"
+            f"{str(path)!r}: no model is here; expected a model.json, or a folder with one, as "
+            "'discover --out' writes it"
         )
     try:
         return JointModel.from_json(file.read_bytes().decode("utf-8-sig"))

@@ -81,7 +81,7 @@ def build_expression(text: str, names: Mapping[str, Any], positive: tuple[str, .
         Those among them, parameters, that stand for positive numbers and may be exponents.
     """
     if not isinstance(text, str):
-        raise FormulaError(f"formula {text!r} is a {type(text).__name__}; a text is wanted")
+        raise FormulaError(f"formula {text!r} is a {type(text).__name__}; expected a text")
     builder = _Builder(text, names, positive)
     try:
         return builder.build()

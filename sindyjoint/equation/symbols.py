@@ -48,7 +48,7 @@ def state_symbol(name: str) -> sympy.Symbol:
 
 def _checked_name(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,31}", str(name), re.ASCII):
-        raise FormulaError(f"parameter name {name!r}: a letter followed by letters, digits or _ is wanted")
+        raise FormulaError(f"parameter name {name!r}: expected a letter followed by letters, digits or _")
     if name in (*VARIABLES, *ALIASES, *FUNCTIONS, "pi"):
         raise FormulaError(f"parameter name {name!r} already means something in a formula; take another name")
     return name

@@ -172,7 +172,7 @@ class Term:
         if set(values) != set(names):
             raise InputError(
                 f"term {self.id!r}: values for {', '.join(values) or 'nothing'} given; "
-                f"{', '.join(names) or 'nothing'} wanted"
+                f"expected {', '.join(names) or 'nothing'}"
             )
         numbers = tuple((name, float(values[name])) for name in names)
         return ResolvedTerm(self, numbers, _substituted(self.expression, numbers))

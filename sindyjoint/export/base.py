@@ -179,23 +179,23 @@ def check_exportable(model: JointModel) -> None:
         for name, value in numbers.items():
             if not _is_finite(value):
                 raise InputError(
-                    f"term {term.id!r} of the model: {name} is {value!r}; a finite number, as discover writes it, "
-                    "is wanted"
+                    f"term {term.id!r} of the model: {name} is {value!r}; expected a finite number, "
+                    "as discover writes it"
                 )
         for name in ("id", "symbol", "name", "unit"):
             if not isinstance(getattr(term, name), str):
                 raise InputError(
-                    f"term {term.id!r} of the model: {name} is no text; as discover writes it is wanted"
+                    f"term {term.id!r} of the model: {name} is no text; expected one, as discover writes it"
                 )
     if len(set(model.ids)) < len(model.ids):
         raise InputError(
-            f"the model has a term twice: {', '.join(map(repr, model.ids))}; each one once is wanted"
+            f"the model has a term twice: {', '.join(map(repr, model.ids))}; expected each one once"
         )
     for name in ("angle", "rate", "moment_rms"):
         value = getattr(model.fitted, name)
         if not (_is_finite(value) and value > 0):
             raise InputError(
-                f"'fitted' of the model gives {name} = {value!r}; a positive number is wanted, as the tested range is "
+                f"'fitted' of the model gives {name} = {value!r}; expected a positive number, as the tested range is "
                 "what an export is made for and judged on"
             )
 

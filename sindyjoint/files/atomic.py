@@ -85,7 +85,7 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     if not existing.is_dir():
         what = "it" if existing == folder else repr(str(existing))
         raise OutputError(
-            f"cannot write into {str(folder)!r}: {what} is a file; the name of a folder is wanted"
+            f"cannot write into {str(folder)!r}: {what} is a file; expected the name of a folder"
         )
     # Permission bits say nothing to root and nothing about read-only file systems: only writing tells.
     probe = _aside(existing / "probe")

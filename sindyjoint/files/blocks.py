@@ -1,4 +1,4 @@
-"""Files that are larger than memory: the same columns as the readers give, a stretch of rows at a time.
+"""Files that are larger than memory: the same columns as the readers give, a segment of rows at a time.
 
 Text, Parquet and NPY files are read here, further formats in :mod:`sindyjoint.files.long_formats`.
 """
@@ -28,7 +28,7 @@ BATCH = 1 << 16
 
 
 def open_blocks(path: str | Path) -> Blocks | None:
-    """Open a file to be read in stretches; None for a format that cannot be.
+    """Open a file to be read in segments; None for a format that cannot be.
 
     Raises
     ------
@@ -59,7 +59,7 @@ class _Text(Blocks):
         cut = head.rfind(b"\n") + 1 or len(head)
         layout = layout_of(path, head[:cut])
         self.names = layout.names
-        # What stands above the first row of data goes before every stretch, so that each is read by the same rules.
+        # What stands above the first row of data goes before every segment, so that each is read by the same rules.
         self._head = b"".join(line + b"\n" for line in head[:cut].split(b"\n")[: layout.numbers[0] - 1])
 
     @cached_property
@@ -119,7 +119,7 @@ class _Parquet(Blocks):
         self._left: list[NDArray] = []
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
-        """Return rows of some columns; stretches that follow one another are decoded once."""
+        """Return rows of some columns; segments that follow one another are decoded once."""
         if start != self._next or tuple(wanted) != self._wanted:
             group = int(np.searchsorted(self._edges, start, side="right")) - 1
             names = [self.names[place] for place in wanted]
@@ -175,7 +175,7 @@ class _Npy(Blocks):
             shape, self._fortran, self._dtype = read(file)
             if self._dtype.hasobject or len(shape) not in (1, 2):
                 raise InputError(
-                    f"{path}: an array of {self._dtype} and shape {shape}; a table of numbers is wanted"
+                    f"{path}: an array of {self._dtype} and shape {shape}; expected a table of numbers"
                 )
             self._at = file.tell()
         self.rows = shape[0]

@@ -19,10 +19,10 @@ from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.record import Campaign, Joint, LongRecord, Motion, Run, Source
 
-# Samples that a stretch of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
+# Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
 # than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.
-STRETCH, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
-# Periods that it has at least, and stretches that a run of a sine is cut into: their scatter tells the errors.
+SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
+# Periods that it has at least, and segments that a run of a sine is cut into: their scatter tells the errors.
 PERIODS, FEWEST = 16, 16
 
 
@@ -34,7 +34,7 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
     path : path-like
         ``campaign.toml``, or a folder that holds one.
     longest : int, optional
-        Of a run with more samples only the first stretch is loaded, where its format can be read in stretches; its
+        Of a run with more samples only the first segment is loaded, where its format can be read in segments; its
         ``whole`` says where the rest is. Default: everything is loaded.
 
     Returns
@@ -63,14 +63,14 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
         raise InputError(f"{file}: {error}") from error
 
 
-def load_stretch(record: LongRecord, number: int, margin: int = 0) -> Run:
-    """Read one stretch of a long run.
+def load_segment(record: LongRecord, number: int, margin: int = 0) -> Run:
+    """Read one segment of a long run.
 
     Parameters
     ----------
     record : LongRecord
     number : int
-        Of the stretch.
+        Of the segment.
     margin : int
         Samples to read beyond it on either side, as far as there are any.
 
@@ -105,7 +105,7 @@ def _joint(table: JointTable, file: str) -> Joint:
     inertia = None if text is None else parse_quantity(text, unit, f"{where} {key}")
     if inertia is not None and inertia < 0:
         raise InputError(
-            f"{where} {key}: {text!r} is negative; zero or more is wanted, or leave it out to identify it"
+            f"{where} {key}: {text!r} is negative; expected zero or more, or leave it out to identify it"
         )
     temperature = table.temperature and parse_quantity(table.temperature, "K", f"{where} temperature")
     try:
@@ -150,7 +150,7 @@ class _Door:
         whole = self._long(path, index, channels, frequency) if first else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
-        opened, sha256 = read_table(path) if rows is None else self._stretch(path, *rows)
+        opened, sha256 = read_table(path) if rows is None else self._read_rows(path, *rows)
         reader = RunReader(opened, channels, self.manifest.rig, self.motion, self.file, self.notes)
         signals, rate = reader.read()
         try:
@@ -168,13 +168,13 @@ class _Door:
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error
-        # Of a long run the first stretch has been looked at; the joint may rest in a later one.
+        # Of a long run the first segment has been looked at; the joint may rest in a later one.
         if first and run.frequency is not None:
             moment = None if np.ptp(run.moment) == 0 else run.moment
             check_frequency(run.angle, moment, rate, run.frequency, str(path))
         return run
 
-    def _stretch(self, path: Path, start: int, stop: int) -> tuple[Table, str]:
+    def _read_rows(self, path: Path, start: int, stop: int) -> tuple[Table, str]:
         """Return some rows of a file; its hash where they are the first ones."""
         blocks = _opened(str(path), path.stat().st_mtime_ns)
         assert blocks is not None
@@ -189,9 +189,9 @@ class _Door:
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file)
-        # Without the filters that cost samples at the ends: only the sampling rate is wanted.
+        # Without the filters that cost samples at the ends: only the sampling rate is needed.
         rate = replace(head, channels=channels.model_copy(update={"skew": None})).read()[1]
-        wanted = WITHOUT_FREQUENCY if frequency is None else max(STRETCH, PERIODS * rate / frequency)
+        wanted = WITHOUT_FREQUENCY if frequency is None else max(SEGMENT, PERIODS * rate / frequency)
         count = max(4 if frequency is None else FEWEST, int(blocks.rows // wanted))
         edges = tuple(int(edge) for edge in np.linspace(0, blocks.rows, count + 1))
         return LongRecord(str(self.file), index, edges)

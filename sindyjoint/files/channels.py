@@ -56,7 +56,7 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
             raise InputError(f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion")
     if (channels.time is None) == (channels.rate is None):
         given = "neither" if channels.time is None else "both"
-        raise InputError(f"{where}: time (a column) or rate (such as '1 kHz') is wanted, not {given}")
+        raise InputError(f"{where}: expected time (a column) or rate (such as '1 kHz'), not {given}")
     if channels.skew is not None and channels.skew_removed is not None:
         raise InputError(f"{where} skew: skew_removed says that it is gone already; give one of the two")
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
@@ -68,7 +68,7 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
         if not in_rig and channel is None:
             raise InputError(f"{where}: key {key!r} is missing" + (f" (or [rig] {raw})" if rig else ""))
         if quantity == "angle" and channel is not None and channel.constant is not None:
-            raise InputError(f"{where} {key}: cannot be a constant; a joint that moves is wanted")
+            raise InputError(f"{where} {key}: cannot be a constant; expected a joint that moves")
 
 
 @dataclass(frozen=True)
@@ -191,13 +191,13 @@ class RunReader:
         given, where = self.channels.rate, f"{self.manifest}: [channels] rate"
         rate = parse_quantity(given, "Hz", where) if isinstance(given, str) else float(given or 0.0)
         if not (np.isfinite(rate) and rate > 0):
-            raise InputError(f"{where}: {given!r}; a positive rate is wanted")
+            raise InputError(f"{where}: {given!r}; expected a positive rate")
         return rate
 
     def _refuse_lengths(self, sizes: dict[str, int]) -> None:
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{name} has {size} samples" for name, size in sizes.items())
-            raise InputError(f"{self.table.path}: {listed}; equal lengths are wanted")
+            raise InputError(f"{self.table.path}: {listed}; expected equal lengths")
 
     def _refuse_dead(self, signals: dict[str, Array]) -> None:
         """Refuse a measured channel that never changes."""
@@ -209,7 +209,7 @@ class RunReader:
                     + (
                         "declare it as constant if it is meant"
                         if quantity == "moment"
-                        else "a moving joint is wanted"
+                        else "expected a moving joint"
                     )
                 )
 

@@ -37,7 +37,7 @@ class Blocks(ABC):
         return None
 
     def table(self, start: int, stop: int) -> Table:
-        """Return a stretch of rows as a table, with all its checks."""
+        """Return a segment of rows as a table, with all its checks."""
         return Table(
             self.path,
             self.names,

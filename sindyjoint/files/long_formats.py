@@ -1,4 +1,4 @@
-"""Formats of instruments and programs read a stretch of rows at a time: HDF5, MATLAB v7.3, Feather, TDMS.
+"""Formats of instruments and programs read a segment of rows at a time: HDF5, MATLAB v7.3, Feather, TDMS.
 
 Of NPZ, MATLAB v5 and universal files the libraries load all or nothing.
 """
@@ -113,7 +113,7 @@ class Feather(Blocks):
         self._last: tuple[int, tuple[int, ...], list[NDArray]] | None = None
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
-        """Return rows of some columns; a batch is decoded once for the stretches that follow one another."""
+        """Return rows of some columns; a batch is decoded once for the segments that follow one another."""
         first, last = np.searchsorted(self._edges, [start, stop - 1], side="right") - 1
         parts = []
         for number in range(int(first), min(int(last), len(self._edges) - 2) + 1):
@@ -141,7 +141,7 @@ class Feather(Blocks):
 
 
 class Tdms(Blocks):
-    """TDMS: stretches of its channels."""
+    """TDMS: segments of its channels."""
 
     def __init__(self, path: Path):
         try:

@@ -42,7 +42,7 @@ class StrictTable(BaseModel):
 class Channel(StrictTable):
     """One measured quantity: a column with its unit, or a declared constant.
 
-    The value in the file is multiplied by ``gain`` (with a unit of its own) and then ``offset`` is added.
+    The value in the file is multiplied by ``gain`` (with a unit) and then ``offset`` is added.
     """
 
     column: Column | None = Field(
@@ -60,9 +60,9 @@ class Channel(StrictTable):
     @model_validator(mode="after")
     def _column_or_constant(self) -> Channel:
         if (self.column is None) == (self.constant is None):
-            raise ValueError("either column (with unit) or constant is wanted")
+            raise ValueError("expected either column (with unit) or constant")
         if self.constant is not None and (self.unit or self.gain or self.offset):
-            raise ValueError("a constant carries its own unit; unit, gain and offset belong to a column")
+            raise ValueError("a constant carries its unit; unit, gain and offset belong to a column")
         if self.column is not None and self.unit is None:
             raise ValueError("key 'unit' is missing")
         return self
@@ -101,7 +101,7 @@ class Channels(StrictTable):
     resample: bool = Field(default=False, description="Interpolate irregular time stamps to a uniform rate.")
 
     def overridden_by(self, other: Channels | None) -> Channels:
-        """Return these channels with what one run declares for itself put in their place."""
+        """Return these channels with those that one run declares put in."""
         if other is None:
             return self
         changes = {name: getattr(other, name) for name in other.model_fields_set}
@@ -131,13 +131,13 @@ class RigTable(StrictTable):
     displacement_gain: str | None = None
     bending_stiffness: str | None = Field(default=None, description="E I of the additional beam.")
     section_height: str | None = Field(default=None, description="h of its section.")
-    strain_position_factor: float = Field(default=1.0, description="β, for the place of the gauges.")
+    strain_position_factor: float = Field(default=1.0, description="β, for the position of the gauges.")
     joint_length: str | None = Field(default=None, description="L between the spots.")
 
     @model_validator(mode="after")
     def _constants_go_with_gauges(self) -> RigTable:
         if self.strain is None and self.displacement is None:
-            raise ValueError("strain (four columns) or displacement (three columns) is wanted")
+            raise ValueError("expected strain (four columns) or displacement (three columns)")
         wanted = ["bending_stiffness", "section_height"] if self.strain is not None else []
         wanted += ["joint_length"] if self.displacement is not None else []
         for name in wanted:
@@ -213,11 +213,11 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
         file = file / MANIFEST_NAME
     if not os.path.exists(file):
         raise MissingInputError(
-            f"{str(path)!r} does not exist; a {MANIFEST_NAME}, or a folder with one, is wanted"
+            f"{str(path)!r} does not exist; expected a {MANIFEST_NAME}, or a folder with one"
         )
     if file.suffix.lower() != ".toml":
         raise InputError(
-            f"{file}: this is not a TOML file; a {MANIFEST_NAME} that names it as a run is wanted"
+            f"{file}: this is not a TOML file; expected a {MANIFEST_NAME} that names it as a run"
         )
     try:
         text = file.read_bytes().decode("utf-8-sig")
@@ -226,7 +226,7 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
     except UnicodeDecodeError as error:
         raise InputError(f"{file}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
     if not text.strip():
-        raise InputError(f"{file}: is empty; a campaign with [channels] and [[run]] is wanted")
+        raise InputError(f"{file}: is empty; expected a campaign with [channels] and [[run]]")
     try:
         return file, Manifest.model_validate(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -236,16 +236,16 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
 
 
 def first_complaint(error: ValidationError) -> str:
-    """Turn pydantic's list into one sentence: the field, what was wanted, what was given."""
-    # Of a key that may be a number or text, pydantic complains once per type: one per place will do.
-    by_place: dict[tuple[int | str, ...], ErrorDetails] = {}
+    """Turn pydantic's list into one sentence: the field, what was expected, what was given."""
+    # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
+    by_location: dict[tuple[int | str, ...], ErrorDetails] = {}
     for complaint in error.errors(include_url=False):
-        by_place.setdefault(_place(complaint), complaint)
-    complaints = list(by_place.values())
+        by_location.setdefault(_location(complaint), complaint)
+    complaints = list(by_location.values())
     # A misspelt key also makes the right one missing: say the cause first.
     complaints.sort(key=lambda item: "unknown key" not in item["msg"])
     first = complaints[0]
-    field = field_name(_place(first))
+    field = field_name(_location(first))
     if first["type"] == "missing":
         message = f"key {first['loc'][-1]!r} is missing"
         field = field_name(first["loc"][:-1])
@@ -257,14 +257,14 @@ def first_complaint(error: ValidationError) -> str:
     return f"{field}: {message}{more}" if field else f"{message}{more}"
 
 
-def _place(complaint: ErrorDetails) -> tuple[int | str, ...]:
+def _location(complaint: ErrorDetails) -> tuple[int | str, ...]:
     """Return where a complaint points, without the name of the type that was tried."""
     location = complaint["loc"]
     return location[:-1] if location and location[-1] in ("float", "str", "int", "bool") else location
 
 
 def field_name(location: tuple[int | str, ...]) -> str:
-    """Return a place in the manifest as a person would say it: ``[channels] angle.unit``."""
+    """Return a position in the manifest as a user writes it: ``[channels] angle.unit``."""
     parts = [str(part) for part in location]
     if not parts:
         return ""

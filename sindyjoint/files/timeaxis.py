@@ -37,7 +37,7 @@ def check_order(time: Array, where: str, row: Callable[[int], str]) -> None:
         Naming the first row at fault.
     """
     if time.size < 2:
-        raise InputError(f"{where}: {time.size} time stamp(s); a record is wanted")
+        raise InputError(f"{where}: {time.size} time stamp(s); expected a record")
     steps = np.diff(time)
     for bad, what in ((steps < 0, "time runs backwards"), (steps == 0, "duplicate time stamp")):
         places = np.flatnonzero(bad)

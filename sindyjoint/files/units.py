@@ -16,7 +16,7 @@ from sindyjoint.errors import UnitError
 if TYPE_CHECKING:
     import pint
 
-# What a message calls the wanted quantity, by its SI unit.
+# What a message calls the expected quantity, by its SI unit.
 QUANTITIES = {
     "s": "a time, such as 's' or 'ms'",
     "Hz": "a frequency, such as 'Hz' or 'kHz'",
@@ -37,7 +37,7 @@ QUANTITIES = {
     "kg/m": "a mass per length, such as 'kg/m'",
 }
 
-# What laboratories write most, by the SI unit wanted: pint takes a quarter of a second to read its definitions.
+# What laboratories write most, by SI unit: pint takes a quarter of a second to read its definitions.
 USUAL = {
     "s": {"ms": 1e-3, "us": 1e-6},
     "Hz": {"kHz": 1e3},
@@ -93,15 +93,15 @@ def _root(unit: pint.Unit) -> tuple[float, dict[str, object]]:
     return float(factor), dict(to_units_container(root))
 
 
-def conversion(unit: str, wanted: str, where: str, gain: str | None = None) -> float:
-    """Return the factor that turns values in ``unit`` into the wanted SI unit.
+def conversion(unit: str, expected: str, where: str, gain: str | None = None) -> float:
+    """Return the factor that turns values in ``unit`` into the expected SI unit.
 
     Parameters
     ----------
     unit : str
         Unit of the values as declared.
-    wanted : str
-        SI unit that is wanted, one of ``QUANTITIES``.
+    expected : str
+        Expected SI unit, one of ``QUANTITIES``.
     where : str
         File and field, for the message.
     gain : str, optional
@@ -112,23 +112,23 @@ def conversion(unit: str, wanted: str, where: str, gain: str | None = None) -> f
     UnitError
         For an unknown unit or one of another dimension.
     """
-    usual = {wanted: 1.0, **USUAL.get(wanted, {})}
+    usual = {expected: 1.0, **USUAL.get(expected, {})}
     if gain is None and unit in usual:
         return usual[unit]
     number, total = 1.0, _known(unit, where)
     if gain is not None:
-        number, gain_unit = split_quantity(gain, f"{where} gain", wanted)
+        number, gain_unit = split_quantity(gain, f"{where} gain", expected)
         total = total * _known(gain_unit, f"{where} gain")
     factor, powers = _root(total)
-    wanted_factor, wanted_powers = _root(registry().parse_units(wanted))
+    expected_factor, expected_powers = _root(registry().parse_units(expected))
     # A slope such as mm/m is an angle as it stands.
-    slope = wanted == "rad" and not powers
-    if powers != wanted_powers and not slope:
+    slope = expected == "rad" and not powers
+    if powers != expected_powers and not slope:
         given = f"unit {unit!r}" if gain is None else f"unit {unit!r} times gain {gain!r}"
         raise UnitError(
-            f"{where}: {given} is not {QUANTITIES[wanted].split(',')[0]}; wanted is {QUANTITIES[wanted]}"
+            f"{where}: {given} is not {QUANTITIES[expected].split(',')[0]}; expected {QUANTITIES[expected]}"
         )
-    result = number * (factor / wanted_factor)
+    result = number * (factor / expected_factor)
     if not (math.isfinite(result) and result != 0):
         raise UnitError(
             f"{where}: unit {unit!r} with gain {gain!r} gives the factor {result}; it wipes out the data"
@@ -136,22 +136,22 @@ def conversion(unit: str, wanted: str, where: str, gain: str | None = None) -> f
     return result
 
 
-def parse_quantity(text: str, wanted: str, where: str) -> float:
-    """Return a declared quantity such as ``"0.02 kg*m^2"`` in the wanted SI unit.
+def parse_quantity(text: str, expected: str, where: str) -> float:
+    """Return a declared quantity such as ``"0.02 kg*m^2"`` in the expected SI unit.
 
     Raises
     ------
     UnitError
         For text that is not a number with a unit, an unknown unit, or one of another dimension.
     """
-    number, unit = split_quantity(text, where, wanted)
-    if wanted == "K" and unit in ("degC", "°C", "celsius", "degF", "°F", "fahrenheit"):
-        # The only scales with a zero of their own.
+    number, unit = split_quantity(text, where, expected)
+    if expected == "K" and unit in ("degC", "°C", "celsius", "degF", "°F", "fahrenheit"):
+        # The only scales with another zero.
         return float(registry().Quantity(number, unit).to("kelvin").magnitude)
-    return number * conversion(unit, wanted, where)
+    return number * conversion(unit, expected, where)
 
 
-def split_quantity(text: str, where: str, wanted: str) -> tuple[float, str]:
+def split_quantity(text: str, where: str, expected: str) -> tuple[float, str]:
     """Return number and unit of ``"35.15 N/V"``.
 
     Raises
@@ -161,9 +161,9 @@ def split_quantity(text: str, where: str, wanted: str) -> tuple[float, str]:
     """
     match = _NUMBER.fullmatch(text)
     if match is None or not math.isfinite(float(match[1])):
-        raise UnitError(f"{where}: {text!r} is not a number with a unit; wanted is {QUANTITIES[wanted]}")
+        raise UnitError(f"{where}: {text!r} is not a number with a unit; expected {QUANTITIES[expected]}")
     if not match[2]:
-        raise UnitError(f"{where}: {text!r} has no unit; wanted is {QUANTITIES[wanted]}")
+        raise UnitError(f"{where}: {text!r} has no unit; expected {QUANTITIES[expected]}")
     return float(match[1]), match[2]
 
 

@@ -64,7 +64,7 @@ def write_campaign(
         When the format needs a library that is not installed.
     """
     if format not in ENCODERS:
-        raise InputError(f"format is {format!r}; wanted is one of {', '.join(ENCODERS)}")
+        raise InputError(f"format is {format!r}; expected one of {', '.join(ENCODERS)}")
     if rig is not None and campaign.joint.motion != "rotation":
         raise InputError(
             "a rig of strain gauges and lasers was given for a translational joint; leave it out"
@@ -75,9 +75,7 @@ def write_campaign(
         )
     encode = ENCODERS[format]
     if raw is not None and (rig is None or len(raw) != len(campaign.runs)):
-        raise InputError(
-            f"raw channels of {len(raw)} run(s) were given; a rig and one set per run are wanted"
-        )
+        raise InputError(f"raw channels of {len(raw)} run(s) were given; expected a rig and one set per run")
     files = _file_names([run.name for run in campaign.runs], format)
     with output_folder(folder) as stage:
         for place, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.delay import Skew
+from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.record import Campaign
@@ -23,7 +23,7 @@ def list_warnings(
     campaign: Campaign,
     states: Sequence[ForceStates],
     model: JointModel,
-    delay: Skew | None,
+    delay: ChannelDelay | None,
     aligned: bool,
     indistinct: Sequence[str] = (),
 ) -> Iterator[str]:
@@ -42,7 +42,7 @@ def list_warnings(
     yield from _warn_of_misfit(model)
 
 
-def _warn_of_delay(delay: Skew | None, model: JointModel, aligned: bool) -> Iterator[str]:
+def _warn_of_delay(delay: ChannelDelay | None, model: JointModel, aligned: bool) -> Iterator[str]:
     if delay is None or not delay.significant:
         return
     size = f"{1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms"

@@ -159,8 +159,8 @@ def find_tasks(
             found.setdefault(path.resolve(), label)
     if not found:
         raise MissingInputError(
-            f"no {MANIFEST_NAME} in {', '.join(repr(str(g)) for g in given)}; a folder that holds campaigns, or a "
-            "pattern such as 'tests/*', is wanted"
+            f"no {MANIFEST_NAME} in {', '.join(repr(str(g)) for g in given)}; expected a folder that holds "
+            "campaigns, or a pattern such as 'tests/*'"
         )
     ordered = sorted(found.items(), key=lambda item: item[1])
     ids = _ids([label for _, label in ordered])
@@ -237,7 +237,7 @@ def _check_options(library: Any, options: Mapping[str, Any]) -> None:
             if term not in catalogue and term != "inertia":
                 _ = catalogue[term]
     if not isinstance(options.get("random_state", 0), int | type(None)):
-        raise InputError("random_state: a whole number is wanted, so that every campaign has the same seed")
+        raise InputError("random_state: expected a whole number, so that every campaign has the same seed")
 
 
 def run_task(task: Task) -> tuple[CampaignRecord, bool]:
@@ -268,7 +268,7 @@ def run_task(task: Task) -> tuple[CampaignRecord, bool]:
 
 
 def _extras(task: Task) -> list[str]:
-    """Return the names of what is wanted beyond model and factors."""
+    """Return the names of what is requested beyond model and factors."""
     write = task.write
     if write is None:
         return []

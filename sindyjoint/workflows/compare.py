@@ -79,10 +79,10 @@ def compare(
     names = tuple(methods or METHODS)
     unknown = [name for name in names if name not in METHODS]
     if unknown:
-        raise UnknownNameError(f"method is {unknown[0]!r}; one of {', '.join(METHODS)} is wanted")
+        raise UnknownNameError(f"method is {unknown[0]!r}; expected one of {', '.join(METHODS)}")
     if replicates < 10 or not margin > 0:
         raise InputError(
-            f"{replicates} replicates and a margin of {margin!r} given; at least 10 and a positive one are wanted"
+            f"{replicates} replicates and a margin of {margin!r} given; expected at least 10 and a positive one"
         )
     with spread(jobs, workers, cluster):
         return _compared(

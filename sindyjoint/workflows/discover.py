@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.delay import Skew, estimate_skew, reference_of, shifted
-from sindyjoint.discovery.segments import LONGEST, Tally, fit_long, has_long_runs
+from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, reference_of, shifted
+from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
@@ -42,7 +42,7 @@ class Discovery:
         Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
     reason : str
         How the terms were chosen.
-    skew : Skew or None
+    skew : ChannelDelay or None
         Time by which the moment lags the angle, as searched for before anything else.
     warnings : tuple of str
     states : tuple of ForceStates
@@ -57,7 +57,7 @@ class Discovery:
     verdict: Verdict
     found: bool
     reason: str
-    skew: Skew | None
+    skew: ChannelDelay | None
     warnings: tuple[str, ...]
     states: tuple[ForceStates, ...] = field(repr=False)
     regressor: JointRegressor = field(repr=False)
@@ -146,7 +146,7 @@ def discover(
     bandwidth : float, optional
         Highest frequency kept in the angle, Hz.
     align : bool
-        Remove the time skew that is found between the channels.
+        Remove the time delay that is found between the channels.
     correct : bool
         Simulate the model under the campaign's own drive and take out of the coefficients what noise and processing
         do to them.
@@ -154,7 +154,7 @@ def discover(
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
-        Where the stretches of runs that are too long for memory are worked on; see
+        Where the segments of runs that are too long for memory are worked on; see
         :func:`~sindyjoint.parallel.executor`.
     **options
         Parameters of :class:`~sindyjoint.JointRegressor`: method, threshold, selection, forced, forbidden, ...
@@ -179,25 +179,25 @@ def discover(
     inertia = campaign.joint.inertia
     say("force states")
     force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
-    say("time skew of the channels")
-    skew = _skew(force_states, inertia)
-    lag = skew.time if align and skew is not None and skew.significant else 0.0
+    say("time delay between the channels")
+    delay = _find_delay(force_states, inertia)
+    lag = delay.time if align and delay is not None and delay.significant else 0.0
     force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     if has_long_runs(campaign):
         with executor(jobs, workers, cluster) as here:
-            regressor, tallies = fit_long(
+            regressor, counts = fit_long(
                 regressor, campaign, force_states, here, bandwidth=bandwidth, lag=lag, say=say
             )
     else:
         regressor.fit(**regression_rows(force_states, inertia).fit_arguments())
-        tallies = tuple(Tally(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
+        counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
     say("judging")
-    model = campaign_model(regressor, campaign, force_states, tallies)
+    model = campaign_model(regressor, campaign, force_states, counts)
     measured, notes = regressor, [""]
     if correct and not has_long_runs(campaign):
-        again = search_again(regressor, model, campaign, force_states, tallies, say)
+        again = search_again(regressor, model, campaign, force_states, counts, say)
         regressor, model, force_states = again.regressor, again.model, again.states
         notes.append(again.note)
     verdict = judge(regressor, model, completed=measured is not regressor)
@@ -206,7 +206,7 @@ def discover(
     say("measuring the bias of the processing")
     fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
-    warnings = [*list_warnings(campaign, force_states, model, skew, align, regressor.indistinct_)]
+    warnings = [*list_warnings(campaign, force_states, model, delay, align, regressor.indistinct_)]
     warnings += filter(None, notes)
     if fixed is not None and fixed.reason:
         warnings.append(
@@ -217,7 +217,7 @@ def discover(
         verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
-        skew=skew,
+        skew=delay,
         warnings=tuple(warnings),
         states=force_states,
         regressor=regressor,
@@ -255,7 +255,7 @@ def _corrected(
 def the_campaign(
     campaign: Campaign | str | Path | None, random_state: Any = None, longest: int | None = None
 ) -> Campaign:
-    """Return a campaign from itself, a file, or the built-in virtual test; of runs beyond ``longest`` a stretch."""
+    """Return a campaign from itself, a file, or the built-in virtual test; of runs beyond ``longest`` a segment."""
     if isinstance(campaign, Campaign):
         return campaign
     if campaign is None:
@@ -269,15 +269,15 @@ def the_campaign(
     return load_campaign(campaign, longest)
 
 
-def _skew(states: Sequence[ForceStates], inertia: float | None) -> Skew | None:
-    """Search for a skew under the paper's law and a constant; None where the data do not carry that law."""
+def _find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelDelay | None:
+    """Estimate the delay under the paper's law and a constant; None where the data do not carry that law."""
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
         return None
     law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
     if inertia is None:
         law = law.union(load_catalogue("inertia"))
     try:
-        return estimate_skew(states, law.resolve(reference_of(states)), inertia)
+        return estimate_delay(states, law.resolve(reference_of(states)), inertia)
     except (np.linalg.LinAlgError, InputError):
-        # Dependent columns (one level of a pure sine): a skew cannot be told from damping there.
+        # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
         return None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.discovery.segments import Tally
+from sindyjoint.discovery.segments import SampleCount
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -54,7 +54,7 @@ def search_again(
     model: JointModel,
     campaign: Campaign,
     states: tuple[ForceStates, ...],
-    tallies: Sequence[Tally],
+    counts: Sequence[SampleCount],
     say: Callable[[str], None],
 ) -> SecondSearch:
     """Choose the terms again on states whose weak harmonics are the model's, where those matter to the moment.
@@ -68,7 +68,7 @@ def search_again(
     if paper is not None and set(paper.ids) != set(model.ids):
         starts["the paper's five terms"] = paper
     for name, start in starts.items():
-        end, residual = _search_from(start, best, regressor, campaign, states, tallies, say)
+        end, residual = _search_from(start, best, regressor, campaign, states, counts, say)
         if residual is not None:
             ends.append((name, residual))
         if end is not best:
@@ -86,7 +86,7 @@ def _search_from(
     regressor: JointRegressor,
     campaign: Campaign,
     states: tuple[ForceStates, ...],
-    tallies: Sequence[Tally],
+    counts: Sequence[SampleCount],
     say: Callable[[str], None],
 ) -> tuple[SecondSearch, float | None]:
     """Complete states and choose terms in turn; return the best so far and the least residual on the way."""
@@ -105,7 +105,7 @@ def _search_from(
         say("selecting terms with the harmonics below the noise")
         fitted = JointRegressor(**regressor.get_params(deep=False))
         fitted.fit(**regression_rows(more, campaign.joint.inertia).fit_arguments())
-        before, found = found.ids, campaign_model(fitted, campaign, more, tallies)
+        before, found = found.ids, campaign_model(fitted, campaign, more, counts)
         if not found.terms:
             break
         residual = found.fitted.residual_rms
@@ -189,22 +189,25 @@ def _made_by_processing(
 
 
 def campaign_model(
-    regressor: JointRegressor, campaign: Campaign, states: Sequence[ForceStates], tallies: Sequence[Tally]
+    regressor: JointRegressor,
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+    counts: Sequence[SampleCount],
 ) -> JointModel:
     """Return the regressor's model with the joint and the data it came from."""
     model = regressor.model_
     inertia = campaign.joint.inertia
     if inertia is None and INERTIA in model:
         inertia = model[INERTIA].coefficient
-    count = np.array([tally.moving for tally in tallies], dtype=float)
+    moving = np.array([each.moving for each in counts], dtype=float)
     # What one sample of the transfer moment cannot repeat: sensor noise, and the inertia times noise of θ̈.
     variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
     fitted = Fitted(
         moment_rms=model.fitted.moment_rms,
         residual_rms=model.fitted.residual_rms,
-        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
-        moving_fraction=float(count.sum() / sum(tally.samples for tally in tallies)),
-        samples=int(count.sum()),
+        noise_floor=float(np.sqrt(np.average(variance, weights=moving))),
+        moving_fraction=float(moving.sum() / sum(each.samples for each in counts)),
+        samples=int(moving.sum()),
         runs=len(states),
         angle=model.fitted.angle,
         rate=model.fitted.rate,

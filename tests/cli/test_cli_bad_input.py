@@ -207,7 +207,7 @@ CASES = {
     empty_manifest: ("campaign.toml", "is empty"),
     empty_run: ("run.csv", "is empty"),
     folder_without_manifest: ("campaign", "holds no campaign.toml"),
-    folder_as_run: ("run.csv", "is a folder; a data file is wanted"),
+    folder_as_run: ("run.csv", "is a folder; expected a data file"),
     truncated_mat: ("run.mat", "MATLAB"),
     rubbish: ("run.csv", "is not a text table"),
     missing_column: ("run.csv", "column 'torque' is missing; columns there: 't', 'm', 'a'"),
@@ -216,15 +216,15 @@ CASES = {
     wrong_unit: ("campaign.toml", "[channels] moment", "unit 'N' is not a moment"),
     not_a_number: ("run.csv", "column 'm' holds nan in line 9"),
     infinite: ("run.csv", "column 'a' holds inf in line 9"),
-    text: ("run.csv", "line 9", "column 'm' holds 'abc'; a number is wanted"),
+    text: ("run.csv", "line 9", "column 'm' holds 'abc'; expected a number"),
     backwards: ("run.csv", "column 't': time runs backwards in line 9"),
     duplicate_stamp: ("run.csv", "column 't': duplicate time stamp in line 9"),
     irregular: ("run.csv", "irregular beyond 1 %", "line 9", "[channels] resample = true"),
-    too_few: ("run.csv", "20 samples; at least 32 are wanted"),
+    too_few: ("run.csv", "20 samples; expected at least 32"),
     too_slow: ("run.csv", "sampling at 400 Hz is too slow for 100 Hz"),
     constant: ("run.csv", "angle is constant"),
     absent_frequency: ("run.csv", "frequency 7 Hz is absent from the data"),
-    lengths: ("run.npz", "moment has 799 samples", "equal lengths are wanted"),
+    lengths: ("run.npz", "moment has 799 samples", "expected equal lengths"),
     idle: ("run.csv", "moving samples: the velocity hardly rises above its noise"),
     dependent_terms: ("twin", "more terms than independent columns"),
     unknown_term: ("coulom_friction", "coulomb_friction"),
@@ -279,7 +279,7 @@ def test_output_that_is_a_file(folder, tmp_path, sindyjoint):
     for out in (target, target / "deeper"):
         answer = sindyjoint("discover", folder.path, "--out", out)
         assert answer.status == 2
-        assert "results" in answer.stderr and "is a file; the name of a folder is wanted" in answer.stderr
+        assert "results" in answer.stderr and "is a file; expected the name of a folder" in answer.stderr
         assert answer.stderr.count("\n") == 1
     assert target.read_text() == "precious"
 
@@ -329,5 +329,5 @@ def test_a_real_process_gives_status_two(folder, tmp_path, sindyjoint):
     here = sindyjoint("discover", folder.path)
     for answer in ((run.returncode, run.stdout, run.stderr), here):
         assert (answer[0], answer[1], answer[2].count("\n")) == (2, "", 1)
-        assert "run.csv: line 9: column 'm' holds 'abc'; a number is wanted" in answer[2]
+        assert "run.csv: line 9: column 'm' holds 'abc'; expected a number" in answer[2]
     assert not (tmp_path / "results").exists()

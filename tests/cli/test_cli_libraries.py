@@ -145,7 +145,7 @@ def test_every_command_has_help():
             "term 'constant_moment': formula 'theta**99': the exponent of 'theta ** 99'",
         ),
         ('formula = "theta +"', "term 'constant_moment': formula 'theta +': it is not an expression"),
-        ('formula = "theta"', "term 'constant_moment': unit 'N*m' times theta is not N*m; N*m/rad is wanted"),
+        ('formula = "theta"', "term 'constant_moment': unit 'N*m' times theta is not N*m; expected N*m/rad"),
         ('formla = "1"', "term 1 (constant_moment): key 'formla' is unknown; did you mean 'formula'?"),
         ('include = "mine.toml"', "term 1 (constant_moment): key 'include' is unknown"),
     ],

@@ -34,5 +34,5 @@ def test_campaign_reads_back(tmp_path, extra):
 
 def test_lists_that_are_no_numbers_are_refused(tmp_path):
     result = CliRunner().invoke(app, ["--frequencies", "3;4", "--out", str(tmp_path / "made")])
-    assert "--frequencies is '3;4'; numbers with commas between them are wanted" in str(result.exception)
+    assert "--frequencies is '3;4'; expected numbers with commas between them" in str(result.exception)
     assert not (tmp_path / "made").exists()

@@ -97,7 +97,7 @@ BAD = {
     "no variant": (HEAD, "variant: is missing", InputError),
     "wrong unit": (
         HEAD + '[[effect.variant]]\ncolumns = [{ symbol = "k", formula = "theta**5", unit = "N*m" }]\n',
-        "N*m/rad^5 is wanted",
+        "expected N*m/rad^5",
         UnitError,
     ),
     "forbidden": (

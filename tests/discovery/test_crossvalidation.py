@@ -57,7 +57,7 @@ def test_find_leaves_out_what_these_runs_cannot_tell(evidence):
 
 
 def test_labels_that_cannot_be_left_out_are_refused(evidence):
-    with pytest.raises(InputError, match="2 label\\(s\\) for 12 runs; one each is wanted"):
+    with pytest.raises(InputError, match="2 label\\(s\\) for 12 runs; expected one each"):
         cross_validate(evidence, ["a", "b"])
     with pytest.raises(InputError, match="all runs carry the label 'x'"):
         cross_validate(evidence, ["x"] * 12)

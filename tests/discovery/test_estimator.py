@@ -204,18 +204,18 @@ def test_a_weight_of_two_counts_a_row_twice(rows):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"method": "magic"}, UnknownNameError, "method is 'magic'; one of stlsq, best_subset"),
+        ({"method": "magic"}, UnknownNameError, "method is 'magic'; expected one of stlsq, best_subset"),
         ({"selection": "luck"}, UnknownNameError, "selection is 'luck'"),
-        ({"threshold": 1.5}, InputError, "threshold is 1.5; a share of the moment's RMS"),
+        ({"threshold": 1.5}, InputError, "threshold is 1.5; expected a share of the moment's RMS"),
         (
             {"forced": ["nothing"]},
             UnknownNameError,
             "forced names 'nothing', which is not among the candidates",
         ),
         ({"signs": {"nothing": 1}}, UnknownNameError, "signs names 'nothing'"),
-        ({"signs": {"linear_stiffness": 2}}, InputError, "'linear_stiffness' is 2; \\+1 or -1 is expected"),
+        ({"signs": {"linear_stiffness": 2}}, InputError, "'linear_stiffness' is 2; expected \\+1 or -1"),
         ({"fixed": {"nothing": 1.0}}, UnknownNameError, "fixed names 'nothing'"),
-        ({"fixed": {"linear_stiffness": np.nan}}, InputError, "a finite coefficient is wanted"),
+        ({"fixed": {"linear_stiffness": np.nan}}, InputError, "expected a finite coefficient"),
         ({"library": "atlantis"}, UnknownNameError, "atlantis"),
     ],
 )

@@ -142,9 +142,9 @@ def test_groups_are_fitted_alone(found, evidence, rows):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([3, 4], [1.0, 2.0]), "at 2 frequencies; three or more are wanted"),
+        (([3, 4], [1.0, 2.0]), "at 2 frequencies; expected three or more"),
         (([3, 4, 5], [1.0, 2.0]), "estimates of shape \\(2,\\)"),
-        (([3, 4, 5], [1.0, 2.0, np.nan]), "all finite, are wanted"),
+        (([3, 4, 5], [1.0, 2.0, np.nan]), "positive margin, all finite"),
         (([3, 4, 5], [1.0, 2.0, 3.0], [1.0, 0.0, 1.0]), "one positive standard error"),
     ],
 )

@@ -182,13 +182,17 @@ def test_a_path_works_as_a_name_does(tmp_path):
 @pytest.mark.parametrize(
     ("parameters", "states", "message"),
     [
-        ({"scale": "max"}, STACKED, "scale is 'max'; 'rms' or None is wanted"),
+        ({"scale": "max"}, STACKED, "scale is 'max'; expected 'rms' or None"),
         (
             {"reference": {"angel": 1.0}},
             STACKED,
             "reference has the key 'angel'; angle, rate and moment are known",
         ),
-        ({}, STACKED[:, :1], r"X has the shape \(\d+, 1\); \(n, 2\) for angle and rate, or \(n, 3\) with"),
+        (
+            {},
+            STACKED[:, :1],
+            r"X has the shape \(\d+, 1\); expected \(n, 2\) for angle and rate, or \(n, 3\) with",
+        ),
         ({}, STACKED[:0], r"X has the shape \(0, 2\)"),
         (
             {},

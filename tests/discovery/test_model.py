@@ -65,7 +65,7 @@ def test_misfit_is_what_noise_does_not_explain():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d.pop("terms"), "'schema': 1 and 'terms' are wanted"),
+        (lambda d: d.pop("terms"), "expected 'schema': 1 and 'terms'"),
         (lambda d: d.update(schema=2), "'schema': 1"),
         (lambda d: d["terms"][0].pop("formula"), "not a joint model"),
         (lambda d: d["terms"][0].update(colour="red"), "not a joint model"),

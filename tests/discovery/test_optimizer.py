@@ -131,11 +131,11 @@ def test_shuffled_moments_have_no_model(labelled):
 @pytest.mark.parametrize(
     "options, error, message",
     [
-        ({"threshold": 1.5}, InputError, "threshold is 1.5; a share of the moment's RMS, from 0 to below 1"),
+        ({"threshold": 1.5}, InputError, "threshold is 1.5; expected a share of the moment's RMS"),
         ({"method": "magic"}, UnknownNameError, "method is 'magic'; one of stlsq, "),
         ({"forced": ["k1"]}, UnknownNameError, "forced names 'k1', .*give feature_names"),
         ({"forced": [99]}, InputError, "forced names column 99; there are 5 columns"),
-        ({"signs": {0: 2}}, InputError, r"signs: '0' is 2; \+1 or -1 is expected"),
+        ({"signs": {0: 2}}, InputError, r"signs: '0' is 2; expected \+1 or -1"),
         ({"feature_names": ["a"]}, InputError, "feature_names has 1 names; one for each of 5 columns"),
         ({"groups": [1, 2]}, InputError, r"groups has shape \(2,\)"),
         ({"replicate": (np.ones((3, 5)), np.ones(3))}, InputError, r"replicate has shapes \(3, 5\) and \(3,\)"),

@@ -290,9 +290,9 @@ def test_a_missing_scale_is_named(reference):
 def test_parameters_can_be_given():
     stop = TERMS["hard_stop"].with_parameters({"g": 2.0})
     np.testing.assert_array_equal(term_columns([stop], [-5.0, 1.0, 3.0], [0.0] * 3)[:, 0], [-3.0, 0.0, 1.0])
-    with pytest.raises(InputError, match="term 'hard_stop': values for h given; g wanted"):
+    with pytest.raises(InputError, match="term 'hard_stop': values for h given; expected g"):
         TERMS["hard_stop"].with_parameters({"h": 2.0})
-    with pytest.raises(InputError, match="term 'linear_damping': values for h given; nothing wanted"):
+    with pytest.raises(InputError, match="term 'linear_damping': values for h given; expected nothing"):
         TERMS["linear_damping"].with_parameters({"h": 2.0})
 
 

@@ -114,7 +114,7 @@ FAULTS = {
     "binary": (
         b"\xff\xfe\x00\x01",
         InputError,
-        "mine.toml: is not a text file; a TOML catalogue in UTF-8 is wanted",
+        "mine.toml: is not a text file; expected a TOML catalogue in UTF-8",
     ),
     "no terms": (
         'name = "m"\ndescription = "m"\n',
@@ -173,12 +173,12 @@ FAULTS = {
     "parameter outside its bounds": (
         toml(parameters='[{ name = "g", unit = "rad", value = 1.0, upper = 0.5 }]'),
         InputError,
-        "parameters 1 (g): 0 < lower <= value <= upper is wanted; given are 1, 1, 0.5",
+        "parameters 1 (g): expected 0 < lower <= value <= upper; given are 1, 1, 0.5",
     ),
     "negative parameter": (
         toml(parameters='[{ name = "g", unit = "rad", value = -1.0 }]'),
         InputError,
-        "parameters 1 (g): 0 < lower <= value <= upper is wanted; given are -1, -1, -1",
+        "parameters 1 (g): expected 0 < lower <= value <= upper; given are -1, -1, -1",
     ),
     "infinite parameter": (
         toml(parameters='[{ name = "g", unit = "rad", value = inf }]'),
@@ -205,17 +205,17 @@ FAULTS = {
     "wrong unit": (
         toml(unit='"N*m/rad"'),
         UnitError,
-        "mine.toml: term 'my_term': unit 'N*m/rad' times theta*abs(omega) is not N*m; N*m*s/rad^2 is wanted",
+        "mine.toml: term 'my_term': unit 'N*m/rad' times theta*abs(omega) is not N*m; expected N*m*s/rad^2",
     ),
     "wrong unit of translation": (
         toml(unit='"N/m"', formula='"x**2"'),
         UnitError,
-        "unit 'N/m' times x**2 is not N; N/m^2 is wanted",
+        "unit 'N/m' times x**2 is not N; expected N/m^2",
     ),
     "rotation and translation mixed": (
         toml(unit='"N*m*s/m^2"'),
         UnitError,
-        "unit 'N*m*s/m^2' times theta*abs(omega) is not N*m; N*m*s/rad^2 is wanted",
+        "unit 'N*m*s/m^2' times theta*abs(omega) is not N*m; expected N*m*s/rad^2",
     ),
     "unit that nobody knows": (
         toml(unit='"furlong"'),
@@ -230,7 +230,7 @@ FAULTS = {
     "formula that does not fit in itself": (
         toml(formula='"theta + omega"'),
         UnitError,
-        "term 'my_term': omega + theta combines omega in rad/s with theta in rad; equal units are wanted",
+        "term 'my_term': omega + theta combines omega in rad/s with theta in rad; expected equal units",
     ),
     "parameter that is not used": (
         toml(parameters='[{ name = "g", unit = "rad", value = 1.0 }]'),
@@ -257,7 +257,7 @@ FAULTS = {
             parameters='[{ name = "g", unit = "rad", value = 1.0, relative_to = "rate" }]',
         ),
         UnitError,
-        "parameter 'g' is relative to the rate and has the unit 'rad'; rad/s is wanted",
+        "parameter 'g' is relative to the rate and has the unit 'rad'; expected rad/s",
     ),
     "id twice": (
         toml() + toml(symbol='"n"').partition("\n\n")[2],
@@ -326,7 +326,7 @@ def test_files_that_are_not_there(tmp_path):
         MissingInputError, match="paper.toml: no such file; the shipped library is called 'paper'"
     ):
         load_catalogue(tmp_path / "paper.toml")
-    with pytest.raises(InputError, match="is a folder; a .toml file is wanted"):
+    with pytest.raises(InputError, match="is a folder; expected a .toml file"):
         load_catalogue(tmp_path)
 
 

@@ -210,7 +210,7 @@ def test_depth_and_size_are_bounded():
 
 @pytest.mark.parametrize("given", [None, 3, b"theta", ["theta"]])
 def test_what_is_no_text_is_refused(given):
-    with pytest.raises(FormulaError, match=f"is a {type(given).__name__}; a text is wanted"):
+    with pytest.raises(FormulaError, match=f"is a {type(given).__name__}; expected a text"):
         parse_formula(given)
 
 
@@ -229,7 +229,7 @@ def test_a_parameter_cannot_take_a_word_of_the_language(name):
 
 @pytest.mark.parametrize("name", ["", "2g", "v s", "__class__", "ä", "g" * 40, "f()"])
 def test_a_parameter_name_is_a_plain_identifier(name):
-    with pytest.raises(FormulaError, match="a letter followed by letters, digits or _ is wanted"):
+    with pytest.raises(FormulaError, match="expected a letter followed by letters, digits or _"):
         parameter_symbol(name)
 
 

@@ -98,12 +98,14 @@ def test_no_terms_give_no_columns():
 
 
 def test_a_wrong_number_of_arrays_is_refused():
-    with pytest.raises(InputError, match=r"2 arrays given; 3 \(theta, omega, alpha\) are wanted"):
+    with pytest.raises(InputError, match=r"2 arrays given; expected 3 \(theta, omega, alpha\)"):
         compiled(TEXTS)([1.0], [1.0])
 
 
 def test_unequal_lengths_are_refused_with_the_shapes():
-    with pytest.raises(InputError, match=r"theta \(2,\), omega \(3,\), alpha \(\) given; one-dimensional"):
+    with pytest.raises(
+        InputError, match=r"theta \(2,\), omega \(3,\), alpha \(\) given; expected one-dimensional"
+    ):
         compiled(TEXTS)([1.0, 2.0], [1.0, 2.0, 3.0], 0.0)
     with pytest.raises(InputError, match=r"theta \(1, 2\)"):
         compiled(TEXTS)([[1.0, 2.0]], [1.0, 2.0], 0.0)

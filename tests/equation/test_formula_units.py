@@ -60,12 +60,12 @@ def test_unit_of_a_formula(text, unit):
     [
         (
             "theta + omega",
-            "omega \\+ theta combines omega in rad/s with theta in rad; equal units are wanted",
+            "omega \\+ theta combines omega in rad/s with theta in rad; expected equal units",
         ),
-        ("theta - 0.001", "with theta in rad; equal units are wanted"),
+        ("theta - 0.001", "with theta in rad; expected equal units"),
         ("max(theta, omega)", "max\\(omega, theta\\) combines"),
-        ("tanh(theta)", "tanh\\(theta\\) is given rad; a plain number is wanted: divide by a parameter"),
-        ("exp(-abs(omega))", "exp\\(-abs\\(omega\\)\\) is given rad/s; a plain number is wanted"),
+        ("tanh(theta)", "tanh\\(theta\\) is given rad; expected a plain number: divide by a parameter"),
+        ("exp(-abs(omega))", "exp\\(-abs\\(omega\\)\\) is given rad/s; expected a plain number"),
         ("cos(omega)", "cos\\(omega\\) is given rad/s"),
         ("abs(theta)**n", "the base of abs\\(theta\\)\\*\\*n has the unit rad; with a parameter as exponent"),
         ("(abs(theta)/g)**v_s", "the exponent of .* has the unit rad/s"),
@@ -125,7 +125,7 @@ def test_prefixes_are_known_so_that_they_can_be_refused_kindly():
 
 @pytest.mark.parametrize("text", ["", " ", None, 3, "N·m", "N*m; import os", "m" * 70, "$"])
 def test_what_is_no_unit_text_is_refused(text):
-    with pytest.raises(UnitError, match="a text such as 'N\\*m/rad' is wanted, '1' for a plain number"):
+    with pytest.raises(UnitError, match="expected a text such as 'N\\*m/rad', or '1' for a plain number"):
         parse_unit(text)
 
 

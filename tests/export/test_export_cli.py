@@ -96,7 +96,7 @@ def test_a_mistake_is_one_line_and_status_2(run, model_file, arguments, message,
     ("content", "message"),
     [
         (b"{", "not a joint model: the text is not JSON"),
-        (b"[1]", "not a joint model: 'schema': 1 and 'terms' are wanted"),
+        (b"[1]", "not a joint model: expected 'schema': 1 and 'terms'"),
         (b"\xff\xfe\x00", "not a joint model: UnicodeDecodeError"),
         (b"[" * 100_000, "not a joint model: RecursionError"),
         (b'{"schema": 1, "terms": [{"id": 3}]}', "not a joint model: KeyError"),
@@ -115,11 +115,11 @@ def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("coefficient", "large", "coefficient is 'large'; a finite number"),
-        ("coefficient", float("nan"), "coefficient is nan; a finite number"),
+        ("coefficient", "large", "coefficient is 'large'; expected a finite number"),
+        ("coefficient", float("nan"), "coefficient is nan; expected a finite number"),
         ("symbol", None, "symbol is no text"),
         ("formula", "__import__('os')", "is not allowed"),
-        ("formula", 7, "formula 7 is a int; a text is wanted"),
+        ("formula", 7, "formula 7 is a int; expected a text"),
         ("coefficient", 10**400, "a finite number"),
     ],
 )

@@ -111,7 +111,7 @@ def test_python_says_where_the_joint_softens(paper_model, python_module):
 
 def test_python_without_inertia_asks_for_one(make_model, python_module):
     module = python_module(make_model(inertia=None))
-    with pytest.raises(ValueError, match="inertia is 0.0; a positive moving inertia is wanted"):
+    with pytest.raises(ValueError, match="inertia is 0.0; expected a positive moving inertia"):
         module.step(0.0, 0.0, 5.0, 5.0, 1e-3)
     assert module.step(0.0, 0.0, 5.0, 5.0, 1e-3, inertia=0.02)[1] > 0
 

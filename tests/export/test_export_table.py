@@ -136,7 +136,7 @@ def test_a_number_that_is_not_finite_is_refused(make_model):
 
 
 def test_a_model_without_a_tested_range_is_refused(make_model):
-    with pytest.raises(InputError, match="moment_rms = 0.0; a positive number is wanted"):
+    with pytest.raises(InputError, match="moment_rms = 0.0; expected a positive number"):
         export_model(make_model(moment_rms=0.0), "json")
 
 

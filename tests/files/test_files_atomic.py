@@ -50,7 +50,7 @@ def test_a_file_is_no_output_folder(tmp_path):
     (tmp_path / "taken").write_text("x")
     for make in (check_output, prepare_output):
         with pytest.raises(
-            OutputError, match=r"cannot write into '.*taken': it is a file; the name of a folder"
+            OutputError, match=r"cannot write into '.*taken': it is a file; expected the name of a folder"
         ):
             make(tmp_path / "taken")
         with pytest.raises(OutputError, match=r"cannot write into '.*deep': '.*taken' is a file"):

@@ -122,15 +122,15 @@ def test_raw_gauges_through_equations_1_to_3(bench):
 
 # What a bad file says; the first sample of the data stands in line 2.
 BAD_LINES = [
-    (9, "0.035,abc,0.1", "line 9: column 'm' holds 'abc'; a number is wanted"),
-    (9, "0.035,,0.1", "line 9: column 'm' is blank; a number is wanted"),
-    (9, "0.035,0.1,", "line 9: column 'a' is blank; a number is wanted"),
-    (9, "0.035,1_000,0.1", "line 9: column 'm' holds '1_000'; a number is wanted"),
-    (9, "0.035,'0.1,0.1", """line 9: column 'm' holds "'0.1"; a number is wanted"""),
+    (9, "0.035,abc,0.1", "line 9: column 'm' holds 'abc'; expected a number"),
+    (9, "0.035,,0.1", "line 9: column 'm' is blank; expected a number"),
+    (9, "0.035,0.1,", "line 9: column 'a' is blank; expected a number"),
+    (9, "0.035,1_000,0.1", "line 9: column 'm' holds '1_000'; expected a number"),
+    (9, "0.035,'0.1,0.1", """line 9: column 'm' holds "'0.1"; expected a number"""),
     (9, "0.035,nan,0.1", "column 'm' holds nan in line 9; remove or repair"),
     (9, "0.035,0.1,inf", "column 'a' holds inf in line 9"),
     (9, "0.035,0.1,-1e999", "column 'a' holds -inf in line 9"),
-    (9, "0.035,0.1", "line 9 has 2 fields and line 1 has 3; equal numbers are wanted"),
+    (9, "0.035,0.1", "line 9 has 2 fields and line 1 has 3; expected equal numbers"),
     (9, "0.035,0.1,0.2,0.3", "line 9 has 4 fields and line 1 has 3"),
     (9, "0.029,0.1,0.2", "column 't': time runs backwards in line 9 (0.029 s after 0.03 s)"),
     (9, "0.03,0.1,0.2", "column 't': duplicate time stamp in line 9 (0.03 s after 0.03 s)"),
@@ -170,7 +170,7 @@ def test_several_bad_values_are_counted(bench):
     ("data", "message"),
     [
         (b"", "is empty"),
-        (b"\n  \n", "is empty; a table with a header and rows is wanted"),
+        (b"\n  \n", "is empty; expected a table with a header and rows"),
         (b"# only\n# comments\n", "holds comment lines only"),
         (b"t,m,a\n", "has a header (t, m, a) and no rows of data"),
         (bytes(range(256)) * 20, "is not a text table (byte 0 at place 0)"),
@@ -192,19 +192,19 @@ def test_random_bytes_named_csv_are_refused(bench, seed):
 
 def test_too_few_samples(bench):
     lines = (bench.folder / "run.csv").read_text().split("\n")
-    assert "20 samples; at least 32 are wanted" in refusal(bench.csv("\n".join(lines[:21])))
+    assert "20 samples; expected at least 32" in refusal(bench.csv("\n".join(lines[:21])))
 
 
 def test_sampling_too_slow(bench):
     bench.replace("frequency = 4.0", "frequency = 40")
-    assert "sampling at 200 Hz is too slow for 40 Hz excitation; at least 400 Hz is wanted" in refusal(bench)
+    assert "sampling at 200 Hz is too slow for 40 Hz excitation; expected at least 400 Hz" in refusal(bench)
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
         ("m", "moment is constant (3 N*m); a dead channel? declare it as constant if it is meant"),
-        ("a", "angle is constant (0.003 rad); a dead channel? a moving joint is wanted"),
+        ("a", "angle is constant (0.003 rad); a dead channel? expected a moving joint"),
     ],
 )
 def test_constant_channel(bench, name, message):
@@ -256,7 +256,7 @@ def test_a_gap_is_not_interpolated(bench):
 
 
 def test_declared_skew_is_removed(bench):
-    # The moment lags by 1.7 ms, a third of a sample: 5 sin(ω(t − τ)) is recorded, 5 sin ωt is wanted.
+    # The moment lags by 1.7 ms, expected a third of a sample: 5 sin(ω(t − τ)) is recorded, 5 sin ωt.
     t = np.arange(2000) / 200.0
     omega, tau = 2 * np.pi * 4, 1.7e-3
     bench.table({"t": t, "m": 5 * np.sin(omega * (t - tau)), "a": np.sin(omega * t)})
@@ -335,9 +335,8 @@ def test_values_beyond_float64_in_si(bench):
 def test_a_preamble_is_pointed_at(bench):
     text = (bench.folder / "run.csv").read_text()
     bench.csv(f"Test rig 4\n{text}")
-    assert (
-        "line 2 has 3 fields and line 1 has 1; equal numbers are wanted (put # before lines that"
-        in refusal(bench)
+    assert "line 2 has 3 fields and line 1 has 1; expected equal numbers (put # before lines that" in refusal(
+        bench
     )
     bench.csv(f"# Test rig 4\n{text}")
     assert bench.load().runs[0].n_samples == 400

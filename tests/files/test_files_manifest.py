@@ -54,15 +54,15 @@ REFUSED = [
     ("level =", "zzz =", "[[run]] 1: unknown key 'zzz'; known keys: channels, file, frequency"),
     ("[channels]", "[channels]\nskw = '1 ms'", "[channels]: unknown key 'skw'; did you mean 'skew'?"),
     ('file = "run.csv"', "", "[[run]] 1: key 'file' is missing"),
-    ('column = "m", ', "", "[channels] moment: either column (with unit) or constant is wanted"),
+    ('column = "m", ', "", "[channels] moment: expected either column (with unit) or constant"),
     (', unit = "N*m"', "", "[channels] moment: key 'unit' is missing"),
     (
         '"0.02 kg*m^2"',
         '"-0.02 kg*m^2"',
-        "[joint] inertia: '-0.02 kg*m^2' is negative; zero or more is wanted",
+        "[joint] inertia: '-0.02 kg*m^2' is negative; expected zero or more",
     ),
     ('"0.02 kg*m^2"', "0.02", "[joint] inertia: input should be a valid string, not 0.02"),
-    ('"0.02 kg*m^2"', '"0.02"', "[joint] inertia: '0.02' has no unit; wanted is a moment of inertia"),
+    ('"0.02 kg*m^2"', '"0.02"', "[joint] inertia: '0.02' has no unit; expected a moment of inertia"),
     ('"0.02 kg*m^2"', '"0.02 kg"', "[joint] inertia: unit 'kg' is not a moment of inertia"),
     ('name = "bench"', "name = 7", "[joint] name: input should be a valid string, not 7"),
     ('name = "bench"', 'motion = "sideways"', "[joint] motion: input should be 'rotation' or 'translation'"),
@@ -79,7 +79,7 @@ REFUSED = [
         "[channels] force: motion is 'rotation'; give 'moment', or set [joint] motion",
     ),
     ('moment = { column = "m", unit = "N*m" }', "", "[channels]: key 'moment' is missing"),
-    ('unit = "N*m"', 'unit = "N"', "[channels] moment: unit 'N' is not a moment; wanted is a moment"),
+    ('unit = "N*m"', 'unit = "N"', "[channels] moment: unit 'N' is not a moment; expected a moment"),
     ('unit = "mrad"', 'unit = "mradd"', "[channels] angle: unit 'mradd' is unknown"),
     ('unit = "mrad"', 'unit = "mm"', "[channels] angle: unit 'mm' is not an angle"),
     ('unit = "s"', 'unit = "Hz"', "[channels] time: unit 'Hz' is not a time"),
@@ -88,10 +88,14 @@ REFUSED = [
     (
         'time = { column = "t", unit = "s" }',
         "",
-        "[channels]: time (a column) or rate (such as '1 kHz') is wanted",
+        "[channels]: expected time (a column) or rate (such as '1 kHz')",
     ),
-    ("[channels]", '[channels]\nrate = "1 kHz"', "is wanted, not both"),
-    ('time = { column = "t", unit = "s" }', "rate = -3", "[channels] rate: -3.0; a positive rate is wanted"),
+    (
+        "[channels]",
+        '[channels]\nrate = "1 kHz"',
+        "expected time (a column) or rate (such as '1 kHz'), not both",
+    ),
+    ('time = { column = "t", unit = "s" }', "rate = -3", "[channels] rate: -3.0; expected a positive rate"),
     ("[channels]", '[channels]\nskew = "1 mm"', "[channels] skew: unit 'mm' is not a time"),
     (
         "[channels]",
@@ -103,8 +107,8 @@ REFUSED = [
         'angle = { constant = "0 rad" }',
         "angle: cannot be a constant",
     ),
-    ('column = "m", unit = "N*m"', 'constant = "0 N*m", unit = "N*m"', "a constant carries its own unit"),
-    ("frequency = 4.0", "frequency = -4.0", "frequency is -4.0 Hz; a positive number is wanted"),
+    ('column = "m", unit = "N*m"', 'constant = "0 N*m", unit = "N*m"', "a constant carries its unit"),
+    ("frequency = 4.0", "frequency = -4.0", "frequency is -4.0 Hz; expected a positive number"),
     ("frequency = 4.0", 'frequency = "4 m"', "[[run]] 1 frequency: unit 'm' is not a frequency"),
     (
         "frequency = 4.0",
@@ -132,7 +136,7 @@ REFUSED = [
         '[channels]\nskew = "1e300 s"',
         "skew: removing '1e300 s' takes 2e+302 samples from either end",
     ),
-    ('file = "run.csv"', 'file = "."', "is a folder; a data file is wanted"),
+    ('file = "run.csv"', 'file = "."', "is a folder; expected a data file"),
     (
         "[[run]]",
         '[[run]]\nfile = "run.csv"\n[[run]]',
@@ -151,7 +155,7 @@ def test_refusal_names_file_and_field(bench, old, new, message):
 
 def test_no_manifest(tmp_path):
     with pytest.raises(
-        MissingInputError, match="does not exist; a campaign.toml, or a folder with one, is wanted"
+        MissingInputError, match="does not exist; expected a campaign.toml, or a folder with one"
     ):
         load_campaign(tmp_path / "nothing.toml")
     with pytest.raises(MissingInputError, match=r"folder '.*' holds no campaign.toml"):
@@ -161,7 +165,9 @@ def test_no_manifest(tmp_path):
 
 
 def test_a_data_file_is_no_manifest(bench):
-    with pytest.raises(InputError, match=r"run.csv: this is not a TOML file; a campaign.toml that names it"):
+    with pytest.raises(
+        InputError, match=r"run.csv: this is not a TOML file; expected a campaign.toml that names it"
+    ):
         load_campaign(bench.folder / "run.csv")
 
 
@@ -206,12 +212,12 @@ file = "run.csv"
         (
             "factor = 1.02",
             "factor = 0.0",
-            "[rig] strain_position_factor is 0.0; a finite number above zero is wanted",
+            "[rig] strain_position_factor is 0.0; expected a finite number above zero",
         ),
         (
             "factor = 1.02",
             "factor = 0",
-            "[rig] strain_position_factor is 0.0; a finite number above zero is wanted",
+            "[rig] strain_position_factor is 0.0; expected a finite number above zero",
         ),
         ("factor = 1.02", "factor = inf", "[rig] strain_position_factor is inf"),
         ('"60 mm"', '"0 mm"', "[rig] joint_length is 0.0"),

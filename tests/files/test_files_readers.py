@@ -242,7 +242,7 @@ def test_parquet_null_is_named_with_its_row(tmp_path):
         table.columns(["m"])
     with pytest.raises(InputError, match="column 'i' holds nan in row 2"):
         table.columns(["i"])
-    with pytest.raises(InputError, match="column 's' holds .*; real numbers are wanted"):
+    with pytest.raises(InputError, match="column 's' holds .*; expected real numbers"):
         table.columns(["s"])
 
 
@@ -312,7 +312,7 @@ def test_unknown_ending(tmp_path):
     path = tmp_path / "run.xlsx"
     path.write_bytes(b"x")
     with pytest.raises(
-        InputError, match=r"run.xlsx: ending '.xlsx' is unknown; wanted is one of csv, tsv, txt"
+        InputError, match=r"run.xlsx: ending '.xlsx' is unknown; expected one of csv, tsv, txt"
     ):
         read_table(path)
 

@@ -81,7 +81,7 @@ def test_a_clock_that_drifts_is_refused():
     [
         ([0, 1, 2, 1.5, 4], "f: time runs backwards in row 4 \\(1.5 s after 2 s\\)"),
         ([0, 1, 2, 2, 4], "f: duplicate time stamp in row 4 \\(2 s after 2 s\\)"),
-        ([0], "f: 1 time stamp\\(s\\); a record is wanted"),
+        ([0], "f: 1 time stamp\\(s\\); expected a record"),
         ([], "f: 0 time stamp"),
     ],
 )

@@ -57,11 +57,11 @@ def test_gain_carries_its_own_unit():
 @pytest.mark.parametrize(
     ("unit", "wanted", "message"),
     [
-        ("mm", "N*m", r"f: unit 'mm' is not a moment; wanted is a moment, such as 'N\*m'"),
+        ("mm", "N*m", r"f: unit 'mm' is not a moment; expected a moment, such as 'N\*m'"),
         ("N*m/rad", "N*m", r"f: unit 'N\*m/rad' is not a moment"),
         ("N", "N*m", "is not a moment"),
-        ("N*m", "N", "is not a force; wanted is a force, such as 'N' or 'kip'"),
-        ("m", "rad", "is not an angle; wanted is an angle, such as 'rad', 'mrad' or 'deg'"),
+        ("N*m", "N", "is not a force; expected a force, such as 'N' or 'kip'"),
+        ("m", "rad", "is not an angle; expected an angle, such as 'rad', 'mrad' or 'deg'"),
         ("rad", "m", "is not a length"),
         ("rad", "m/m", "is not a strain"),
         ("Hz", "rad/s", "is not an angular rate"),
@@ -105,7 +105,7 @@ def test_quantity(text, wanted, value):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0.02", "f: '0.02' has no unit; wanted is a moment of inertia, such as 'kg"),
+        ("0.02", "f: '0.02' has no unit; expected a moment of inertia, such as 'kg"),
         ("kg*m^2", "f: 'kg\\*m\\^2' is not a number with a unit"),
         ("nan kg", "is not a number with a unit"),
         ("1e999 kg", "is not a number with a unit"),

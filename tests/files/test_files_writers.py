@@ -117,9 +117,9 @@ def test_other_files_in_the_folder_stay(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"format": "xls"}, "format is 'xls'; wanted is one of csv, tsv, npz"),
+        ({"format": "xls"}, "format is 'xls'; expected one of csv, tsv, npz"),
         ({"rig": RIG}, "a run has a constant moment, which no strain gauge shows; leave it out"),
-        ({"raw": [{}]}, "raw channels of 1 run\\(s\\) were given; a rig and one set per run are wanted"),
+        ({"raw": [{}]}, "raw channels of 1 run\\(s\\) were given; expected a rig and one set per run"),
     ],
 )
 def test_refusals(options, message, tmp_path):
@@ -135,7 +135,7 @@ def test_a_rig_and_translation(tmp_path):
 
 def test_output_that_is_a_file(tmp_path):
     (tmp_path / "out").write_text("x")
-    with pytest.raises(OutputError, match="it is a file; the name of a folder is wanted"):
+    with pytest.raises(OutputError, match="it is a file; expected the name of a folder"):
         write_campaign(CAMPAIGN, tmp_path / "out")
 
 

@@ -74,7 +74,7 @@ def test_measured_pulse(tmp_path):
     ("old", "new", "message"),
     [
         ('length = "0.5 m"', 'length = "0 m"', "rig.toml: beam 'lower beam': length is 0.0"),
-        ('length = "0.5 m"', 'length = "0.5 kg"', r"\[\[chain\]\] 1 length: .*wanted is a length"),
+        ('length = "0.5 m"', 'length = "0.5 kg"', r"\[\[chain\]\] 1 length: .*expected a length"),
         ('youngs_modulus = "70 GPa"', 'youngs_modulus = "-70 GPa"', "section.youngs_modulus is -7e"),
         (
             'law = "inter-panel"',
@@ -83,7 +83,7 @@ def test_measured_pulse(tmp_path):
         ),
         ('joint = "joint"', 'hinge = "joint"', "unknown key 'hinge'"),
         ('value = "8 kg"', 'inertia = "1 kg*m^2"', "a mass wants value"),
-        ('force = "65 N"', 'force = "65 kg"', r"\[pulse\] force: .*wanted is a force"),
+        ('force = "65 N"', 'force = "65 kg"', r"\[pulse\] force: .*expected a force"),
         ('duration = "5 ms"\n', "", "a shape wants force"),
         ('point = "tip"', 'point = "top"', "point 'top' is not in the chain"),
         ("elements = 8", "elements = 0", "elements is 0"),

@@ -118,7 +118,7 @@ def test_nothing_is_left_when_the_page_fails(discovery, tmp_path, monkeypatch):
 def test_a_file_in_the_way_is_named(discovery, tmp_path):
     (tmp_path / "results").write_text("mine")
     with pytest.raises(
-        OutputError, match="cannot write into .*results': it is a file; the name of a folder is wanted"
+        OutputError, match="cannot write into .*results': it is a file; expected the name of a folder"
     ):
         write_discovery(discovery, tmp_path / "results")
     assert (tmp_path / "results").read_text() == "mine"

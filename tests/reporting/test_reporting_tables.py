@@ -102,7 +102,7 @@ def damaged(change):
         (damaged(lambda d: d.update(path=3)), "field 'path': a list is wanted, 3 was given"),
         (damaged(lambda d: d.update(verdict=3)), "field 'verdict': str is wanted, 3 was given"),
         (damaged(lambda d: d.update(loops=[])), "not a saved ReportData: loops and a square map are wanted"),
-        (damaged(lambda d: d["model"].pop("terms")), "not a joint model: 'schema': 1 and 'terms' are wanted"),
+        (damaged(lambda d: d["model"].pop("terms")), "not a joint model: expected 'schema': 1 and 'terms'"),
     ],
 )
 def test_damaged_data_are_refused(data, message):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sindyjoint.discovery.delay import Skew
+from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.record import Joint
@@ -55,7 +55,7 @@ CASES = {
             inertia=0.02,
         ),
         Verdict("confirmed", (), (), "exactly the paper's five terms out of 24 candidates"),
-        Skew(2e-6, 1.7e-5),
+        ChannelDelay(2e-6, 1.7e-5),
         ("the campaign is simulated (a virtual test), not measured",),
     ),
     "translation": result(

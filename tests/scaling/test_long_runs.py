@@ -1,4 +1,4 @@
-"""Runs longer than memory: discovered stretch by stretch, they tell what the whole would."""
+"""Runs longer than memory: discovered segment by segment, they tell what the whole would."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from sindyjoint.discovery.segments import Task, work
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
-from sindyjoint.files.campaign import load_stretch
+from sindyjoint.files.campaign import load_segment
 from sindyjoint.parallel import executor
 from sindyjoint.states import force_states
 from sindyjoint.workflows import discover as workflow
@@ -74,7 +74,7 @@ def test_in_stretches_the_model_is_that_of_the_whole(long_campaign, monkeypatch)
     assert [run.whole is not None for run in parts.campaign.runs] == [True, True, False]
     assert parts.campaign.runs[0].n_samples == SAMPLES // 16
     assert parts.model.ids == whole.model.ids and len(whole.model.ids) == 5
-    # Other stretches are other estimates of the same noise: within three of the larger standard error.
+    # Other segments are other estimates of the same noise: within three of the larger standard error.
     error = np.maximum(parts.model.standard_errors, whole.model.standard_errors)
     assert np.all(np.abs(parts.model.coefficients - whole.model.coefficients) < 3 * error)
     assert np.all(parts.model.standard_errors < 2.5 * whole.model.standard_errors)
@@ -91,8 +91,8 @@ def test_stretches_of_a_broadband_run_meet_without_a_seam(long_campaign):
     margin = round(states.dropped * RATE)
     pieces = []
     for number in range(long_run.n_stretches):
-        stretch = load_stretch(long_run, number, margin)
-        pieces.append(force_states(stretch, "broadband", states.bandwidth).rate)
+        segment = load_segment(long_run, number, margin)
+        pieces.append(force_states(segment, "broadband", states.bandwidth).rate)
     np.testing.assert_allclose(np.concatenate(pieces), states.rate, atol=1e-9 * np.abs(states.rate).max())
 
 
@@ -105,7 +105,7 @@ def test_a_motion_that_grows_is_worked_through_twice(growth, passes, tmp_path, m
     x, v, a = (
         (f(phase) * turns**k).sum(axis=1) for k, f in enumerate((np.sin, np.cos, lambda p: -np.sin(p)))
     )
-    # The largest swing of the first stretch comes again at the end.
+    # The largest swing of the first segment comes again at the end.
     slope = growth / t[-1]
     level = 5e-4 / np.abs(x).max()
     size = level * (1 + slope * t)
@@ -151,7 +151,7 @@ def test_a_stretch_at_rest_is_left_out_and_a_run_at_rest_refused(long_campaign, 
         if outcome == "left out":
             assert len(discover(tmp_path, correct=False).regressor.evidence_.runs[0].blocks) == 12
         else:
-            with pytest.raises(InputError, match="12 of 16 stretches of this long run cannot be used"):
+            with pytest.raises(InputError, match="12 of 16 segments of this long run cannot be used"):
                 discover(tmp_path, correct=False)
 
 

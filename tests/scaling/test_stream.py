@@ -95,7 +95,7 @@ def test_stretches_are_what_the_reader_gives(tmp_path, name):
     assert blocks.names == everything.names and dict(blocks.aliases) == dict(everything.aliases)
 
 
-def test_a_clock_of_tdms_goes_on_from_stretch_to_stretch(tmp_path):
+def test_a_clock_of_tdms_goes_on_from_segment_to_segment(tmp_path):
     nptdms = pytest.importorskip("nptdms")
     signal = nptdms.ChannelObject("g", "angle", np.arange(100.0), properties={"wf_increment": 0.01})
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
@@ -221,7 +221,7 @@ def test_what_cannot_be_is_refused(tmp_path):
         discover_rows(tmp_path / "rows.npy")
     with pytest.raises(InputError, match="columns name no acceleration"):
         discover_rows(tmp_path / "rows.npy", columns=columns, inertia=0.02)
-    with pytest.raises(InputError, match="cannot be read in stretches"):
+    with pytest.raises(InputError, match="cannot be read in segments"):
         np.savez(tmp_path / "rows.npz", angle=angle)
         discover_rows(tmp_path / "rows.npz")
     with pytest.raises(InputError, match="nothing.npy: cannot be read"):
@@ -251,12 +251,12 @@ def test_memory_does_not_grow_with_the_rows(tmp_path):
         kilobytes, terms = map(int, answer.stdout.split())
         peaks.append(kilobytes)
         assert terms == 4
-    # Fifteen times the rows, 100 MB more of them; the two readings differ by the size of a stretch.
+    # Fifteen times the rows, 100 MB more of them; the two readings differ by the size of a segment.
     assert peaks[1] - peaks[0] < 30_000
 
 
 def test_only_the_end_of_the_file_can_be_cut_off(tmp_path):
-    # Stretches end where their last number may be the shortest; the file itself ends within one.
+    # Segments end where their last number may be the shortest; the file itself ends within one.
     write(tmp_path / "rows.csv", dict(zip(NAMES, motion(2_000), strict=True)))
     text = (tmp_path / "rows.csv").read_text()
     blocks = open_blocks(tmp_path / "rows.csv")

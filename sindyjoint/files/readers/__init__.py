@@ -56,7 +56,7 @@ def read_table(path: str | Path) -> tuple[Table, str]:
     file = Path(path)
     # os.path says no where pathlib raises: names too long, folders that may not be entered.
     if os.path.isdir(file):
-        raise InputError(f"{file}: is a folder; a data file is wanted")
+        raise InputError(f"{file}: is a folder; expected a data file")
     if not os.path.exists(file):
         near = difflib.get_close_matches(file.name, _neighbours(file), n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
@@ -64,7 +64,7 @@ def read_table(path: str | Path) -> tuple[Table, str]:
     kind = READERS.get(file.suffix.lower())
     if kind is None:
         known = ", ".join(ending.removeprefix(".") for ending in READERS)
-        raise InputError(f"{file}: ending {file.suffix!r} is unknown; wanted is one of {known}")
+        raise InputError(f"{file}: ending {file.suffix!r} is unknown; expected one of {known}")
     try:
         data = file.read_bytes()
     except OSError as error:

@@ -89,10 +89,10 @@ class Table:
     def _checked(self, name: str | int, values: NDArray) -> Array:
         array = np.asarray(values)
         if array.dtype.kind not in "fiub":
-            raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; real numbers are wanted")
+            raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; expected real numbers")
         array = np.ascontiguousarray(array, dtype=np.float64)
         if array.ndim != 1:
-            raise InputError(f"{self.path}: column {name!r} has shape {array.shape}; one dimension is wanted")
+            raise InputError(f"{self.path}: column {name!r} has shape {array.shape}; expected one dimension")
         bad = np.flatnonzero(~np.isfinite(array))
         if bad.size:
             raise InputError(

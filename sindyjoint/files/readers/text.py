@@ -71,7 +71,7 @@ def layout_of(path: Path, data: bytes) -> Layout:
 
 def _decode(path: Path, data: bytes) -> str:
     if not data.strip():
-        raise InputError(f"{path}: is empty; a table with a header and rows is wanted")
+        raise InputError(f"{path}: is empty; expected a table with a header and rows")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         text = data.decode("utf-16", errors="replace")
     else:
@@ -107,7 +107,7 @@ def _layout(path: Path, text: str) -> Layout:
             lines.append(line)
             numbers.append(number)
     if not lines:
-        raise InputError(f"{path}: holds comment lines only; a table with a header and rows is wanted")
+        raise InputError(f"{path}: holds comment lines only; expected a table with a header and rows")
     delimiter = _delimiter(lines)
     first = _fields(lines[0], delimiter)
     if all(_is_number(field) for field in first):
@@ -184,8 +184,8 @@ def _check_lengths(
         if quick != width and len(_fields(line, delimiter)) != width:
             found = len(_fields(line, delimiter))
             raise InputError(
-                f"{path}: line {number} has {found} fields and line {top} has {width}; equal numbers are "
-                "wanted (put # before lines that belong to no table)"
+                f"{path}: line {number} has {found} fields and line {top} has {width}; expected equal "
+                "numbers (put # before lines that belong to no table)"
             )
 
 
@@ -212,7 +212,5 @@ def _explained(layout: Layout, wanted: Sequence[int], error: ValueError) -> Inpu
             if not _is_number(field):
                 given = f"holds {field!r:.40}" if field else "is blank"
                 name = layout.names[place]
-                return InputError(
-                    f"{layout.path}: line {number}: column {name!r} {given}; a number is wanted"
-                )
+                return InputError(f"{layout.path}: line {number}: column {name!r} {given}; expected a number")
     return InputError(f"{layout.path}: cannot be read as a table of numbers ({error})")

@@ -56,7 +56,7 @@ def read_uff(path: Path, data: bytes) -> Table:
         for other in functions[1:]:
             if not np.array_equal(other["x"], functions[0]["x"]):
                 raise InputError(
-                    f"{path}: its functions have different abscissas; the same instants are wanted"
+                    f"{path}: its functions have different abscissas; expected the same instants"
                 )
         time = (functions or sets)[0]["x"]
         return [sets[place]["data"] if place < len(sets) else time for place in wanted]

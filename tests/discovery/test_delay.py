@@ -1,9 +1,9 @@
-"""Skew between the channels: found within its error, undone by shifting."""
+"""Time delay between the channels: found within its error, undone by shifting."""
 
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.delay import estimate_skew, reference_of, shifted
+from sindyjoint.discovery.delay import estimate_delay, reference_of, shifted
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states
@@ -16,7 +16,7 @@ PLAN = dict(frequencies=[3, 5], levels=[0.9, 0.5], duration=4.0, noise=0.01, ran
 def test_skew_is_found(drive, skew):
     states = campaign_states(virtual_campaign(drive=drive, skew=skew, **PLAN))
     law = load_catalogue("paper").resolve(reference_of(states))
-    found = estimate_skew(states, law, 0.02)
+    found = estimate_delay(states, law, 0.02)
     # stated: 0.02 ms is the method's own error at 1 % noise, and the standard error beside it
     assert abs(found.time - skew) < 2e-5 + 4 * found.standard_error
     assert found.significant == (abs(skew) > 2e-5)
