@@ -21,6 +21,6 @@ def test_an_unknown_method_is_one_line():
     with pytest.raises(UnknownNameError, match="no optimizer 'STLQ'; did you mean STLSQ?"):
         check_method("pysindy:STLQ")
     with pytest.raises(
-        UnknownNameError, match="method is 'stlq'; one of stlsq, .* or such an object is expected"
+        UnknownNameError, match="method is 'stlq'; expected one of stlsq, .* or such an object"
     ):
         check_method("stlq")

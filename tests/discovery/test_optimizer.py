@@ -132,7 +132,7 @@ def test_shuffled_moments_have_no_model(labelled):
     "options, error, message",
     [
         ({"threshold": 1.5}, InputError, "threshold is 1.5; expected a share of the moment's RMS"),
-        ({"method": "magic"}, UnknownNameError, "method is 'magic'; one of stlsq, "),
+        ({"method": "magic"}, UnknownNameError, "method is 'magic'; expected one of stlsq, "),
         ({"forced": ["k1"]}, UnknownNameError, "forced names 'k1', .*give feature_names"),
         ({"forced": [99]}, InputError, "forced names column 99; there are 5 columns"),
         ({"signs": {0: 2}}, InputError, r"signs: '0' is 2; expected \+1 or -1"),
