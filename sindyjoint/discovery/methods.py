@@ -159,8 +159,8 @@ def check_method(method: Any) -> None:
         _named_optimiser(method)
         return
     raise UnknownNameError(
-        f"method is {method!r}; expected one of {', '.join(METHODS)}, {PREFIX}NAME for an optimizer of pysindy, or such "
-        "an object"
+        f"method is {method!r}; expected one of {', '.join(METHODS)}, {PREFIX}NAME for an optimizer of pysindy, or "
+        "such an object"
     )
 
 
