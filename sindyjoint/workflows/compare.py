@@ -18,7 +18,7 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.parallel import side_by_side, spread
+from sindyjoint.parallel import side_by_side, single_threaded, spread
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
@@ -31,6 +31,7 @@ NEVER_VISIBLE = ("gravity_moment",)
 REPLICATES = 500
 
 
+@single_threaded()
 def compare(
     campaign: Campaign | str | Path | None = None,
     library: Any = "extended",

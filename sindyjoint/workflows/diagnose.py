@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.parallel import spread
+from sindyjoint.parallel import single_threaded, spread
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.discover import the_campaign
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from sindyjoint.mechanics.rigs import Rig
 
 
+@single_threaded()
 def diagnose(
     campaign: Campaign | str | Path | None = None,
     model: JointModel | None = None,
@@ -98,6 +99,7 @@ def diagnose(
         return replace(explain_gap(problem, max_effects, say), hidden=hidden)
 
 
+@single_threaded()
 def diagnose_structure(
     rig: Rig | str | Path,
     model: JointModel | None = None,

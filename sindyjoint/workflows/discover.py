@@ -15,7 +15,7 @@ from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_lo
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.parallel import executor
+from sindyjoint.parallel import executor, single_threaded
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
@@ -118,6 +118,7 @@ class Discovery:
         }
 
 
+@single_threaded()
 def discover(
     campaign: Campaign | str | Path | None = None,
     library: Any = "extended",

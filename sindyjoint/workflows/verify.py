@@ -11,6 +11,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.parallel import single_threaded
 from sindyjoint.record import Campaign
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
@@ -21,6 +22,7 @@ from sindyjoint.workflows.policy import POLICY
 DRAWS = 20
 
 
+@single_threaded()
 def verify(
     model: JointModel | str | Path,
     against: Rig | Campaign | str | Path,
