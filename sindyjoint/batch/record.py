@@ -90,18 +90,18 @@ def fingerprint(manifest: Path, options: Mapping[str, Any], library: Any, versio
         When manifest or catalogue cannot be read.
     """
     path, content = read_manifest(manifest)
-    files = [(run.file, _sha256(path.parent / run.file)) for run in content.run]
+    files = [(run.file, _hash_file(path.parent / run.file)) for run in content.run]
     known = {
-        "manifest": _sha256(path),
+        "manifest": _hash_file(path),
         "files": files,
         "options": {name: repr(value) for name, value in sorted(options.items())},
-        "library": _catalogue_text(as_catalogue(library)),
+        "library": _list_catalogue_text(as_catalogue(library)),
         "version": version,
     }
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
-def _catalogue_text(catalogue: Catalogue) -> list[str]:
+def _list_catalogue_text(catalogue: Catalogue) -> list[str]:
     return [repr((t.id, t.symbol, t.formula, t.unit, t.name, t.family, t.parameters)) for t in catalogue]
 
 
@@ -123,16 +123,16 @@ def is_valid(record: CampaignRecord, folder: Path, inputs: str) -> bool:
     """Return whether a result still holds: of the same inputs, nothing missing, and every file as it was written."""
     if record.inputs != inputs or not set(record.outputs) >= REQUIRED:
         return False
-    return all(_sha256(folder / name) == digest for name, digest in record.outputs.items())
+    return all(_hash_file(folder / name) == digest for name, digest in record.outputs.items())
 
 
 def hashes(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every file in a folder, by its path within."""
     files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): _sha256(path) for path in files}
+    return {path.relative_to(folder).as_posix(): _hash_file(path) for path in files}
 
 
-def _sha256(path: Path) -> str:
+def _hash_file(path: Path) -> str:
     """Return the hash of a file, read in pieces; "missing" where there is none."""
     try:
         with path.open("rb") as file:

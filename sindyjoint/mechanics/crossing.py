@@ -40,7 +40,7 @@ class Stepper:
 
     def inverse(self, direction: Array, h: float) -> Array:
         """Inverse of M + h/2·C + h²/4·K over what moves, zero elsewhere."""
-        return _inverse_of_moving(self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness, direction)
+        return _invert_moving(self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness, direction)
 
     def matrices(self, direction: Array, h: float | None = None) -> Array:
         """Inverses for a step of h (the whole step without it) and of the mass, mass, damping and stiffness."""
@@ -48,7 +48,7 @@ class Stepper:
         if h is None and key in self._whole:
             return self._whole[key]
         if key not in self._masses:
-            self._masses[key] = _inverse_of_moving(self.mass, direction)
+            self._masses[key] = _invert_moving(self.mass, direction)
         matrices = np.array(
             [
                 self.inverse(direction, h or self.step),
@@ -80,7 +80,7 @@ class Stepper:
         return answer[0]
 
 
-def _inverse_of_moving(matrix: Array, direction: Array) -> Array:
+def _invert_moving(matrix: Array, direction: Array) -> Array:
     if np.all(direction):
         return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     moving = np.ones(len(matrix), dtype=bool)

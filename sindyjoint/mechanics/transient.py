@@ -247,7 +247,7 @@ def _collect_response(
         np.einsum("ti,ti->t", v @ structure.mass, v) + np.einsum("ti,ti->t", q @ structure.stiffness, q)
     )
     for j, hinge in enumerate(structure.hinges):
-        energy += _elastic_energy(hinge.law, q[:, j])
+        energy += _integrate_elastic_energy(hinge.law, q[:, j])
     return Response(
         time=record.grid[keep], displacement={name: q @ structure.point(name) for name in points},
         force=record.force[keep], joints=tuple(hinge.name for hinge in structure.hinges),
@@ -256,7 +256,7 @@ def _collect_response(
     )  # fmt: skip
 
 
-def _elastic_energy(law: Any, angle: Array) -> Array:
+def _integrate_elastic_energy(law: Any, angle: Array) -> Array:
     """Energy stored in the memoryless elastic part of a law.
 
     Its moment at standstill, in the middle of the friction interval, integrated from zero by Gauss' rule of four

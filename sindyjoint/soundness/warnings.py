@@ -54,7 +54,7 @@ def _warn_of_delay(delay: ChannelDelay | None, model: JointModel, aligned: bool)
     effect = ""
     if "linear_stiffness" in model:
         bias = delay.time * model["linear_stiffness"].coefficient
-        effect = f", which shifts the viscous damping by about {-bias:.3g} {_damping_unit(model)}"
+        effect = f", which shifts the viscous damping by about {-bias:.3g} {_get_damping_unit(model)}"
     yield (
         f"the {moment} seems to {direction[:-1]} the {angle} by {size}{effect}: check the common trigger, or run "
         "again with --align"
@@ -66,7 +66,7 @@ def channel_words(model: JointModel) -> tuple[str, str]:
     return ("moment", "angle") if model.joint.motion == "rotation" else ("force", "displacement")
 
 
-def _damping_unit(model: JointModel) -> str:
+def _get_damping_unit(model: JointModel) -> str:
     return "N*m*s/rad" if model.joint.motion == "rotation" else "N*s/m"
 
 
@@ -80,7 +80,7 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
         stiffness.append(float(np.mean((moment - moment.mean()) * angle)))
         power.append(float(np.mean(moment * rate)))
     # An elastic moment that is a small part of the whole may well fall: only a main part has a definite sign.
-    mean_stiffness = _mean_stiffness(model)
+    mean_stiffness = _compute_secant_stiffness(model)
     elastic = abs(mean_stiffness) * model.fitted.angle > POLICY.elastic_share * model.fitted.moment_rms
     backwards = elastic and mean_stiffness < 0 and max(stiffness) < 0
     feeding = bool(model.terms) and max(power) < 0
@@ -105,13 +105,13 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
     moment, angle = channel_words(model)
     rate = "rate" if angle == "angle" else "velocity"
     yield (
-        f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {_damping_unit(model)}: the "
+        f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {_get_damping_unit(model)}: the "
         f"{moment} falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the "
         "tested range the model gives off energy"
     )
 
 
-def _mean_stiffness(model: JointModel) -> float:
+def _compute_secant_stiffness(model: JointModel) -> float:
     """Secant stiffness over the tested range, N·m/rad."""
     top = model.fitted.angle
     ends = model.moment(np.array([top, -top]), np.zeros(2))

@@ -131,7 +131,7 @@ def dwells(rate: Array) -> bool:
     return bool(np.count_nonzero(slow < 0.05) > POLICY.dwelling * np.count_nonzero(slow < 0.15))
 
 
-def _reversal_spacing(rate: Array) -> float:
+def _measure_reversal_spacing(rate: Array) -> float:
     """Return the median number of samples between sign changes of the rate that are not due to its noise."""
     strong = np.flatnonzero(np.abs(rate) > 0.05 * np.max(np.abs(rate)))
     sign = np.sign(rate[strong])
@@ -203,7 +203,7 @@ def broadband_states(
         share, guard_periods = POLICY.passing_rate_share, POLICY.passing_guard
     guard = min(
         int(np.ceil(guard_periods * run.sample_rate / cutoff)),
-        int(POLICY.broadband_guard_limit * _reversal_spacing(rate)),
+        int(POLICY.broadband_guard_limit * _measure_reversal_spacing(rate)),
     )
     slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)

@@ -55,7 +55,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     start, stop, periods = steady_span(run, frequency)
     per = run.sample_rate / frequency
     time = np.arange(stop - start) / run.sample_rate
-    edges = _block_edges(periods, per, time.size)
+    edges = _cut_blocks(periods, per, time.size)
     angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
     if run.rate is None:
         motion, replicate = angle.motion(), angle.replicates(edges)
@@ -178,7 +178,7 @@ class _Series:
         return float(np.sqrt(np.sum((self.basis.angular**order * self.standard_error) ** 2)))
 
 
-def _block_edges(periods: int, per: float, n: int) -> NDArray[np.intp]:
+def _cut_blocks(periods: int, per: float, n: int) -> NDArray[np.intp]:
     """Return sample indices that cut the record into at most eight blocks of whole periods."""
     blocks = min(REPLICATES, periods)
     edges = np.round(np.round(np.linspace(0, periods, blocks + 1)) * per).astype(np.intp)

@@ -139,8 +139,8 @@ class Reproduction:
         """Return plain JSON data."""
         return {
             "schema": 1,
-            "tables": [_table_record(joint) for joint in self.joints],
-            "pulse": _pulse_record(self.pulse),
+            "tables": [_record_table(joint) for joint in self.joints],
+            "pulse": _record_pulse(self.pulse),
             "printed_tables": [check.to_dict() for check in self.checks],
             "statements": list(self.statements),
         }
@@ -274,10 +274,10 @@ def statements(joints: tuple[JointReproduction, ...], pulse: PulseReproduction) 
             f"{100 * off[4]:.0f} % of M_F on the same virtual runs, and leaves "
             f"{joint.paper_fit.residual_rms:.3g} N·m RMS; the paper prints {joint.table.surface_rms:g} N·m for its fit"
         )
-    return (*sentences, *_pulse_statements(pulse))
+    return (*sentences, *_describe_pulse(pulse))
 
 
-def _pulse_statements(pulse: PulseReproduction) -> list[str]:
+def _describe_pulse(pulse: PulseReproduction) -> list[str]:
     _, simulated = turning_points_of(pulse.plain)
     first, last = float(simulated.period[0]), float(np.median(simulated.period[-20:]))
     plain, richer = pulse.plain, pulse.richer
@@ -297,7 +297,7 @@ def _pulse_statements(pulse: PulseReproduction) -> list[str]:
     ]
 
 
-def _table_record(joint: JointReproduction) -> dict[str, Any]:
+def _record_table(joint: JointReproduction) -> dict[str, Any]:
     return {
         "table": joint.table.number,
         "joint": joint.table.joint,
@@ -323,7 +323,7 @@ def _table_record(joint: JointReproduction) -> dict[str, Any]:
     }
 
 
-def _pulse_record(pulse: PulseReproduction) -> dict[str, Any]:
+def _record_pulse(pulse: PulseReproduction) -> dict[str, Any]:
     return {
         "plain": pulse.plain.to_dict(),
         "richer": pulse.richer.to_dict(),

@@ -94,7 +94,9 @@ def _reach_verdict(
     if extra:
         reason = f"the data need {_spell_terms(extra)}, which the paper's law lacks"
         return "refuted", reason + (f", and do not show {_spell_terms(missing)}" if missing else "")
-    hidden = [term for term in missing if _largest_share(regressor, model, term) > POLICY.negligible_share]
+    hidden = [
+        term for term in missing if _find_largest_share(regressor, model, term) > POLICY.negligible_share
+    ]
     absent = [term for term in missing if term not in hidden]
     if absent:
         return (
@@ -147,7 +149,7 @@ def _spell_terms(terms: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
-def _largest_share(regressor: JointRegressor, model: JointModel, term: str) -> float:
+def _find_largest_share(regressor: JointRegressor, model: JointModel, term: str) -> float:
     """Return the share of the moment that a term may carry at the end of its 95 % interval.
 
     It joins the found terms; a term that these runs cannot tell from the found ones may carry anything.

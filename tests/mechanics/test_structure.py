@@ -260,7 +260,7 @@ def test_bad_beams_name_the_field(name):
 
 def test_bad_simulations_say_what_is_wrong():
     structure = chain(INTER_PANEL)
-    with pytest.raises(InputError, match="too large for the first mode at 4 Hz; at most 0.0125 s"):
+    with pytest.raises(InputError, match="too large for the first mode at 4 Hz; expected at most 0.0125 s"):
         respond(structure, HAMMER, step=0.02)
     with pytest.raises(
         UnknownNameError, match="point 'top' is not in the chain; expected one of lower, joint, upper"

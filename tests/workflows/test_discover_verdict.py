@@ -185,7 +185,7 @@ def test_one_frequency_is_said():
     words = "one frequency only: whether the parameters depend on it cannot be determined"
     assert words in discover(made).warnings
     undeclared = replace(made, joint=replace(made.joint, inertia=None))
-    assert "the inertia is not declared and one frequency cannot tell it from stiffness: declare it" in (
+    assert "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it" in (
         discover(undeclared).warnings
     )
 

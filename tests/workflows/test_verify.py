@@ -344,7 +344,7 @@ def test_bad_rigs_end_in_one_line(sindyjoint, model_file, tmp_path, change, mess
         (
             "model.json",
             "nothing",
-            "no such file or folder; a campaign.toml, its folder, a rig's TOML file or one of",
+            "no such file or folder; expected a campaign.toml, its folder, a rig's TOML file or one of",
         ),
         ("model.json", "text.json", "text.json"),
     ],
