@@ -6,7 +6,7 @@ factor of X is R̃·P. Solving with P and multiplying is done in one sweep over 
 does not suit (they excite what the rows so far did not) are decomposed by themselves, and P is renewed.
 
 Reference: the Cholesky QR with preconditioning of Fukaya, Kannan, Nakatsukasa, Yamamoto and Yanagisawa, SIAM J. Sci.
-Comput. 42(1), 2020, with the factor of the first rows in the place of a shifted one.
+Comput. 42(1), 2020, with the factor of the first rows instead of a shifted one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ TOLERANCE = 1e-9
 MARGIN = 2.0
 # The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
 RESIDUAL = 1e4
-# A column that is so dependent on those before it is told from them by nobody.
+# A column that is so dependent on those before it cannot be distinguished from them.
 DEPENDENT = 1e-9
 
 
@@ -207,7 +207,7 @@ class FactorSum:
 
 
 class Tiles:
-    """Evaluates terms at force states a tile of rows at a time, in memory that is used again.
+    """Evaluates terms at force states a tile of rows at a time, in memory that is reused.
 
     Parameters
     ----------
@@ -290,12 +290,12 @@ class TermSum:
 
 
 def _weakest(gram: Array) -> float:
-    """Return the least that a unit combination of columns leaves; of the target, what they leave, to fewer digits."""
+    """Return the least residual of a unit combination of columns, and of the target on them, to fewer digits."""
     least, vectors = np.linalg.eigh(gram[:-1, :-1])
     if not least[0] > 0:
         return 0.0
-    left = float(gram[-1, -1] - np.sum((vectors.T @ gram[:-1, -1]) ** 2 / least))
-    return min(float(least[0]), RESIDUAL * left)
+    residual = float(gram[-1, -1] - np.sum((vectors.T @ gram[:-1, -1]) ** 2 / least))
+    return min(float(least[0]), RESIDUAL * residual)
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -305,7 +305,7 @@ def _symmetric(matrix: Array) -> Array:
 
 def _not_finite(block: Array) -> InputError:
     """Say where a block has no finite value; looked for only once its products have shown that it has."""
-    row, column = (int(places[0]) for places in np.nonzero(~np.isfinite(block.T)))
+    row, column = (int(indices[0]) for indices in np.nonzero(~np.isfinite(block.T)))
     what = "the target" if column == block.shape[0] - 1 else f"column {column + 1} (of {block.shape[0] - 1})"
     return InputError(f"{what} has no finite value at row {row}; leave the term out or repair the row")
 

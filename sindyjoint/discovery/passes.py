@@ -1,7 +1,7 @@
 """Passes over rows that are not in memory.
 
-Where a library's inner parameters are shares of the largest angle or rate, a part of the rows tells these first. Only
-where the pass then meets values that are larger by more than :data:`LARGER`, a second one follows under those.
+Where nonlinear parameters of a library are shares of the largest angle or rate, a part of the rows gives these first.
+Only where the pass then meets values that are larger by more than :data:`LARGER`, a second one follows under those.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.equation.terms import ResolvedTerm
 
-# By this share values may pass the scale that inner parameters, round shares such as a tenth, are shares of: the maxima
-# of random motion, a segment at a time, differ by less.
+# Share by which values may pass the scale of nonlinear parameters (round shares of it, such as a tenth): the maxima of
+# random motion, a segment at a time, differ by less.
 LARGER = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """What one segment of rows leaves.
+    """Result of one segment of rows.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Segment:
 
 
 class SegmentTask(Protocol):
-    """A dataclass that says where a segment of rows is to be had, and what terms to evaluate on it."""
+    """A dataclass that says where a segment of rows is read, and what terms to evaluate on it."""
 
     @property
     def function(self) -> TermFunction | None:
@@ -126,11 +126,11 @@ def largest_of(parts: Iterable[Sequence[float]]) -> Reference:
 
 
 def relative(catalogue: Catalogue) -> set[str]:
-    """Return the scales of the data that inner parameters of a catalogue are shares of."""
+    """Return the scales of the data that nonlinear parameters of a catalogue are shares of."""
     named = {parameter.relative_to for term in catalogue for parameter in term.parameters}
     return {scale for scale in named if scale is not None}
 
 
 def _exceeded(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
-    """Return whether values pass the scale of inner parameters by more than they may."""
+    """Return whether values pass the scale of nonlinear parameters by more than they may."""
     return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))

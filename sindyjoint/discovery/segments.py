@@ -1,8 +1,8 @@
 """Runs that are too long for memory: force states and factors segment by segment.
 
-Each segment is worked on as a run of its own: of a sine its harmonics are those of the segment, of any other motion the
+Each segment is processed as a separate run: of a sine its harmonics are those of the segment, of any other motion the
 segments overlap by what the smoothing kernel takes at their ends, under one cut-off. Their factors are the replicate
-blocks from whose scatter the errors are told, and merged they are the run's.
+blocks whose scatter gives the errors, and merged they are the run's.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def fit_long(
         work,
         every,
         here,
-        # The first segments tell the scale of the others, as a rule.
+        # The first segments usually give the scale of the others.
         looked=largest_of(map(_extremes, states)),
         largest=lambda done: largest_of([*map(_extremes, states), *(s.largest for s in done)]),
         with_acceleration=inertia is None,
@@ -158,7 +158,7 @@ def work(task: Task) -> Segment:
     try:
         states = force_states(run, task.method, task.bandwidth)  # type: ignore[arg-type]
     except InputError as error:
-        # A joint that rests for a while, a channel that is dead there: the other segments still tell.
+        # A joint that stands still for a while, a channel that is dead there: the other segments remain.
         return Segment((), (0.0, 0.0, 0.0), 0, run.n_samples, str(error))
     rows = regression_rows([shifted(states, task.lag)], task.inertia)
     factors: list[Factor] = []

@@ -1,8 +1,8 @@
 """Tables of force states larger than memory: one pass over the rows, a segment at a time, on several processes.
 
-What comes back is what :class:`~sindyjoint.JointRegressor` makes of the same rows in memory. Where a library's inner
-parameters are shares of the largest angle or rate, and these are not given, they are shares of the largest that a look
-at a part of the rows finds (of Parquet files, of the largest that the file says it holds). Only where the pass then
+The result is that of :class:`~sindyjoint.JointRegressor` on the same rows in memory. Where nonlinear parameters of a
+library are shares of the largest angle or rate, and these are not given, they are shares of the largest in a part of
+the rows (of Parquet files, in the statistics of the file). Only where the pass then
 meets values that are larger by more than :data:`LARGER`, a second one follows under those.
 """
 
@@ -122,11 +122,11 @@ def discover_rows(
     from sindyjoint.discovery.estimator import JointRegressor
 
     say = progress or (lambda stage: None)
-    wanted = dict(COLUMNS if columns is None else columns)
+    keys = dict(COLUMNS if columns is None else columns)
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
-    names = tuple(wanted[key] for key in ("angle", "rate", "moment"))
-    names += (wanted["acceleration"],) if "acceleration" in wanted else ()
-    if inertia is not None and "acceleration" not in wanted:
+    names = tuple(keys[key] for key in ("angle", "rate", "moment"))
+    names += (keys["acceleration"],) if "acceleration" in keys else ()
+    if inertia is not None and "acceleration" not in keys:
         raise InputError(
             "inertia was given and columns name no acceleration; give both, or the transfer moment"
         )
@@ -246,7 +246,7 @@ def _changed(path: Path) -> int:
 
 @lru_cache(maxsize=4)
 def _opened(path: str, changed: int) -> Blocks:
-    """Return an open file; the places of lines in a text are then looked for once per process."""
+    """Return an open file; the line offsets of a text are then indexed once per process."""
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(

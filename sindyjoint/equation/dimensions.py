@@ -1,7 +1,7 @@
-"""Units of formulas, with the radian as a dimension of its own.
+"""Units of formulas, with the radian as a separate dimension.
 
 To most unit libraries a radian is 1, and N·m/rad, N·m/rad² and N·m are all the same. A catalogue of
-stiffnesses needs them told apart, so this registry knows SI and the angle, and nothing else.
+stiffnesses needs them distinguished, so this registry knows SI and the angle, and nothing else.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def coefficient_unit(expression: sympy.Expr, units: Mapping[str, str], motion: s
     ----------
     expression : sympy.Expr
     units : mapping of str to str
-        Unit of each inner parameter.
+        Unit of each nonlinear parameter.
     motion : {"rotation", "translation"}
 
     Returns
@@ -156,8 +156,8 @@ def coefficient_unit(expression: sympy.Expr, units: Mapping[str, str], motion: s
     UnitError
         If the formula does not fit together in itself.
     """
-    own = formula_unit(expression, {**VARIABLE_UNITS[motion], **units})
-    wanted = parse_unit(MOMENT_UNITS[motion]) / own
+    given = formula_unit(expression, {**VARIABLE_UNITS[motion], **units})
+    wanted = parse_unit(MOMENT_UNITS[motion]) / given
     inertia = parse_unit("N*m*s^2/rad" if motion == "rotation" else "N*s^2/m")
     if _alike(wanted, inertia):
         return "kg*m^2" if motion == "rotation" else "kg"
@@ -165,7 +165,7 @@ def coefficient_unit(expression: sympy.Expr, units: Mapping[str, str], motion: s
 
 
 def same_dimension(one: str, other: str) -> bool:
-    """Whether two units measure the same kind of quantity, the radian counted as one of its own."""
+    """Whether two units measure the same kind of quantity, the radian counted as a separate one."""
     return _alike(parse_unit(one), parse_unit(other))
 
 

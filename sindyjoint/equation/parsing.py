@@ -88,7 +88,7 @@ def build_expression(text: str, names: Mapping[str, Any], positive: tuple[str, .
     except FormulaError:
         raise
     except (RecursionError, ValueError, TypeError, ArithmeticError) as error:
-        # sympy's own refusals: it found a part that has no real value.
+        # Refusals of sympy: it found a part that has no real value.
         raise builder.refusal(f"it cannot be worked out ({error})") from None
 
 
@@ -133,10 +133,10 @@ class _Builder:
         self.nodes = 0
 
     def refusal(self, why: str) -> FormulaError:
-        own = [name for name in self.names if name not in ("theta", "omega", "alpha", "x", "v", "a")]
+        extra = [name for name in self.names if name not in ("theta", "omega", "alpha", "x", "v", "a")]
         return FormulaError(
             f"formula {shown(self.text)}: {why}; allowed are numbers, pi, theta, omega, alpha (or x, v, a)"
-            f"{', ' if own else ''}{', '.join(own)}, + - * / ** ( ) and the functions {', '.join(FUNCTIONS)}"
+            f"{', ' if extra else ''}{', '.join(extra)}, + - * / ** ( ) and the functions {', '.join(FUNCTIONS)}"
         )
 
     def build(self) -> Any:

@@ -1,4 +1,4 @@
-"""Candidate terms: a formula, the unit and meaning of its coefficient, the inner parameters it may have."""
+"""Candidate terms: a formula, the unit and meaning of its coefficient, the nonlinear parameters it may have."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Scale = Literal["angle", "rate", "moment"]
 
 @dataclass(frozen=True)
 class Reference:
-    """The scales of a set of data that inner parameters may refer to.
+    """The scales of a set of data that nonlinear parameters may refer to.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An inner parameter of a term, one that the moment does not depend on linearly.
+    """A nonlinear parameter of a term, one that the moment does not depend on linearly.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class Term:
         return "odd" if np.allclose(mirrored, -here, rtol=1e-9, atol=0, equal_nan=True) else "neither"
 
     def resolve(self, reference: Reference | None = None) -> ResolvedTerm:
-        """Put numbers in the place of the inner parameters.
+        """Set the nonlinear parameters to numbers.
 
         Raises
         ------
@@ -167,7 +167,7 @@ class Term:
         return self.with_parameters(dict(values))
 
     def with_parameters(self, values: dict[str, float]) -> ResolvedTerm:
-        """Put the given numbers, in SI units, in the place of the inner parameters."""
+        """Set the nonlinear parameters to the given numbers, in SI units."""
         names = [parameter.name for parameter in self.parameters]
         if set(values) != set(names):
             raise InputError(
@@ -180,7 +180,7 @@ class Term:
 
 @dataclass(frozen=True)
 class ResolvedTerm:
-    """A term whose inner parameters are numbers.
+    """A term whose nonlinear parameters are numbers.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class _Elements:
         self.curve = Curve(nodes, values - self.offset)
         self.rising = bool(np.all(np.diff(self.curve.y)[middle - 1 : middle + 1] > 0))
         self.friction = parts.friction if parts.friction > 0 else 0.0
-        self.powers, self.rest = _powers(parts)
+        self.powers, self.remaining = _powers(parts)
         self.preload = self.offset * self.rising + sum(
             float(t.expression) * t.coefficient for t in self.constants
         )
@@ -118,7 +118,7 @@ class _Elements:
         for power in self.powers:
             rows[power.term.id] = self._power_row(power, cycles)
         why = "no element has a moment of this form (COMBIN37 knows powers of |angle| or of |rate|)"
-        return rows | lumped.left_out(self.rest, why) | lumped.inertial_rows(self.parts)
+        return rows | lumped.left_out(self.remaining, why) | lumped.inertial_rows(self.parts)
 
     def _power_row(self, power: _Power, cycles: Cycles) -> Represented:
         if power.constant == 2:
@@ -205,7 +205,7 @@ class _Elements:
 
 def _powers(parts: Parts) -> tuple[tuple[_Power, ...], tuple[ModelTerm, ...]]:
     """Split the remaining terms into those a COMBIN37 can carry and those it cannot."""
-    powers, rest = [], []
+    powers, remaining = [], []
     for term in (*parts.other_rate, *parts.coupled):
         p, q, kind = power_law(term.expression) or (1.0, 1.0, "")
         if kind == "rate" and (p == 0 or q == 0):
@@ -213,5 +213,5 @@ def _powers(parts: Parts) -> tuple[tuple[_Power, ...], tuple[ModelTerm, ...]]:
         elif kind == "sign" and q == 0 and term.coefficient > 0:
             powers.append(_Power(term, p, 0, 8))
         else:
-            rest.append(term)
-    return tuple(powers), tuple(rest)
+            remaining.append(term)
+    return tuple(powers), tuple(remaining)

@@ -1,7 +1,7 @@
 """Nastran: CBUSH with PBUSH and PBUSHT for a rotational joint, CBUSH1D with PBUSH1D for a translational one.
 
 A CBUSH has no tabulated force of the rate. What depends on the rate beyond viscous damping is, for a rotational joint,
-a CBUSH1D between two grid points of its own, whose distance is tied to the relative rotation (MPC).
+a CBUSH1D between two additional grid points, whose distance is tied to the relative rotation (MPC).
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ def export(model: JointModel) -> Export:
     notes = (
         f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
         f"axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
-        "tables act in nonlinear solutions only (SOL 129, 400); linear ones see the stiffness at rest and the damping",
+        "tables act in nonlinear solutions only (SOL 129, 400); linear ones see the stiffness at "
+        "standstill and the damping",
         *(
             (
                 f"case control: MPC = {SET}; it makes the x displacement of grid point {RELATIVE} the relative "

@@ -29,11 +29,11 @@ NEW, OLD = "new", "old"
 
 def _cannot(path: Path, error: OSError) -> OutputError:
     """Say in one line why a path cannot be written."""
-    return OutputError(f"cannot write {str(path)!r}: {error.strerror or error}; choose another place")
+    return OutputError(f"cannot write {str(path)!r}: {error.strerror or error}; choose another path")
 
 
 def _aside(path: Path, kind: str = NEW) -> Path:
-    """Return a hidden name beside ``path`` that nothing else uses."""
+    """Return a hidden name next to ``path`` that nothing else uses."""
     return path.with_name(f"{_mark(path)}{uuid.uuid4().hex[:12]}.{kind}.part")
 
 
@@ -160,22 +160,20 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 def _move_in(stage: Path, target: Path) -> None:
-    """Move every file of the stage to the same place under the target."""
+    """Move every file of the stage to the same path under the target."""
     files = sorted(path for path in stage.rglob("*") if path.is_file())
     for path in files:
-        place = target / path.relative_to(stage)
-        if place.is_dir():
-            raise OutputError(
-                f"cannot write {str(place)!r}: it is a folder; remove it or choose another place"
-            )
-        place.parent.mkdir(parents=True, exist_ok=True)
+        file = target / path.relative_to(stage)
+        if file.is_dir():
+            raise OutputError(f"cannot write {str(file)!r}: it is a folder; remove it or choose another path")
+        file.parent.mkdir(parents=True, exist_ok=True)
     for path in files:
         os.replace(path, target / path.relative_to(stage))
 
 
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a folder to fill that takes the place of ``path``, old contents and all, when the block ends well.
+    """Give a folder to fill that replaces ``path``, old contents and all, when the block ends well.
 
     It appears in one step: whoever looks sees the old folder, or the new one, or for an instant none, but never a
     part. After an exception the old folder is as it was before.
@@ -183,7 +181,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     Yields
     ------
     Path
-        A temporary folder beside ``path``.
+        A temporary folder next to ``path``.
 
     Raises
     ------
@@ -207,31 +205,31 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def settle(path: str | os.PathLike[str]) -> None:
-    """Clear up what killed processes left beside a folder; old contents that nothing has replaced go back."""
+    """Clear up what killed processes left next to a folder; old contents that nothing has replaced go back."""
     target = Path(path)
     mark = _mark(target)
     with suppress(OSError):
-        for left in sorted(target.parent.iterdir()):
-            if not (left.name.startswith(mark) and left.name.endswith(".part")):
+        for leftover in sorted(target.parent.iterdir()):
+            if not (leftover.name.startswith(mark) and leftover.name.endswith(".part")):
                 continue
-            with _held(left) as held:
+            with _held(leftover) as held:
                 if not held:
                     continue
-                if left.name.endswith(f".{OLD}.part") and not target.exists():
-                    os.replace(left, target)
+                if leftover.name.endswith(f".{OLD}.part") and not target.exists():
+                    os.replace(leftover, target)
                 else:
-                    shutil.rmtree(left, ignore_errors=True)
+                    shutil.rmtree(leftover, ignore_errors=True)
 
 
 @contextmanager
-def _stage(place: Path, target: Path) -> Iterator[Path]:
-    """Give a folder aside ``place`` that this process holds; errors of the system there concern ``target``."""
-    stage = _aside(place)
+def _stage(location: Path, target: Path) -> Iterator[Path]:
+    """Give a folder aside ``location`` that this process holds; errors of the system there concern ``target``."""
+    stage = _aside(location)
     # It is held before it has the name by which others may find it.
-    unnamed = place.with_name(f".{uuid.uuid4().hex}.part")
+    unnamed = location.with_name(f".{uuid.uuid4().hex}.part")
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        settle(place)
+        location.parent.mkdir(parents=True, exist_ok=True)
+        settle(location)
         unnamed.mkdir()
     except OSError as error:
         raise _cannot(target, error) from error

@@ -61,9 +61,9 @@ def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: 
 def _line(signal: Array, rate: float, frequency: float) -> tuple[float, float, float]:
     """Return the line's share of the largest line, its contrast, and the largest line's frequency, Hz."""
     n = signal.size
-    place = np.linspace(-1, 1, n)
+    abscissa = np.linspace(-1, 1, n)
     # Slow drift is no line.
-    steady = signal - np.polyval(np.polyfit(place, signal, 3), place)
+    steady = signal - np.polyval(np.polyfit(abscissa, signal, 3), abscissa)
     amplitude = line_spectrum(steady)
     frequencies = np.fft.rfftfreq(n, 1 / rate)
     lines = np.where(frequencies >= 2 * rate / n, amplitude, 0.0)

@@ -40,7 +40,7 @@ class SizeScore:
     size : int
     terms : tuple of str
     residual, held_out : float
-        RMS residual, and RMS error of left-out frequencies, relative to the RMS moment; NaN where nothing is left out.
+        RMS residual, and RMS error of held-out frequencies, relative to the RMS moment; NaN where nothing is held out.
     """
 
     size: int
@@ -63,9 +63,9 @@ class Choice:
     seconds : float
         Time that making the path took; NaN where not measured.
     held_out : float
-        RMS error of the moment of left-out frequencies, terms chosen anew each time, relative to its RMS.
+        RMS error of the moment of held-out frequencies, terms chosen anew each time, relative to its RMS.
     response : float
-        RMS error of the simulated angle of left-out frequencies relative to its RMS; NaN where not simulated.
+        RMS error of the simulated angle of held-out frequencies relative to its RMS; NaN where not simulated.
     not_simulated : str
         Why there is none.
     path : tuple of SizeScore
@@ -131,7 +131,7 @@ class Comparison:
     tests : tuple of FrequencyTest
         Of the model's coefficients.
     bias : dict of float
-        Id to the bias of the coefficient as measured on a twin of the campaign; already taken out of ``model``.
+        Id to the bias of the coefficient as measured on synthetic replicates; already removed from ``model``.
     model : Choice
         Terms of the main method with bias-corrected coefficients and intervals.
     undetermined : tuple of str
@@ -174,7 +174,7 @@ class Comparison:
         parts = []
         for name, choices in (
             ("methods", self.methods),
-            ("frequencies alone", self.frequencies),
+            ("single frequencies", self.frequencies),
             ("libraries that offer them", tuple(c for c in self.libraries if c.offers_paper_terms)),
         ):
             if choices:

@@ -40,7 +40,7 @@ class Discovery:
     Parameters
     ----------
     model : JointModel
-        Bias of the processing taken out, where it could be measured; the regressor's own model still holds it.
+        Bias of the processing taken out, where it could be measured; the model of the regressor still contains it.
     verdict : Verdict
     found : bool
         Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
@@ -243,7 +243,7 @@ def _completed(
     """Choose the terms again on states whose weak harmonics are the model's, where those matter to the moment.
 
     The model that completes the states was itself found on incomplete ones: the search starts from it and from the
-    paper's terms alone, and the end that leaves less of the moment unexplained is taken.
+    terms of the paper, and the result with the smaller residual is taken.
     """
     from sindyjoint.bias.completion import completed_states
     from sindyjoint.discovery.estimator import JointRegressor
@@ -282,10 +282,10 @@ def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | No
     from sindyjoint.equation.model import model_terms
 
     ids = regressor.evidence_.ids
-    wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
-    if regressor.fixed or not set(wanted) <= set(ids):
+    expected = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
+    if regressor.fixed or not set(expected) <= set(ids):
         return None
-    columns = sorted(ids.index(term) for term in wanted)
+    columns = sorted(ids.index(term) for term in expected)
     fit = fit_columns(regressor.evidence_, columns)
     resolved = {term.id: term for term in regressor.terms_}
     kept = [resolved[ids[column]] for column in columns]
@@ -334,7 +334,7 @@ def _corrected(
     """Take out of a model's coefficients what the processing does to them.
 
     ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that
-    stays in doubt as of any correction.
+    stays uncertain, as of any correction.
     """
     from sindyjoint.bias.correction import corrected_model
     from sindyjoint.discovery.evidence import fit_columns

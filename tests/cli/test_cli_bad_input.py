@@ -238,7 +238,7 @@ CASES = {
     unknown_key: ("campaign.toml", "[[run]] 1", "unknown key 'freqency'; did you mean 'frequency'?"),
     negative_inertia: ("campaign.toml", "[joint] inertia", "is negative"),
     beta_zero: ("campaign.toml", "[rig] strain_position_factor is 0.0"),
-    bandwidth: ("bandwidth is -3.0 Hz; expected a positive number",),
+    bandwidth: ("bandwidth is -3.0 Hz", "a positive number"),
     threshold: ("threshold is 7.0", "from 0 to below 1"),
     method: ("--method", "'magic'", "stlsq"),
     option: ("No such option: --libary", "--library"),

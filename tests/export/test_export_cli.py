@@ -140,7 +140,7 @@ def test_a_failed_write_leaves_the_old_files(paper_model, tmp_path):
     # The second file of the export is in the way as a folder: nothing may have changed, not even the first.
     (tmp_path / "joint.inp").write_text("old")
     (tmp_path / "pulse-rig.inp").mkdir()
-    with pytest.raises(OutputError, match="it is a folder; remove it or choose another place"):
+    with pytest.raises(OutputError, match="it is a folder; remove it or choose another path"):
         write_export(export_model(paper_model, "ansys"), tmp_path)
     assert (tmp_path / "joint.inp").read_text() == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["joint.inp", "pulse-rig.inp"]

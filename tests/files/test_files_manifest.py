@@ -140,7 +140,7 @@ REFUSED = [
     (
         "[[run]]",
         '[[run]]\nfile = "run.csv"\n[[run]]',
-        "run name(s) used twice: run; give each run a name of its own",
+        "run name(s) used twice: run; give each run another name",
     ),
 ]
 
