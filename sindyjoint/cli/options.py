@@ -86,7 +86,7 @@ class Finding:
     selection: Annotated[Selection, typer.Option(help="How one model of the path is chosen.")] = SELECTION
     threshold: Annotated[
         float | None,
-        typer.Option(help="Least unique share of a term in the moment, instead of choosing by evidence."),
+        typer.Option(help="Least unique share of a term, instead of choosing by evidence."),
     ] = None
     force: Annotated[list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")] = (
         None

@@ -83,7 +83,7 @@ def pass_over(
     tasks: Sequence[TaskType],
     here: Executor,
     *,
-    looked: Reference | None,
+    assumed: Reference | None,
     largest: Callable[[Sequence[Segment]], Reference],
     with_acceleration: bool,
     say: Callable[[str], None],
@@ -97,7 +97,7 @@ def pass_over(
         Does one task; to be sent to other processes.
     tasks : sequence of SegmentTask
     here : Executor
-    looked : Reference or None
+    assumed : Reference or None
         Scales as far as they are known; ``None``: the library refers to none.
     largest : callable
         Gives the scales of all rows once the segments are known.
@@ -112,10 +112,10 @@ def pass_over(
         with_terms: list[Any] = [replace(task, function=function) for task in tasks]  # type: ignore[type-var]
         return terms, ordered_map(here, work, with_terms)
 
-    terms, done = one_pass(looked or Reference(1.0, 1.0, 1.0))
+    terms, done = one_pass(assumed or Reference(1.0, 1.0, 1.0))
     reference = largest(done)
-    if looked is not None and _exceeded(looked, reference, as_catalogue(regressor.library)):
-        say("larger values than those looked at: once more under their scale")
+    if assumed is not None and _exceeded(assumed, reference, as_catalogue(regressor.library)):
+        say("larger values than assumed: once more under their scale")
         terms, done = one_pass(reference)
     return Passed(terms, done, reference)
 

@@ -16,7 +16,7 @@ class DiscoveryPolicy:
     term_significance: float = limit(
         5.0,
         "least ratio of a coefficient to its standard error",
-        source="simulated joints: among twenty candidates tried at every size, noise alone reaches 4.5 once in some "
+        source="simulated joints: among twenty candidates tried at every size, pure noise reaches 4.5 once in some "
         "hundred campaigns",
     )
     least_share: float = limit(

@@ -131,7 +131,7 @@ def fit_long(
         every,
         here,
         # The first segments usually give the scale of the others.
-        looked=largest_of(map(_extremes, states)),
+        assumed=largest_of(map(_extremes, states)),
         largest=lambda done: largest_of([*map(_extremes, states), *(s.largest for s in done)]),
         with_acceleration=inertia is None,
         say=say,

@@ -259,7 +259,7 @@ def choose_by_evidence(
             chosen = index
     step = path[chosen]
     reason = (
-        f"the largest set in which each term has a unique share of at least {least_share:.2g} of the moment and stands "
+        f"the largest set in which each term has a unique share of at least {least_share:.2g} and stands "
         f"{significance:g} standard errors out (here at least {step.threshold:.2g} and {step.fit.t_ratios.min():.1f})"
     )
     return Selection(tuple(path), chosen, reason)

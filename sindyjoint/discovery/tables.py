@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 # Rows read at once: a few megabytes.
 READ = 1 << 17
 COLUMNS = {"angle": "angle", "rate": "rate", "moment": "moment"}
-# Pieces of each file that a look at the scales takes, READ rows together.
+# Pieces of each file that a scan for the scales takes, READ rows together.
 PIECES = 16
 
 
@@ -99,7 +99,7 @@ def discover_rows(
         kg·m². With it and an acceleration, I·θ̈ is taken from the moment; with an acceleration and without it, the
         inertia is identified as a term; without an acceleration the moment is the transfer moment.
     reference : Reference, optional
-        Largest angle and rate, if known; spares a look at the rows where the library refers to them, and perhaps a
+        Largest angle and rate, if known; spares a scan of the rows where the library refers to them, and perhaps a
         second pass.
     size : int
         Rows read at once; memory is some hundred bytes for each.
@@ -139,10 +139,10 @@ def discover_rows(
         for start, stop in zip(edges[:-1], edges[1:], strict=True)
     ]
     with executor(jobs, workers, cluster) as here:
-        looked = reference
-        if looked is None and relative(as_catalogue(library)):
-            say("a look at angle and rate")
-            looked = _stated(paths, names, inertia) or largest_of(
+        assumed = reference
+        if assumed is None and relative(as_catalogue(library)):
+            say("scanning the largest values")
+            assumed = _stated(paths, names, inertia) or largest_of(
                 part.largest for part in ordered_map(here, run_rows, _pieces(paths, tasks[0]))
             )
 
@@ -152,7 +152,7 @@ def discover_rows(
             run_rows,
             tasks,
             here,
-            looked=looked,
+            assumed=assumed,
             largest=lambda done: reference or largest_of(part.largest for part in done),
             with_acceleration=len(names) == 4 and inertia is None,
             say=say,

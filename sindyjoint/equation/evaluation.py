@@ -107,7 +107,7 @@ class TermFunction:
         return out
 
     def tile(self, inputs: Sequence[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Evaluate every expression on a few rows, into memory that is used again.
+        """Evaluate every expression on a few rows, into memory that is reused.
 
         Parameters
         ----------

@@ -237,7 +237,7 @@ def term_columns(
         if rows.size:
             raise InputError(
                 f"term {terms[index].id!r} ({terms[index].term.formula}) has no finite value at sample "
-                f"{rows[0]} (angle {np.asarray(angle)[rows[0]]:.6g}, rate {np.asarray(rate)[rows[0]]:.6g}); "
+                f"{rows[0]} (theta {np.asarray(angle)[rows[0]]:.6g}, omega {np.asarray(rate)[rows[0]]:.6g}); "
                 "leave the term out or change its formula"
             )
     return columns

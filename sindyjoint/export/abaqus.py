@@ -17,6 +17,7 @@ def export(model: JointModel) -> Export:
     """Write ``joint.inp``, to be included into an input file."""
     parts, cycles = Parts.of(model), Cycles.of(model)
     sliding, remaining = _sliding_terms(parts)
+    words = lumped.names(model)
     friction = _Friction(parts, sliding)
     damping = tuple(term for term in parts.other_rate if term not in sliding)
     curve = lumped.elastic_curve(parts, POINTS)
@@ -27,10 +28,12 @@ def export(model: JointModel) -> Export:
         {
             **lumped.elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
             **lumped.viscous_rows(parts, cycles, "connector damping, linear"),
-            **lumped.rate_rows(damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
+            **lumped.rate_rows(parts, damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
             **friction.rows(cycles),
             **lumped.left_out(
-                remaining, "a connector has no moment that depends on angle and rate together in this form"
+                remaining,
+                f"a connector has no {words.moment} that depends on "
+                f"{words.angle} and {words.rate} together in this form",
             ),
             **lumped.inertial_rows(parts),
         },

@@ -42,7 +42,7 @@ class Fidelity:
     error, largest_error : float
         RMS and largest deviation from the term of the model over the tested range, as shares of the RMS moment of the
         test; over moving states, as everywhere: at a reversal friction is set-valued, and the representation says in
-        words how the target sticks. For a term left out this is what leaving it out costs.
+        words how the target sticks. For an omitted term this is the error of omitting it.
     """
 
     term: str
@@ -79,7 +79,7 @@ class Export:
         object.__setattr__(self, "files", MappingProxyType(dict(self.files)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints; the content of the files is left out."""
+        """Return what ``--json`` prints; without the content of the files."""
         return {
             "schema": 1,
             "target": self.target,
@@ -250,10 +250,11 @@ def _shares(difference: Array, reference: float) -> tuple[float, float]:
 
 
 def not_carried(rows: Sequence[Fidelity]) -> tuple[str, ...]:
-    """Return a sentence for each term that a table says is left out."""
+    """Return a sentence for each term that a table does not carry."""
+    load = "force" if any(row.term == ALL_TERMS and row.symbol == "F" for row in rows) else "moment"
     return tuple(
         f"{row.term} ({row.symbol}): {row.representation.removeprefix('not carried: ')}; "
-        f"leaving it out costs {100 * row.error:.3g} % of the RMS moment"
+        f"leaving it out costs {100 * row.error:.3g} % of the RMS {load}"
         for row in rows
         if not row.carried and row.term != ALL_TERMS
     )

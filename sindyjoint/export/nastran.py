@@ -29,14 +29,16 @@ def export(model: JointModel) -> Export:
         tabulated = parts.rate  # a PBUSH1D has either a damping constant or a table
     curve = _rounded(lumped.elastic_curve(parts, POINTS))
     rates = _rounded(lumped.rate_curve(parts, tabulated))
+    words = lumped.names(model)
     spring = f"{'PBUSHT KN' if rotation else 'PBUSH1D SPRING'} table of {POINTS} points"
     damper = f"PBUSH1D DAMPER table of {rates.x.size} points"
     carried: dict[str, Represented] = {
         **lumped.elastic_rows(parts, cycles, curve.x, spring),
         **lumped.viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
-        **lumped.rate_rows(tabulated, cycles, rates.x, damper),
+        **lumped.rate_rows(parts, tabulated, cycles, rates.x, damper),
         **lumped.left_out(
-            parts.coupled, "Nastran's bushings have no force of displacement and rate together"
+            parts.coupled,
+            f"the bushings of Nastran have no {words.moment} of {words.angle} and {words.rate} together",
         ),
         **lumped.inertial_rows(parts),
     }

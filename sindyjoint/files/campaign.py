@@ -171,7 +171,7 @@ class _RunLoader:
         # Of a long run the first segment has been checked; the joint may stand still in a later one.
         if first and run.frequency is not None:
             moment = None if np.ptp(run.moment) == 0 else run.moment
-            check_frequency(run.angle, moment, rate, run.frequency, str(path))
+            check_frequency(run.angle, moment, rate, run.frequency, str(path), self.motion)
         return run
 
     def _read_rows(self, path: Path, start: int, stop: int) -> tuple[Table, str]:

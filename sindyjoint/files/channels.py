@@ -58,7 +58,7 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
         given = "neither" if channels.time is None else "both"
         raise InputError(f"{where}: expected time (a column) or rate (such as '1 kHz'), not {given}")
     if channels.skew is not None and channels.skew_removed is not None:
-        raise InputError(f"{where} skew: skew_removed says that it is gone already; give one of the two")
+        raise InputError(f"{where} skew: skew_removed states that it is removed already; give one of the two")
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
         key = KEYS[motion][quantity][0]
         channel: Channel | None = getattr(channels, key)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import line_spectrum
+from sindyjoint.record import Motion
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,14 @@ ANGLE_SHARE = 0.25
 MOMENT_SHARE = 0.5
 
 
-def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: float, where: str) -> None:
+def check_frequency(
+    angle: Array,
+    moment: Array | None,
+    rate: float,
+    frequency: float,
+    where: str,
+    motion: Motion = "rotation",
+) -> None:
     """Refuse a declared frequency that the data do not hold.
 
     The frequency is there when its line stands out of its surroundings and is no mere harmonic: at least a
@@ -37,6 +45,8 @@ def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: 
         Declared, Hz.
     where : str
         File, for the message.
+    motion : {"rotation", "translation"}
+        Names the channel in the message.
 
     Raises
     ------
@@ -52,9 +62,10 @@ def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: 
         share, contrast, _ = _line(moment, rate, frequency)
         if share >= MOMENT_SHARE and contrast >= CONTRAST:
             return
+    channel = "angle" if motion == "rotation" else "displacement"
     raise InputError(
         f"{where}: the declared frequency {frequency:g} Hz is absent from the data; the largest line of the "
-        f"angle is at {largest:.3g} Hz; correct frequency, or leave it out for an aperiodic run"
+        f"{channel} is at {largest:.3g} Hz; correct frequency, or leave it out for an aperiodic run"
     )
 
 

@@ -144,13 +144,13 @@ def discover(
     align : bool
         Remove the time delay that is found between the channels.
     correct : bool
-        Simulate the model under the campaign's own drive and take out of the coefficients what noise and processing
+        Simulate the model under the drive of the campaign and take out of the coefficients what noise and processing
         do to them.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
-        Where the segments of runs that are too long for memory are worked on; see
+        Where the segments of runs that are too long for memory are processed; see
         :func:`~sindyjoint.parallel.executor`.
     **options
         Parameters of :class:`~sindyjoint.JointRegressor`: method, threshold, selection, forced, forbidden, ...

@@ -1,4 +1,4 @@
-"""Catalogue files of a user's own: what works, and every fault in one line that names file, term and field."""
+"""Catalogue files of users: what works, and every fault in one line that names file, term and field."""
 
 import shutil
 

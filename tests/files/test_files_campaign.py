@@ -317,7 +317,7 @@ def test_a_file_that_ends_within_its_last_number_is_refused(bench):
     )
     bench.csv(text[:-15] + "\n")
     assert bench.load().runs[0].n_samples == 400
-    # Cut between two numbers it is refused for that; without the last line end alone nothing is wrong with it.
+    # Cut between two numbers it is refused for that; without only the last line end nothing is wrong with it.
     bench.csv(text[: text.rindex(",")])
     assert "line 401 has 2 fields" in refusal(bench)
     bench.csv(text.rstrip("\n"))
