@@ -296,7 +296,7 @@ class _Joblib:
         from concurrent.futures.process import BrokenProcessPool
 
         waiting = list(range(len(tasks)))
-        with _written(shared) as shared_file:
+        with _write_shared(shared) as shared_file:
             while waiting:
                 try:
                     for number, result in self._pool(function, tasks, shared_file, waiting, self.jobs):
@@ -333,7 +333,7 @@ class _Joblib:
         pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         return iter(
             pool(
-                delayed(_numbered)(function, number, tasks[number], shared_file, os.getpid())
+                delayed(_run_numbered)(function, number, tasks[number], shared_file, os.getpid())
                 for number in list(numbers)
             )
         )
@@ -351,7 +351,7 @@ class _Dask:
         from distributed import KilledWorker, as_completed
 
         # Results of a task, not scattered: those of a worker that died are made again.
-        held = [self.client.submit(_itself, part, pure=False) for part in shared]
+        held = [self.client.submit(_return_part, part, pure=False) for part in shared]
         futures = [self.client.submit(_run, function, task, *held, pure=False) for task in tasks]
         number_of = {future.key: number for number, future in enumerate(futures)}
         try:
@@ -366,12 +366,12 @@ class _Dask:
             self.client.cancel([*futures, *held], force=True)
 
 
-def _itself(part: T) -> T:
+def _return_part(part: T) -> T:
     return part
 
 
 @contextmanager
-def _written(shared: Sequence[Any]) -> Iterator[str | None]:
+def _write_shared(shared: Sequence[Any]) -> Iterator[str | None]:
     """Write once what all tasks share, for each process to read once; give the file's name.
 
     As joblib sends tasks: in a folder that only this user can read, and that goes when the tasks are done.
@@ -390,7 +390,7 @@ def _written(shared: Sequence[Any]) -> Iterator[str | None]:
 
 
 @lru_cache(maxsize=1)
-def _read(shared_file: str | None) -> tuple[Any, ...]:
+def _read_shared(shared_file: str | None) -> tuple[Any, ...]:
     if shared_file is None:
         return ()
     import joblib
@@ -398,14 +398,14 @@ def _read(shared_file: str | None) -> tuple[Any, ...]:
     return tuple(joblib.load(shared_file))
 
 
-def _numbered(
+def _run_numbered(
     function: Callable[..., R], number: int, task: T, shared_file: str | None, home: int
 ) -> tuple[int, R]:
     if os.getpid() != home:
         # Ctrl-C goes to all processes of a terminal; the one that handed out the tasks ends the others.
         with suppress(ValueError):
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return number, _run(function, task, *_read(shared_file))
+    return number, _run(function, task, *_read_shared(shared_file))
 
 
 def _run(function: Callable[..., R], task: T, *shared: Any) -> R:

@@ -114,7 +114,7 @@ def pass_over(
 
     terms, done = one_pass(assumed or Reference(1.0, 1.0, 1.0))
     reference = largest(done)
-    if assumed is not None and _exceeded(assumed, reference, as_catalogue(regressor.library)):
+    if assumed is not None and _exceeds_scale(assumed, reference, as_catalogue(regressor.library)):
         say("larger values than assumed: once more under their scale")
         terms, done = one_pass(reference)
     return Passed(terms, done, reference)
@@ -131,6 +131,6 @@ def relative(catalogue: Catalogue) -> set[str]:
     return {scale for scale in named if scale is not None}
 
 
-def _exceeded(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
+def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
     """Return whether values pass the scale of nonlinear parameters by more than they may."""
     return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))

@@ -148,7 +148,7 @@ def exchange(factor: Factor, kept: Sequence[int], forced: Sequence[int] = ()) ->
     error = _error(gram, kept)
     while True:
         best, best_error = None, error * (1 - 1e-6)
-        errors, gains = _swaps(factor, gram, kept)
+        errors, gains = _score_swaps(factor, gram, kept)
         for index, leaving in enumerate(kept):
             if leaving in forced:
                 continue
@@ -161,7 +161,7 @@ def exchange(factor: Factor, kept: Sequence[int], forced: Sequence[int] = ()) ->
         kept, error = best, best_error
 
 
-def _swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Array, Array]:
+def _score_swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Array, Array]:
     """Return the residual without each column in turn, shape (k,), and how much each outsider then gains, shape (k, p).
 
     With S what the kept columns leave of the Gram matrix, V its rows of them times their inverse A, and v the part of
@@ -174,7 +174,7 @@ def _swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Array, Arr
         without = [[column for column in kept if column != leaving] for leaving in kept]
         errors, gains = (
             np.array([_error(gram, stay) for stay in without]),
-            np.array([_gains(gram, stay) for stay in without]),
+            np.array([_score_additions(gram, stay) for stay in without]),
         )
     else:
         crossed = gram[:, [*kept]]
@@ -197,7 +197,7 @@ def _error(gram: Array, kept: Sequence[int]) -> float:
     return float(gram[-1, -1] - moment @ np.linalg.lstsq(gram[np.ix_(index, index)], moment, rcond=None)[0])
 
 
-def _gains(gram: Array, stay: Sequence[int]) -> Array:
+def _score_additions(gram: Array, stay: Sequence[int]) -> Array:
     """Return by how much each column, joining ``stay``, lowers the residual sum of squares, shape (p,)."""
     p = gram.shape[0] - 1
     if not stay:
@@ -247,7 +247,7 @@ def choose_by_evidence(
     passing = [
         i
         for i, step in enumerate(path)
-        if _passes(step, significance, least_share, forced) and obeys(step, signs)
+        if _passes_limits(step, significance, least_share, forced) and obeys(step, signs)
     ]
     if not passing:
         reason = f"no set of terms in which each stands {significance:g} standard errors out of the scatter"
@@ -265,7 +265,7 @@ def choose_by_evidence(
     return Selection(tuple(path), chosen, reason)
 
 
-def _passes(step: Step, significance: float, least_share: float, forced: Sequence[int]) -> bool:
+def _passes_limits(step: Step, significance: float, least_share: float, forced: Sequence[int]) -> bool:
     judged = np.array([column not in forced for column in step.columns])
     if not judged.any():
         return True

@@ -142,7 +142,7 @@ def discover_rows(
         assumed = reference
         if assumed is None and relative(as_catalogue(library)):
             say("scanning the largest values")
-            assumed = _stated(paths, names, inertia) or largest_of(
+            assumed = _read_stated_scales(paths, names, inertia) or largest_of(
                 part.largest for part in ordered_map(here, run_rows, _pieces(paths, tasks[0]))
             )
 
@@ -167,11 +167,13 @@ def discover_rows(
     return regressor.fit_evidence(passed.terms, Evidence(ids, tuple(evidence)), passed.reference)
 
 
-def _stated(paths: Sequence[Path], names: Sequence[str | int], inertia: float | None) -> Reference | None:
+def _read_stated_scales(
+    paths: Sequence[Path], names: Sequence[str | int], inertia: float | None
+) -> Reference | None:
     """Return the largest angle, rate and moment that the files themselves state; None where one does not."""
     if inertia is not None:  # what they state of the moment is not what is fitted
         return None
-    stated = [[_opened(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
+    stated = [[_open_file(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
     columns = [[value for value in column if value is not None] for column in zip(*stated, strict=True)]
     if any(len(column) < len(paths) for column in columns):
         return None
@@ -182,7 +184,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
     """Return pieces spread evenly over each file; of a small one, all of it."""
     tasks = []
     for path in paths:
-        rows = _opened(str(path), _changed(path)).rows
+        rows = _open_file(str(path), _changed(path)).rows
         piece = -(-min(rows, READ) // PIECES)
         starts = np.linspace(0, rows - piece, PIECES).astype(int).tolist()
         tasks += [replace(like, path=path, start=start, stop=start + piece) for start in starts]
@@ -191,7 +193,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
 
 def run_rows(task: RowTask) -> Segment:
     """Work through a segment of rows."""
-    source = _opened(str(task.path), task.path.stat().st_mtime_ns)
+    source = _open_file(str(task.path), task.path.stat().st_mtime_ns)
     total = None if task.function is None else TermSum(task.function)
     largest = np.zeros(3)
     for start in range(task.start, task.stop, task.size):
@@ -216,7 +218,7 @@ def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple
         raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); expected one each")
     found = []
     for number, path in enumerate(paths):
-        rows = _opened(str(path), _changed(path)).rows
+        rows = _open_file(str(path), _changed(path)).rows
         if rows < len(PARTS) * SEGMENTS * 2:
             raise InputError(f"{path}: {rows} rows; expected at least {len(PARTS) * SEGMENTS * 2}")
         if len(paths) == 1:
@@ -245,7 +247,7 @@ def _changed(path: Path) -> int:
 
 
 @lru_cache(maxsize=4)
-def _opened(path: str, changed: int) -> Blocks:
+def _open_file(path: str, changed: int) -> Blocks:
     """Return an open file; the line offsets of a text are then indexed once per process."""
     blocks = open_blocks(path)
     if blocks is None:

@@ -170,9 +170,9 @@ def gather_catalogue(path: Path) -> GatheredCatalogue:
     UnknownNameError
         For an include or a picked term that does not exist.
     """
-    catalogue = _read(path)
+    catalogue = _read_entries(path)
     terms: dict[str, LocatedEntry] = {}
-    for located in _terms(path, catalogue, ()):
+    for located in _collect_terms(path, catalogue, ()):
         earlier = terms.setdefault(located.entry.id, located)
         if earlier is not located and (earlier.path != located.path or earlier.entry != located.entry):
             raise InputError(
@@ -197,7 +197,9 @@ def check_symbols(where: str, ids_and_symbols: list[tuple[str, str]]) -> None:
         owners[symbol] = term_id
 
 
-def _terms(path: Path, catalogue: CatalogueEntry, parents: tuple[Path, ...]) -> Iterator[LocatedEntry]:
+def _collect_terms(
+    path: Path, catalogue: CatalogueEntry, parents: tuple[Path, ...]
+) -> Iterator[LocatedEntry]:
     resolved = path.resolve()
     if resolved in parents:
         names = " → ".join(link.name for link in (*parents[parents.index(resolved) :], resolved))
@@ -207,7 +209,7 @@ def _terms(path: Path, catalogue: CatalogueEntry, parents: tuple[Path, ...]) -> 
             other = find_catalogue(include.catalogue, folder=path.parent)
         except (UnknownNameError, MissingInputError) as error:
             raise type(error)(f"{path.name}: include: {error}") from None
-        located = list(_terms(other, _read(other), (*parents, resolved)))
+        located = list(_collect_terms(other, _read_entries(other), (*parents, resolved)))
         if include.terms is None:
             yield from located
             continue
@@ -228,7 +230,7 @@ def _terms(path: Path, catalogue: CatalogueEntry, parents: tuple[Path, ...]) -> 
         yield LocatedEntry(entry, resolved)
 
 
-def _read(path: Path) -> CatalogueEntry:
+def _read_entries(path: Path) -> CatalogueEntry:
     try:
         data = tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
@@ -240,7 +242,7 @@ def _read(path: Path) -> CatalogueEntry:
     try:
         return CatalogueEntry.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path.name}: {_sentence(error, data)}") from None
+        raise InputError(f"{path.name}: {_describe_fault(error, data)}") from None
 
 
 _MODELS: dict[str, type[BaseModel]] = {
@@ -250,7 +252,7 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 
 
-def _sentence(error: ValidationError, data: dict[str, Any]) -> str:
+def _describe_fault(error: ValidationError, data: dict[str, Any]) -> str:
     """Put the first fault that pydantic found into one sentence that names the entry and the field."""
     # A misspelt key shows up as one that is missing and one that is unknown; the second says more.
     faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")

@@ -38,7 +38,7 @@ class Reference:
     @classmethod
     def of(cls, angle: ArrayLike, rate: ArrayLike, moment: ArrayLike | None = None) -> Reference:
         """Take the scales from signals, each array_like of any shape."""
-        largest = [None if signal is None else _largest(signal) for signal in (angle, rate, moment)]
+        largest = [None if signal is None else _find_largest(signal) for signal in (angle, rate, moment)]
         return cls(*largest)
 
 
@@ -175,7 +175,7 @@ class Term:
                 f"expected {', '.join(names) or 'nothing'}"
             )
         numbers = tuple((name, float(values[name])) for name in names)
-        return ResolvedTerm(self, numbers, _substituted(self.expression, numbers))
+        return ResolvedTerm(self, numbers, _substitute_numbers(self.expression, numbers))
 
 
 @dataclass(frozen=True)
@@ -243,14 +243,14 @@ def term_columns(
     return columns
 
 
-def _largest(signal: ArrayLike) -> float:
+def _find_largest(signal: ArrayLike) -> float:
     """Return the largest absolute value, without an array of absolute values."""
     values = np.asarray(signal)
     return float(max(values.max(), -values.min()))
 
 
 @lru_cache(maxsize=1024)
-def _substituted(expression: sympy.Expr, numbers: tuple[tuple[str, float], ...]) -> sympy.Expr:
+def _substitute_numbers(expression: sympy.Expr, numbers: tuple[tuple[str, float], ...]) -> sympy.Expr:
     from sympy import Float
 
     return expression.xreplace({formula.parameter_symbol(name): Float(value, 17) for name, value in numbers})

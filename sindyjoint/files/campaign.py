@@ -53,7 +53,7 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
         When a file's format needs a library that is not installed.
     """
     file, manifest = read_manifest(Path(path))
-    joint = _joint(manifest.joint, str(file))
+    joint = _make_joint(manifest.joint, str(file))
     loader = _RunLoader(file, manifest, joint.motion, longest)
     runs = tuple(loader.run(index, table) for index, table in enumerate(manifest.run))
     notes = tuple(dict.fromkeys([*manifest.notes, *loader.notes]))
@@ -87,12 +87,12 @@ def load_segment(record: LongRecord, number: int, margin: int = 0) -> Run:
 
 
 @lru_cache(maxsize=4)
-def _opened(path: str, changed: int) -> Blocks | None:
+def _open_file(path: str, changed: int) -> Blocks | None:
     """Return an open file; the line offsets of a text are then indexed once per process."""
     return open_blocks(path)
 
 
-def _joint(table: JointTable, file: str) -> Joint:
+def _make_joint(table: JointTable, file: str) -> Joint:
     """Return the joint in SI units."""
     where = f"{file}: [joint]"
     _, unit = KEYS[table.motion]["inertia"]
@@ -147,7 +147,7 @@ class _RunLoader:
         if isinstance(frequency, str):
             frequency = parse_quantity(frequency, "Hz", f"{entry} frequency")
         first = rows is None
-        whole = self._long(path, index, channels, frequency) if first else None
+        whole = self._cut_long_run(path, index, channels, frequency) if first else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
         opened, sha256 = read_table(path) if rows is None else self._read_rows(path, *rows)
@@ -176,16 +176,18 @@ class _RunLoader:
 
     def _read_rows(self, path: Path, start: int, stop: int) -> tuple[Table, str]:
         """Return some rows of a file; its hash where they are the first ones."""
-        blocks = _opened(str(path), path.stat().st_mtime_ns)
+        blocks = _open_file(str(path), path.stat().st_mtime_ns)
         assert blocks is not None
         return blocks.table(start, stop), "" if start else sha256_of(path)
 
-    def _long(self, path: Path, index: int, channels: Channels, frequency: float | None) -> LongRecord | None:
+    def _cut_long_run(
+        self, path: Path, index: int, channels: Channels, frequency: float | None
+    ) -> LongRecord | None:
         """Return how a file is cut that is too long to be read at once; None for one that is not."""
         # A row is eight letters at least: most files need not be opened to know.
         if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
             return None
-        blocks = _opened(str(path), path.stat().st_mtime_ns)
+        blocks = _open_file(str(path), path.stat().st_mtime_ns)
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file)

@@ -117,7 +117,7 @@ class RunReader:
             self._add_gauges(self.rig, columns, signals)
         signals, rate = self._timed(signals, columns)
         self._refuse_dead(signals)
-        signals = self._without_skew(signals, rate)
+        signals = self._remove_delay(signals, rate)
         n = signals["angle"].size
         return signals | {name: np.full(n, value) for name, value in constants.items()}, rate
 
@@ -213,7 +213,7 @@ class RunReader:
                     )
                 )
 
-    def _without_skew(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
+    def _remove_delay(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
         """Move the moment ahead by the declared lag; every channel loses the edges that the filter needs."""
         if self.channels.skew is None or "moment" not in signals:
             return signals

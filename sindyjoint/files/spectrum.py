@@ -55,11 +55,11 @@ def check_frequency(
     """
     if angle.size * frequency / rate < FEWEST_PERIODS:
         return
-    share, contrast, largest = _line(angle, rate, frequency)
+    share, contrast, largest = _measure_line(angle, rate, frequency)
     if share >= ANGLE_SHARE and contrast >= CONTRAST:
         return
     if moment is not None:
-        share, contrast, _ = _line(moment, rate, frequency)
+        share, contrast, _ = _measure_line(moment, rate, frequency)
         if share >= MOMENT_SHARE and contrast >= CONTRAST:
             return
     channel = "angle" if motion == "rotation" else "displacement"
@@ -69,7 +69,7 @@ def check_frequency(
     )
 
 
-def _line(signal: Array, rate: float, frequency: float) -> tuple[float, float, float]:
+def _measure_line(signal: Array, rate: float, frequency: float) -> tuple[float, float, float]:
     """Return the line's share of the largest line, its contrast, and the largest line's frequency, Hz."""
     n = signal.size
     abscissa = np.linspace(-1, 1, n)

@@ -163,7 +163,7 @@ def find_tasks(
             "campaigns, or a pattern such as 'tests/*'"
         )
     ordered = sorted(found.items(), key=lambda item: item[1])
-    ids = _ids([label for _, label in ordered])
+    ids = _make_ids([label for _, label in ordered])
     home = out / CAMPAIGNS
     return [
         Task(id, label, path, home / id, library, dict(options), write)
@@ -196,7 +196,7 @@ def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
     return labels
 
 
-def _ids(labels: Sequence[str]) -> list[str]:
+def _make_ids(labels: Sequence[str]) -> list[str]:
     """Return a harmless name of a folder for every manifest, no two alike even where case does not count.
 
     A name that is cut, or that another campaign would have as well, ends in a hash of the manifest.

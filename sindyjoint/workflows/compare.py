@@ -123,9 +123,9 @@ def _compared(
     )
     by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
     left_out = clock.run(
-        "holding out frequencies and levels", _left_out, found, evidence, names[0], random_state, rule
+        "holding out frequencies and levels", _hold_out_groups, found, evidence, names[0], random_state, rule
     )
-    by_method = clock.run("simulating held-out runs", _with_responses, found, evidence, by_method)
+    by_method = clock.run("simulating held-out runs", _add_responses, found, evidence, by_method)
     included = clock.run(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state, **rule
     )
@@ -257,7 +257,7 @@ def _libraries(
     return tuple(result)
 
 
-def _left_out(
+def _hold_out_groups(
     found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> dict[str, CrossValidation]:
     """Leave out frequencies, and levels where there are several of them; of a single run its parts, one by one."""
@@ -271,7 +271,7 @@ def _left_out(
     return result
 
 
-def _with_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
+def _add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
     """Add the error of the simulated response of held-out frequencies, each distinct set of terms once."""
     from dataclasses import replace
 

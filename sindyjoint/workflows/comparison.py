@@ -185,19 +185,19 @@ class Comparison:
         """Return everything as plain JSON data; numbers that do not exist are null."""
         from dataclasses import fields
 
-        data = {f.name: _plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
+        data = {f.name: _to_plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
         return {"schema": SCHEMA, "kind": "Comparison", "agreement": self.agreement, **data}
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     from dataclasses import fields, is_dataclass
 
     if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        return {f.name: _to_plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _to_plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
+        return [_to_plain(item) for item in value]
     if isinstance(value, float):
         return float(value) if value == value and abs(value) != float("inf") else None
     return value

@@ -189,15 +189,17 @@ def discover(
         regressor.fit(**regression_rows(force_states, inertia).fit_arguments())
         counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
     say("judging")
-    model = _campaign_model(regressor, campaign, force_states, counts)
+    model = _make_campaign_model(regressor, campaign, force_states, counts)
     measured = regressor
     if correct and not has_long_runs(campaign):
-        regressor, model, force_states = _completed(regressor, model, campaign, force_states, counts, say)
+        regressor, model, force_states = _complete_states(
+            regressor, model, campaign, force_states, counts, say
+        )
     verdict = judge(regressor, model, completed=measured is not regressor)
     if (
         correct
         and verdict.verdict == "refuted"
-        and _artefacts(regressor, model, verdict, campaign, force_states)
+        and _find_artefacts(regressor, model, verdict, campaign, force_states)
     ):
         names = " and ".join(spelled(term) for term in verdict.extra)
         verdict = replace(
@@ -206,7 +208,7 @@ def discover(
             reason=f"{names} may be the processing's: of a simulated joint of the paper's five terms it makes as much",
         )
     say("measuring the bias of the processing")
-    fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
+    fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     warnings = [*cautions(campaign, force_states, model, delay, align, regressor.indistinct_)]
     if measured is not regressor:
@@ -232,7 +234,7 @@ def discover(
     )
 
 
-def _completed(
+def _complete_states(
     regressor: JointRegressor,
     model: JointModel,
     campaign: Campaign,
@@ -266,7 +268,7 @@ def _completed(
             say("selecting terms with the harmonics below the noise")
             fitted = JointRegressor(**regressor.get_params(deep=False))
             fitted.fit(**regression_rows(more, campaign.joint.inertia).fit_arguments())
-            before, found = found.ids, _campaign_model(fitted, campaign, more, counts)
+            before, found = found.ids, _make_campaign_model(fitted, campaign, more, counts)
             if not found.terms:
                 break
             if found.fitted.residual_rms < best[1].fitted.residual_rms * BETTER:
@@ -295,7 +297,7 @@ def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | No
     return model.with_terms(terms, fit.covariance)
 
 
-def _artefacts(
+def _find_artefacts(
     regressor: JointRegressor,
     model: JointModel,
     verdict: Verdict,
@@ -324,7 +326,7 @@ def _artefacts(
     return True
 
 
-def _corrected(
+def _correct_model(
     regressor: JointRegressor,
     measured: JointRegressor,
     model: JointModel,
@@ -381,7 +383,7 @@ def _find_delay(states: Sequence[ForceStates], inertia: float | None) -> Channel
         return None
 
 
-def _campaign_model(
+def _make_campaign_model(
     regressor: JointRegressor,
     campaign: Campaign,
     states: Sequence[ForceStates],

@@ -87,7 +87,7 @@ def test_ansys_lists_what_no_element_can_do(make_model):
     # θ·θ̇ changes sign with θ: no power of |θ|. A single dead zone is flat at zero: COMBIN39 wants a rising curve.
     export = export_model(make_model({"asymmetric_damping": 1e4, "dead_zone": 900.0}), "ansys")
     assert [text.split(" ")[0] for text in export.not_carried] == ["asymmetric_damping", "dead_zone"]
-    assert "COMBIN37 knows powers" in export.not_carried[0]
+    assert "COMBIN37 has powers" in export.not_carried[0]
     assert "must rise on both sides of zero" in export.not_carried[1]
     assert apdl_elements(export.files["joint.inp"]) == []
     # Without stiffness the rig is a mechanism; it is written all the same.

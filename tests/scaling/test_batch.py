@@ -17,7 +17,7 @@ from small_joints import write_joint
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
-from sindyjoint.files.atomic import OLD, _aside, settle, whole_folder
+from sindyjoint.files.atomic import OLD, _name_temporary, settle, whole_folder
 from sindyjoint.workflows.batch import batch, find_tasks
 
 
@@ -130,7 +130,7 @@ def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, join
     assert 3 <= len(before) < 7
     # What a campaign in hand may leave behind.
     undone = next(f"joint-{number}" for number in range(7) if f"joint-{number}" not in before)
-    _aside(out / "campaigns" / undone).mkdir()
+    _name_temporary(out / "campaigns" / undone).mkdir()
     fresh = []
     result = batch(joints, out, "paper", on_record=lambda record: fresh.append(record.id), **way)
     after = written(out)
@@ -436,7 +436,7 @@ def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
     monkeypatch.undo()
     assert len(calls) == 4 and [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
     # A process that was killed between the two has no such chance: the next one sees to it.
-    target.rename(_aside(target, OLD))
+    target.rename(_name_temporary(target, OLD))
     settle(target)
     assert [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
 

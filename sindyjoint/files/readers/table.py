@@ -58,12 +58,12 @@ class Table:
         InputError
             For a column that is missing, named twice, not numeric, or not finite.
         """
-        positions = [self._position(name) for name in wanted]
+        positions = [self._find_column(name) for name in wanted]
         distinct = sorted(set(positions))
         loaded = dict(zip(distinct, self.load(distinct), strict=True))
-        return [self._checked(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
+        return [self._check_column(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
 
-    def _position(self, name: str | int) -> int:
+    def _find_column(self, name: str | int) -> int:
         if isinstance(name, int):
             if not 1 <= name <= len(self.names):
                 raise InputError(
@@ -86,7 +86,7 @@ class Table:
         )
         raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")
 
-    def _checked(self, name: str | int, values: NDArray) -> Array:
+    def _check_column(self, name: str | int, values: NDArray) -> Array:
         array = np.asarray(values)
         if array.dtype.kind not in "fiub":
             raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; expected real numbers")

@@ -201,11 +201,11 @@ def _parse(layout: Layout, wanted: Sequence[int]) -> list[NDArray[np.float64]]:
             layout.lines, delimiter=layout.delimiter, usecols=wanted, ndmin=2, comments=None, quotechar=quote
         )
     except ValueError as error:
-        raise _explained(layout, wanted, error) from error
+        raise _explain_error(layout, wanted, error) from error
     return list(np.ascontiguousarray(values.T))
 
 
-def _explained(layout: Layout, wanted: Sequence[int], error: ValueError) -> InputError:
+def _explain_error(layout: Layout, wanted: Sequence[int], error: ValueError) -> InputError:
     """Find the first field that is not a number."""
     for line, number in zip(layout.lines, layout.numbers, strict=True):
         fields = _fields(line, layout.delimiter)
