@@ -1,7 +1,7 @@
 """Every error that sindyjoint raises on purpose.
 
 Each derives from :class:`SindyJointError` and from the builtin that fits, so both kinds of ``except`` work.
-A message says what was given, what was wanted and what to do. The command line turns any of them into one
+A message says what was given, what was expected and what to do. The command line turns any of them into one
 line on stderr and exit status 2.
 """
 

@@ -53,7 +53,7 @@ def line_spectrum(signal: ArrayLike) -> Array:
 
 
 def main_frequency(signal: ArrayLike, sample_rate: float, between_bins: bool = False) -> float:
-    """Return the frequency of the strongest line of a signal's spectrum, Hz, zero frequency left out.
+    """Return the frequency of the strongest line of a signal's spectrum, Hz, without zero frequency.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def main_frequency(signal: ArrayLike, sample_rate: float, between_bins: bool = F
     if not between_bins:
         return float((np.argmax(spectrum[1:]) + 1) * sample_rate / size)
     peak = int(np.argmax(spectrum[1:-1])) + 1
-    left, middle, right = np.log(spectrum[peak - 1 : peak + 2] + np.finfo(float).tiny)
-    curvature = left - 2 * middle + right
-    shift = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
+    before, middle, after = np.log(spectrum[peak - 1 : peak + 2] + np.finfo(float).tiny)
+    curvature = before - 2 * middle + after
+    shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
     return float((peak + shift) * sample_rate / size)

@@ -176,7 +176,7 @@ def single_threaded() -> Iterator[None]:
 
 @contextmanager
 def all_cores() -> Iterator[None]:
-    """Let :func:`on_threads` have every core, though linear algebra was told from its start to take one."""
+    """Let :func:`on_threads` have every core, though linear algebra is limited to one from its start."""
     token = _threads.set(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())
     try:
         yield
@@ -190,7 +190,7 @@ def on_threads(start: Callable[[], Callable[[T], R]], tasks: Sequence[T]) -> lis
     Parameters
     ----------
     start : callable
-        Called once in each thread: gives what does one task, with memory of its own to work in.
+        Called once in each thread: returns the function that does one task, with working memory for this thread.
     tasks : sequence
         For compiled code that lets other threads run.
     """
@@ -298,10 +298,10 @@ class _Joblib:
         from concurrent.futures.process import BrokenProcessPool
 
         waiting = list(range(len(tasks)))
-        with _written(shared) as place:
+        with _write_shared(shared) as shared_file:
             while waiting:
                 try:
-                    for number, result in self._pool(function, tasks, place, waiting, self.jobs):
+                    for number, result in self._pool(function, tasks, shared_file, waiting, self.jobs):
                         waiting.remove(number)
                         yield number, result
                 except BrokenProcessPool:
@@ -309,29 +309,33 @@ class _Joblib:
                     # that one that does it every time takes no other down.
                     for number in waiting[: 2 * self.jobs if self.jobs > 0 else len(waiting)]:
                         waiting.remove(number)
-                        yield number, self._alone(function, tasks, place, number)
+                        yield number, self._run_isolated(function, tasks, shared_file, number)
 
-    def _alone(
-        self, function: Callable[..., R], tasks: Sequence[T], place: str | None, number: int
+    def _run_isolated(
+        self, function: Callable[..., R], tasks: Sequence[T], shared_file: str | None, number: int
     ) -> R | Lost:
         from concurrent.futures.process import BrokenProcessPool
 
         for _ in range(ATTEMPTS - 1):
             # Two, for with one joblib would run it in this very process.
             with suppress(BrokenProcessPool):
-                return next(self._pool(function, tasks, place, [number], 2))[1]
+                return next(self._pool(function, tasks, shared_file, [number], 2))[1]
         return Lost()
 
     @staticmethod
     def _pool(
-        function: Callable[..., R], tasks: Sequence[T], place: str | None, numbers: Sequence[int], jobs: int
+        function: Callable[..., R],
+        tasks: Sequence[T],
+        shared_file: str | None,
+        numbers: Sequence[int],
+        jobs: int,
     ) -> Iterator[tuple[int, R]]:
         from joblib import Parallel, delayed
 
         pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         return iter(
             pool(
-                delayed(_numbered)(function, number, tasks[number], place, os.getpid())
+                delayed(_run_numbered)(function, number, tasks[number], shared_file, os.getpid())
                 for number in list(numbers)
             )
         )
@@ -349,7 +353,7 @@ class _Dask:
         from distributed import KilledWorker, as_completed
 
         # Results of a task, not scattered: those of a worker that died are made again.
-        held = [self.client.submit(_itself, part, pure=False) for part in shared]
+        held = [self.client.submit(_return_part, part, pure=False) for part in shared]
         futures = [self.client.submit(_run, function, task, *held, pure=False) for task in tasks]
         number_of = {future.key: number for number, future in enumerate(futures)}
         try:
@@ -364,12 +368,12 @@ class _Dask:
             self.client.cancel([*futures, *held], force=True)
 
 
-def _itself(part: T) -> T:
+def _return_part(part: T) -> T:
     return part
 
 
 @contextmanager
-def _written(shared: Sequence[Any]) -> Iterator[str | None]:
+def _write_shared(shared: Sequence[Any]) -> Iterator[str | None]:
     """Write once what all tasks share, for each process to read once; give the file's name.
 
     As joblib sends tasks: in a folder that only this user can read, and that goes when the tasks are done.
@@ -382,28 +386,28 @@ def _written(shared: Sequence[Any]) -> Iterator[str | None]:
     import joblib
 
     with tempfile.TemporaryDirectory(prefix="sindyjoint-") as folder:
-        place = os.path.join(folder, "shared")
-        joblib.dump(tuple(shared), place)
-        yield place
+        shared_file = os.path.join(folder, "shared")
+        joblib.dump(tuple(shared), shared_file)
+        yield shared_file
 
 
 @lru_cache(maxsize=1)
-def _read(place: str | None) -> tuple[Any, ...]:
-    if place is None:
+def _read_shared(shared_file: str | None) -> tuple[Any, ...]:
+    if shared_file is None:
         return ()
     import joblib
 
-    return tuple(joblib.load(place))
+    return tuple(joblib.load(shared_file))
 
 
-def _numbered(
-    function: Callable[..., R], number: int, task: T, place: str | None, home: int
+def _run_numbered(
+    function: Callable[..., R], number: int, task: T, shared_file: str | None, home: int
 ) -> tuple[int, R]:
     if os.getpid() != home:
         # Ctrl-C goes to all processes of a terminal; the one that handed out the tasks ends the others.
         with suppress(ValueError):
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return number, _run(function, task, *_read(place))
+    return number, _run(function, task, *_read_shared(shared_file))
 
 
 def _run(function: Callable[..., R], task: T, *shared: Any) -> R:

@@ -125,7 +125,7 @@ class Run:
         Runs marked ``"validate"`` are never used for fitting.
     source : Source, optional
     whole : LongRecord, optional
-        Where the rest of it is, if the run is longer than what is in memory.
+        Where all of its samples are, if the run is longer than what is in memory.
 
     Raises
     ------
@@ -232,7 +232,7 @@ class Campaign:
         names = [run.name for run in self.runs]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run a name of its own")
+            raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run another name")
 
     @property
     def identification_runs(self) -> tuple[Run, ...]:

@@ -47,7 +47,7 @@ def bending_moment(
     section_height : float
         h, m.
     position_factor : float
-        β, which corrects for the place of the gauges.
+        β, which corrects for the position of the gauges.
 
     Returns
     -------

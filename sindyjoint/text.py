@@ -32,7 +32,7 @@ def spelled(identifier: str) -> str:
 
 
 def rounded(value: float, error: float) -> str:
-    """Return ``value ± error``, the error to one digit (two if it begins with 1), the value to the same place.
+    """Return ``value ± error``, the error to one digit (two if it begins with 1), the value to the same digit.
 
     Examples
     --------
@@ -53,18 +53,18 @@ def rounded(value: float, error: float) -> str:
     largest = max(abs(value), error)
     power = math.floor(math.log10(largest)) if largest > 0 else 0
     if -3 <= power < 6 and digits < 4:
-        places = max(0, -digits)
-        return f"{_to(value, digits):.{places}f} ± {_to(error, digits):.{places}f}"
-    places = max(0, power - digits)
+        decimals = max(0, -digits)
+        return f"{_to(value, digits):.{decimals}f} ± {_to(error, digits):.{decimals}f}"
+    decimals = max(0, power - digits)
     scale = 10.0**power
-    return f"({value / scale:.{places}f} ± {error / scale:.{places}f})e{power}"
+    return f"({value / scale:.{decimals}f} ± {error / scale:.{decimals}f})e{power}"
 
 
 LEAST_SHARE = 1e-4
 
 
 def percent(value: float | None) -> str:
-    """Return a share in per cent to three digits; less than a hundredth of a per cent is only said to be that.
+    """Return a share in per cent to three digits; less than a hundredth of a per cent is only stated as less than that.
 
     Examples
     --------

@@ -42,7 +42,7 @@ ALLOWED |= {
     "cli": BELOW_TOP | {"reporting", "export", "__init__"},
     "__main__": {"cli"},
 }
-# The package's own front door names public things of any layer, and fetches them only when asked.
+# The entry module of the package names public things of any layer, and fetches them only when asked.
 FRONT = "__init__"
 
 

@@ -1,4 +1,4 @@
-"""Every example runs alone, without a warning, and leaves its picture."""
+"""Every example runs by itself, without a warning, and leaves its picture."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ def test_there_are_examples():
 @pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example_leaves_its_picture(path, tmp_path):
-    # A minute alone; four times that where every core is taken by other tests.
+    # A minute by itself; four times that where every core is taken by other tests.
     run = subprocess.run(
         [sys.executable, "-W", "error", str(path), str(tmp_path)],
         capture_output=True,

@@ -32,7 +32,7 @@ def test_the_script_that_checks_everything_runs_the_second_command():
 
 
 def test_the_first_command_ends_in_a_discovery():
-    # The installation is the business of the script above; what it installs is run here, as a process of its own.
+    # The installation is the business of the script above; what it installs is run here, as a separate process.
     words = COMMANDS[0].split("&&")[-1].split()
     run = subprocess.run(
         [sys.executable, "-m", *[Path(words[0]).name, *words[1:]]], capture_output=True, text=True

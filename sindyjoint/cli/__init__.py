@@ -26,7 +26,7 @@ def main(arguments: list[str] | None = None) -> None:
     from sindyjoint.parallel import all_cores
 
     spell_output()
-    # typer may carry a click of its own: its public names lead to the classes that it raises.
+    # typer may bundle click: its public names lead to the classes that it raises.
     usage_error: type[Exception]
     click_error: type[Exception]
     _, usage_error, click_error = typer.BadParameter.__mro__[:3]

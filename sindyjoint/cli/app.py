@@ -1,4 +1,4 @@
-"""All commands in one application. Each command's own file imports what is heavy only when it runs."""
+"""All commands in one application. The file of each command imports what is heavy only when it runs."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ app = typer.Typer(
 )
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         from sindyjoint import __version__
 
         typer.echo(f"sindyjoint {__version__}")

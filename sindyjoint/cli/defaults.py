@@ -26,9 +26,9 @@ def default_of(function: str, name: str) -> Any:
     LookupError
         If there is no such function, or no such parameter with a default that is a constant.
     """
-    module, _, wanted = function.partition(":")
+    module, _, owner = function.partition(":")
     for node in _tree(module).body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == wanted:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == owner:
             found = _defaults(node).get(name)
             if found is not None:
                 return _value(found, module)

@@ -35,7 +35,7 @@ def diagnose(
     model: Annotated[
         Path | None,
         typer.Option(
-            help="model.json, or a folder with one, to start from. [the paper's five terms; the rig's own joint]"
+            help="model.json, or a folder with one, to start from. [the paper's five terms; the joint of the rig]"
         ),
     ] = None,
     base: Annotated[
@@ -125,7 +125,7 @@ def _diagnosed(
         return of_campaign(campaign, start, **given(base=base), **options)
     if base:
         raise InputError(
-            f"--base is for campaigns; {campaign} is a rig, whose joint has its own law, or --model"
+            f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"
         )
     from sindyjoint.workflows.diagnose import diagnose_structure as of_structure
 

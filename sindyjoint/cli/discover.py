@@ -40,7 +40,7 @@ def discover(
         bool,
         typer.Option(
             "--correct/--no-correct",
-            help="Take out of the coefficients what noise and processing do to them, as simulated twins show.",
+            help="Take out of the coefficients what noise and processing do to them, as synthetic replicates show.",
         ),
     ] = default_of(DISCOVER, "correct"),
     refine: Annotated[
@@ -74,7 +74,7 @@ def discover(
             "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
         )
     with Progress(quiet, verbose) as progress:
-        # Not before the output is known to be writable: the imports alone take two seconds.
+        # Not before the output is known to be writable: the imports take two seconds.
         from sindyjoint.workflows.discover import discover as run
 
         result = run(

@@ -31,7 +31,7 @@ def spell_output() -> None:
 
 
 def _spell_stream(stream: TextIO | None) -> None:
-    # A stream may be missing (pythonw) or a caller's own, which holds any text.
+    # A stream may be missing (pythonw) or a caller may give one, which holds any text.
     if stream is None or not hasattr(stream, "reconfigure"):
         return
     name = codecs.lookup(stream.encoding).name
@@ -46,7 +46,7 @@ def _spell_stream(stream: TextIO | None) -> None:
 
 
 def _ascii_codec(name: str) -> codecs.CodecInfo | None:
-    """Return ASCII under a name of its own."""
+    """Return ASCII under another name."""
     if name != ASCII:
         return None
     known = codecs.lookup("ascii")
@@ -66,14 +66,14 @@ def _spell_error(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     text, start, end = error.object, error.start, error.end
-    return "".join(_spelling(text, place) for place in range(start, end)), end
+    return "".join(_spelling(text, position) for position in range(start, end)), end
 
 
-def _spelling(text: str, place: int) -> str:
-    """Return the sign at a place of a text in ASCII; one that has no spelling, as a letter of a name, by its code."""
-    sign = text[place]
+def _spelling(text: str, position: int) -> str:
+    """Return the character at a position in ASCII; one without a spelling, as a letter of a name, by its code."""
+    sign = text[position]
     if sign in SUPERSCRIPTS:
-        inside = place > 0 and text[place - 1] in SUPERSCRIPTS
+        inside = position > 0 and text[position - 1] in SUPERSCRIPTS
         return SUPERSCRIPTS[sign] if inside else f"^{SUPERSCRIPTS[sign]}"
     if sign in SPELLINGS or sign in SUBSCRIPTS:
         return SPELLINGS.get(sign) or SUBSCRIPTS[sign]

@@ -53,13 +53,13 @@ def export(
         raise InputError("--json is given without --out; say with --out where the files go")
     result = export_model(read_model(model), to, **options)
     if out is not None:
-        places = write_export(result, out)
+        paths = write_export(result, out)
         if as_json:
-            record = {**result.to_dict(), "files": [str(place) for place in places]}
+            record = {**result.to_dict(), "files": [str(path) for path in paths]}
             typer.echo(json.dumps(record, indent=2, allow_nan=False))
             return
-        for place in places:
-            typer.echo(f"wrote {place}", err=True)
+        for path in paths:
+            typer.echo(f"wrote {path}", err=True)
     else:
         (content, *others) = result.files.values()
         if others or isinstance(content, bytes):

@@ -66,7 +66,7 @@ def show(
     if as_json:
         _print_json(_record(catalogue, motion.value))
         return
-    # A terminal shows θ̇; what is piped into a file or another program stays in the catalogues' own ASCII.
+    # A terminal shows θ̇; what is piped into a file or another program stays in the ASCII of the catalogues.
     if sys.stdout.isatty():
         _print_pretty(
             ("term", "symbol", "formula", "unit"),
@@ -104,7 +104,7 @@ def copy(
         Path, typer.Argument(metavar="DEST", help="File to write, or a folder to put it in.")
     ],
 ) -> None:
-    """Copy a library's file, byte for byte, to start one of your own; never over an existing file.
+    """Copy a library's file, byte for byte, as a start for another one; never over an existing file.
 
     Example: sindyjoint libraries copy extended mine.toml
     """
@@ -121,8 +121,8 @@ def copy(
 
 
 @app.command()
-def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml file of your own.")]) -> None:
-    """Check a library of your own: syntax, formulas, units, names. Exit status 2 if it cannot be used.
+def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml file.")]) -> None:
+    """Check a library: syntax, formulas, units, names. Exit status 2 if it cannot be used.
 
     Example: sindyjoint libraries check mine.toml
     """
@@ -140,7 +140,7 @@ def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml fil
 
 
 def _holds_effects(path: Path) -> bool:
-    """Return whether a file lists effects, not terms; what cannot be read is left for the reader to complain of."""
+    """Return whether a file lists effects, not terms; the reader reports what cannot be read."""
     import tomllib
 
     try:
@@ -220,7 +220,7 @@ def _print_json(record: Any) -> None:
 
 
 def _print_pretty(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table on a terminal: words of the first column stay whole, its sentences take the room left."""
+    """Print a table on a terminal: words of the first column stay whole, its sentences take the remaining width."""
     from rich import box
     from rich.cells import cell_len
     from rich.console import Console

@@ -27,7 +27,7 @@ class Selection(StrEnum):
 
 
 class Nuisance(StrEnum):
-    """What may be estimated beside the coefficients."""
+    """What may be estimated together with the coefficients."""
 
     delay = "delay"
     gain = "gain"
@@ -83,9 +83,7 @@ class Finding:
     selection: Annotated[Selection, typer.Option(help="How one model of the path is chosen.")] = SELECTION
     threshold: Annotated[
         float | None,
-        typer.Option(
-            help="Least share of the moment that a term carries alone, instead of choosing by evidence."
-        ),
+        typer.Option(help="Least unique share of a term, instead of choosing by evidence."),
     ] = None
     force: Annotated[list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")] = (
         None
@@ -114,7 +112,7 @@ class Finding:
 
 
 def takes_finding(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the fields of :class:`Finding` as options of its own, where its parameter ``finding`` stands."""
+    """Give a command the fields of :class:`Finding` as options, where its parameter ``finding`` stands."""
     options = inspect.signature(Finding, eval_str=True).parameters
     parameters = []
     for parameter in inspect.signature(command, eval_str=True).parameters.values():

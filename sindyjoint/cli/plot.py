@@ -1,4 +1,4 @@
-"""``sindyjoint plot``: one figure alone, from saved results."""
+"""``sindyjoint plot``: one figure, from saved results."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def reproduce(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Make the paper's tables and figures from virtual tests of its two joints, with its numbers beside.
+    """Make the paper's tables and figures from virtual tests of its two joints, next to its numbers.
 
     Everything is simulated, and the text says what cannot be reproduced and why.
 

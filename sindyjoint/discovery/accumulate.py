@@ -6,7 +6,7 @@ factor of X is R̃·P. Solving with P and multiplying is done in one sweep over 
 does not suit (they excite what the rows so far did not) are decomposed by themselves, and P is renewed.
 
 Reference: the Cholesky QR with preconditioning of Fukaya, Kannan, Nakatsukasa, Yamamoto and Yanagisawa, SIAM J. Sci.
-Comput. 42(1), 2020, with the factor of the first rows in the place of a shifted one.
+Comput. 42(1), 2020, with the factor of the first rows instead of a shifted one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ TOLERANCE = 1e-9
 MARGIN = 2.0
 # The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
 RESIDUAL = 1e4
-# A column that is so dependent on those before it is told from them by nobody.
+# A column that is so dependent on those before it cannot be distinguished from them.
 DEPENDENT = 1e-9
 
 
@@ -67,7 +67,7 @@ class Base:
         weak = np.abs(np.diag(triangle)) < least
         scales = cls(np.diag(np.where(norms > 0, norms, 1.0)) / root, True, weak.astype(float))
         gram = scales.products_of(triangle)
-        if not weak.any() and accurate(MARGIN * np.trace(gram), _weakest(gram)):
+        if not weak.any() and accurate(MARGIN * np.trace(gram), _find_weakest(gram)):
             return scales
         # The columns by themselves are too much alike; a dependent one is known as such to more digits so.
         base = triangle / root
@@ -93,8 +93,8 @@ class Base:
         return np.asarray(gram / np.outer(scale, scale))
 
     def weakest(self, gram: Array, rows: float) -> float:
-        """Return the least of H of so many rows, counted as :func:`_weakest` does."""
-        return _weakest(_symmetric(gram) + rows * np.diag(self.free))
+        """Return the least of H of so many rows, counted as :func:`_find_weakest` does."""
+        return _find_weakest(_symmetric(gram) + rows * np.diag(self.free))
 
     def factor_of(self, gram: Array) -> Array:
         """Return the triangular factor of rows of which the upper half of H is known."""
@@ -152,7 +152,7 @@ class FactorSum:
         self._triangle = np.zeros((self.size, self.size))  # of all rows up to the last renewal
         self._base: Base | None = None
         self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows
-        self._weakest, self._weight = 0.0, 0.0
+        self._find_weakest, self._weight = 0.0, 0.0
         self._standing = 0.0  # rows of the last renewal
         self._scratch = np.empty((self.size, TILE))
 
@@ -177,10 +177,10 @@ class FactorSum:
         weight = self._weight + float(gram.trace())
         if not np.isfinite(weight):
             raise _not_finite(block)
-        if not accurate(weight, self._weakest):
+        if not accurate(weight, self._find_weakest):
             # More rows have come since: the weakest direction can only have grown.
-            self._weakest = self._base.weakest(self._gram + gram, self._standing)
-            if not accurate(weight, self._weakest):
+            self._find_weakest = self._base.weakest(self._gram + gram, self._standing)
+            if not accurate(weight, self._find_weakest):
                 self._renew(block)
                 return
         self.rows += n
@@ -202,12 +202,12 @@ class FactorSum:
         self._base = Base.of(Factor(self._triangle, self._standing))
         if self._base is not None:
             self._gram = self._base.products_of(self._triangle)
-            self._weakest = self._base.weakest(self._gram, self._standing)
+            self._find_weakest = self._base.weakest(self._gram, self._standing)
             self._weight = float(np.trace(self._gram))
 
 
 class Tiles:
-    """Evaluates terms at force states a tile of rows at a time, in memory that is used again.
+    """Evaluates terms at force states a tile of rows at a time, in memory that is reused.
 
     Parameters
     ----------
@@ -289,13 +289,13 @@ class TermSum:
         return Factor(self._sum.factor().triangle, self._rows)
 
 
-def _weakest(gram: Array) -> float:
-    """Return the least that a unit combination of columns leaves; of the target, what they leave, to fewer digits."""
+def _find_weakest(gram: Array) -> float:
+    """Return the least residual of a unit combination of columns, and of the target on them, to fewer digits."""
     least, vectors = np.linalg.eigh(gram[:-1, :-1])
     if not least[0] > 0:
         return 0.0
-    left = float(gram[-1, -1] - np.sum((vectors.T @ gram[:-1, -1]) ** 2 / least))
-    return min(float(least[0]), RESIDUAL * left)
+    residual = float(gram[-1, -1] - np.sum((vectors.T @ gram[:-1, -1]) ** 2 / least))
+    return min(float(least[0]), RESIDUAL * residual)
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -305,7 +305,7 @@ def _symmetric(matrix: Array) -> Array:
 
 def _not_finite(block: Array) -> InputError:
     """Say where a block has no finite value; looked for only once its products have shown that it has."""
-    row, column = (int(places[0]) for places in np.nonzero(~np.isfinite(block.T)))
+    row, column = (int(indices[0]) for indices in np.nonzero(~np.isfinite(block.T)))
     what = "the target" if column == block.shape[0] - 1 else f"column {column + 1} (of {block.shape[0] - 1})"
     return InputError(f"{what} has no finite value at row {row}; leave the term out or repair the row")
 

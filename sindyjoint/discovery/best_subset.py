@@ -26,7 +26,7 @@ from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
 
-# The search is exact and its worst case is 2^p: beyond this many columns it is refused rather than left to run.
+# The search is exact and its worst case is 2^p: beyond this many columns it is refused.
 MOST_COLUMNS = 40
 # Replicates searched in one task: some tens of milliseconds.
 REPLICATES = 32
@@ -63,9 +63,9 @@ def best_subsets(
     forced : sequence of int
         Columns that every set holds.
     signs : mapping of int to int, optional
-        Column to +1 or -1: the sign its coefficient must have. Sizes at which no set obeys are left out.
+        Column to +1 or -1: the sign its coefficient must have. Sizes at which no set obeys are omitted.
     largest : int, optional
-        Largest size wanted. Default: all.
+        Largest size. Default: all.
 
     Raises
     ------
@@ -82,9 +82,11 @@ def best_subsets(
     start = scaled.take(order).triangle
     if np.abs(np.diag(start)[:p]).min() < 1e-12:
         raise InputError("linearly dependent candidate terms; take one of them out")
-    wanted = np.array([0 if signs is None else int(signs.get(column, 0)) for column in order], dtype=np.int64)
+    expected = np.array(
+        [0 if signs is None else int(signs.get(column, 0)) for column in order], dtype=np.int64
+    )
     top = p if largest is None else int(np.clip(largest, max(1, len(forced)), p))
-    errors, sets = _search(start, len(set(forced)), wanted, top)
+    errors, sets = _search(start, len(set(forced)), expected, top)
     found = []
     for size in range(max(1, len(set(forced))), top + 1):
         if np.isfinite(errors[size]):
@@ -101,7 +103,7 @@ def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:
     triangles : ndarray, shape (replicates, p + 1, p + 1)
         Factors of [columns | target], columns of comparable norm.
     largest : int
-        Largest size wanted.
+        Largest size.
 
     Returns
     -------
@@ -116,11 +118,11 @@ def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:
 def _subsets_of(order: list[int], largest: int, triangles: Array) -> NDArray[np.bool_]:
     """Return the best subsets of some replicates, searched in a given order of the columns."""
     replicates, p = triangles.shape[0], triangles.shape[1] - 1
-    wanted = np.zeros(p, dtype=np.int64)
+    expected = np.zeros(p, dtype=np.int64)
     marks = np.zeros((replicates, largest + 1, p), dtype=bool)
     for index in range(replicates):
         start = np.linalg.qr(triangles[index][:, [*order, p]], mode="r")
-        marks[index][:, order] = _search(start, 0, wanted, largest)[1][: largest + 1]
+        marks[index][:, order] = _search(start, 0, expected, largest)[1][: largest + 1]
     return marks
 
 
@@ -155,11 +157,11 @@ def _drop(triangle, n, index, out):
 
 
 @njit(cache=True, nogil=True)
-def _obeys(triangle, n, size, wanted, names):
-    """Whether the least-squares coefficients of the leading ``size`` columns have the wanted signs."""
+def _obeys(triangle, n, size, expected, names):
+    """Whether the least-squares coefficients of the leading ``size`` columns have the expected signs."""
     needed = False
     for i in range(size):
-        if wanted[names[i]] != 0:
+        if expected[names[i]] != 0:
             needed = True
     if not needed:
         return True
@@ -169,13 +171,13 @@ def _obeys(triangle, n, size, wanted, names):
         for j in range(i + 1, size):
             value -= triangle[i, j] * solved[j]
         solved[i] = value / triangle[i, i]
-        if wanted[names[i]] * solved[i] < 0:
+        if expected[names[i]] * solved[i] < 0:
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def _search(start, fixed, wanted, top):
+def _search(start, fixed, expected, top):
     """Return least squared errors by size, and the sets as marks on the columns' positions."""
     p = start.shape[0] - 1
     best = np.full(p + 1, np.inf)
@@ -201,7 +203,7 @@ def _search(start, fixed, wanted, top):
                 # Leading parts shorter than this were met at the parent.
                 if size < max(lowest[depth], 1):
                     break
-                if size <= top and error < best[size] and _obeys(here, n, size, wanted, names[depth]):
+                if size <= top and error < best[size] and _obeys(here, n, size, expected, names[depth]):
                     best[size] = error
                     sets[size, :] = False
                     for i in range(size):

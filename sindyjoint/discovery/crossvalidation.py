@@ -1,6 +1,6 @@
 """Held-out error of discovery itself: terms and coefficients are found anew without the runs that are predicted.
 
-Folds are made by scikit-learn's splitters over runs, usually one frequency or one level left out at a time; the fits
+Folds are made by scikit-learn's splitters over runs, usually one frequency or one level held out at a time; the fits
 come from merged factors.
 """
 
@@ -103,7 +103,7 @@ def cross_validate(
     ----------
     evidence : Evidence
     labels : sequence, one per run, optional
-        What is left out together: frequency, level. Default: the evidence's groups.
+        What is held out together: frequency, level. Default: the evidence's groups.
     splitter : scikit-learn splitter, optional
         Over runs. Default: ``LeaveOneGroupOut()``.
     method : str
@@ -164,7 +164,7 @@ def _fold(
 def find(evidence: Evidence, method: str = "stlsq", random_state: Any = None, **choice: Any) -> Found:
     """Return what a method and the choice by evidence find.
 
-    Candidates that these runs cannot tell from those before them (a stop that is never reached, say) are left out.
+    Candidates that these runs cannot distinguish from earlier ones (a stop that is never reached, say) are omitted.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class ChannelDelay:
 
     @property
     def significant(self) -> bool:
-        """Whether it stands five standard errors out, and by more than 0.02 ms, the method's own error."""
+        """Whether it stands five standard errors out, and by more than 0.02 ms, the error of the method."""
         return abs(self.time) > max(POLICY.delay_significance * self.standard_error, POLICY.least_delay)
 
 
@@ -56,7 +56,7 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     samples = time * states.sample_rate
 
     def moved(signal: Array) -> Array:
-        return _delayed(signal, samples)
+        return _delay_signal(signal, samples)
 
     moving = states.moving.copy()
     edge = int(np.ceil(abs(samples))) + 1
@@ -79,7 +79,7 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     )
 
 
-def _delayed(signal: Array, samples: float) -> Array:
+def _delay_signal(signal: Array, samples: float) -> Array:
     """Return a signal that comes so many samples later, by cubic splines; at its ends its first and last value goes on.
 
     All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
@@ -127,7 +127,7 @@ def estimate_delay(
     stride = max(1, sum(s.n_samples for s in states) // most_rows)
     time, error = 0.0, float("inf")
     for _ in range(iterations):
-        evidence = _linearised([shifted(s, time) for s in states], terms, inertia, stride)
+        evidence = _linearise_law([shifted(s, time) for s in states], terms, inertia, stride)
         fit = fit_columns(evidence, range(len(terms) + 1))
         step, error = float(fit.coefficients[-1]), float(fit.standard_errors[-1])
         time = float(np.clip(time + step, -POLICY.longest_delay, POLICY.longest_delay))
@@ -136,11 +136,11 @@ def estimate_delay(
     return ChannelDelay(time, error)
 
 
-def _linearised(
+def _linearise_law(
     states: Sequence[ForceStates], terms: Sequence[ResolvedTerm], inertia: float | None, stride: int
 ) -> Evidence:
     """Return the evidence of [terms | ∂M/∂τ], the derivative taken with the terms' present coefficients."""
-    rows = [_columns(s, terms, inertia, stride) for s in states]
+    rows = [_evaluate_columns(s, terms, inertia, stride) for s in states]
     stacked = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
     coefficients = scaled_least_squares(stacked.triangle[:, :-1], stacked.triangle[:, -1], 1e-12)
     runs = []
@@ -153,7 +153,7 @@ def _linearised(
     return Evidence((*(t.id for t in terms), "delay"), tuple(runs))
 
 
-def _columns(
+def _evaluate_columns(
     states: ForceStates, terms: Sequence[ResolvedTerm], inertia: float | None, stride: int
 ) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """Return columns, target, time derivatives of columns and known inertial moment, and blocks of the moving rows."""

@@ -50,7 +50,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
     forced : sequence of str
         Ids of terms that are never removed.
     forbidden : sequence of str
-        Ids of terms that are left out of the library.
+        Ids of terms that the library omits.
     signs : mapping of str to int, optional
         Id of a term to the sign, +1 or -1, that its coefficient must have: ``{"coulomb_friction": 1}``.
     fixed : mapping of str to float, optional
@@ -68,7 +68,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
     terms_ : tuple of ResolvedTerm
         The candidates.
     indistinct_ : tuple of str
-        Ids of candidates that were left out because on these data they are combinations of the others.
+        Ids of candidates that were omitted because on these data they are combinations of the others.
     selected_ : tuple of str
         Ids of the terms in the model.
     selection_result_ : Selection
@@ -146,7 +146,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         runs, blocks : array_like, shape (n,), optional
             Run of each row (default: its group) and replicate block within the run (default: segments of rows).
         X_replicate, y_replicate : array_like, shape (n, 2) or (n, 3) and (n,), optional
-            The same rows as each block alone gives them. Their scatter carries the noise of the angle channel into
+            The same rows from each single block. Their scatter carries the noise of the angle channel into
             the standard errors. Equal to X, they say that all blocks share one estimate of the motion: the scatter
             then lacks that noise, and ``selection="evidence"`` lets a term pass only if it carries 0.15 of the
             residual.
@@ -172,7 +172,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
 
     def candidates(self, reference: Reference, with_acceleration: bool = False) -> tuple[ResolvedTerm, ...]:
-        """Return the candidate terms, their inner parameters at the scales of the data."""
+        """Return the candidate terms, their nonlinear parameters at the scales of the data."""
         return tuple(self._catalogue(with_inertia=with_acceleration).resolve(reference))
 
     def fit_evidence(
@@ -320,7 +320,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             covariance = np.pad(covariance, (0, len(self.fixed)))
             shares = np.concatenate([shares, [*self._fixed_share.values()]])
             degrees = np.pad(degrees, (0, len(self.fixed)), constant_values=1.0)
-        # Terms are told in the order of the catalogue.
+        # Terms are listed in the order of the catalogue.
         order = np.argsort(chosen)
         chosen = [chosen[i] for i in order]
         values, covariance, shares = values[order], covariance[np.ix_(order, order)], shares[order]

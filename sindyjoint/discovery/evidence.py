@@ -1,6 +1,6 @@
 """The regression problem of a campaign, and how sure its coefficients are.
 
-Rows come in runs, runs fall into groups (frequencies, usually) that are left out together, and each run is cut
+Rows come in runs, runs fall into groups (frequencies, usually) that are held out together, and each run is cut
 into blocks whose scatter tells the noise. One :class:`Evidence` holds a factor for each.
 """
 
@@ -26,11 +26,11 @@ class RunEvidence:
     ----------
     name : str
     group : str
-        What is left out together with it.
+        What is held out together with it.
     pooled : Factor
         Of all its moving rows.
     blocks : tuple of Factor
-        Of its replicate blocks, each from the state that the block alone gives.
+        Of its replicate blocks, each from the state of the single block.
     """
 
     name: str
@@ -197,7 +197,7 @@ def block_covariance(
 
     With the score s_b = X_bᵀ(y_b − X_b c) of each block,
     cov(c) = (XᵀX)⁻¹ [Σ_runs B/(B−1) Σ_b (s_b − s̄)(s_b − s̄)ᵀ] (XᵀX)⁻¹.
-    Since X_b is computed from the block's own motion, noise of angle and rate is in the scatter, and correlation
+    Since X_b is computed from the motion of the block, noise of angle and rate is in the scatter, and correlation
     within a block does not matter. The cluster-robust covariance of Liang and Zeger (1986), clusters = blocks.
     ``inverse`` is the R⁻¹ of the columns, shape (k, k), where it is known.
     """
@@ -216,8 +216,8 @@ def block_covariance(
     scores *= np.repeat(np.sqrt(sizes / (sizes - 1)), sizes)[:, None]
     meat = scores.T @ scores
     # Scaled by the norms: squares of variances of cubic stiffness and of friction differ by forty orders.
-    own = np.add.reduceat((scores @ bread) ** 2, starts) / np.diag(bread)
-    parts, squares = own.sum(axis=0), (own**2 / (sizes - 1)[:, None]).sum(axis=0)
+    shares = np.add.reduceat((scores @ bread) ** 2, starts) / np.diag(bread)
+    parts, squares = shares.sum(axis=0), (shares**2 / (sizes - 1)[:, None]).sum(axis=0)
     # Coefficients fitted to few blocks make them agree: the usual n/(n − p).
     shrink = max(degrees - len(index), 1)
     effective = np.where(squares > 0, parts**2 / np.where(squares > 0, squares, 1.0), float(degrees))
@@ -272,7 +272,7 @@ def group_t_ratios(evidence: Evidence, columns: Sequence[int], estimates: Array 
     """Return |coefficient| / its standard error over groups, by the jackknife, shape (k,).
 
     With the estimates c_g that leave one of G groups out, se² = (G−1)/G Σ (c_g − c̄)² (Efron and Stein 1981). A term
-    that describes the joint has the same coefficient whichever group is left out; one that makes up for something
+    that describes the joint has the same coefficient whichever group is held out; one that makes up for something
     else has not. Infinite with fewer than three groups, which cannot tell. ``estimates`` as in
     :func:`held_out_errors`.
     """

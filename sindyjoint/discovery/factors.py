@@ -179,7 +179,7 @@ def _upper(rows: int, columns: int) -> Array:
 
 
 def dependent_columns(factor: Factor, tolerance: float = 1e-9) -> list[int]:
-    """Return columns that are linear combinations of columns to their left, to a relative tolerance."""
+    """Return columns that are linear combinations of earlier columns, to a relative tolerance."""
     scaled, _, _ = factor.normalised()
     diagonal = np.abs(np.diag(scaled.triangle))[:-1]
     return [int(index) for index in np.flatnonzero(diagonal < tolerance)]

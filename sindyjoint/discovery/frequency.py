@@ -3,7 +3,7 @@
 "No significant difference" from few or rough estimates is no evidence of sameness, and a significant difference from
 very sharp ones may be too small to matter. So there are three answers: the estimates differ by more than their errors
 explain, and the change may reach half the margin; or every change larger than the margin is ruled out, and a small one
-that is significant is told beside it; or these runs cannot tell.
+that is significant is reported with it; or these runs cannot decide.
 
 References: Cochran 1954 (Q); Welch 1951 (its distribution with estimated variances); DerSimonian and Laird 1986 (τ);
 Higgins and Thompson 2002 (I²); Schuirmann 1987 (two one-sided tests), as an intersection-union test over all pairs
@@ -87,7 +87,7 @@ class FrequencyTest:
 
 @dataclass(frozen=True, eq=False)
 class GroupEstimates:
-    """Coefficients fitted to each group alone.
+    """Coefficients fitted to each single group.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class GroupEstimates:
 
 
 def group_estimates(evidence: Evidence, columns: Sequence[int]) -> GroupEstimates:
-    """Return the fits of some columns to the runs of each group alone.
+    """Return the fits of some columns to the runs of each single group.
 
     A fit moves the mean of each run's scores, not their scatter about it: the factor n/(n − p), which guards the
     choice among many columns, is 1.3 for five columns and three runs of eight blocks, and is taken out here. With it
@@ -183,9 +183,9 @@ def _with_errors(name: str, f: Array, x: Array, s: Array, nu: Array, margin: flo
     change = slope * band / mean if mean else float("nan")
     bound = _largest_change(x, s, nu)
     p = min(1.0, 2 * min(p_homogeneity, p_trend))
-    doubt = 1.96 * slope_error * band / abs(mean) if mean else np.inf
+    uncertainty = 1.96 * slope_error * band / abs(mean) if mean else np.inf
     spread = tau / abs(mean) if mean else np.inf
-    answer, reason = _answer(p, (change, doubt), spread, bound, margin, (f.min(), f.max()))
+    answer, reason = _answer(p, (change, uncertainty), spread, bound, margin, (f.min(), f.max()))
     return FrequencyTest(
         name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
         slope_error, p_trend, change, bound, margin, answer, reason,
@@ -210,12 +210,12 @@ def _without_errors(name: str, f: Array, x: Array, margin: float) -> FrequencyTe
         else float("inf")
     )
     spread = float(x.std(ddof=1))
-    doubt = (
+    uncertainty = (
         float(stdtrit(degrees, 1 - POLICY.frequency_level / 2)) * error * band / abs(mean)
         if mean
         else float("inf")
     )
-    answer, reason = _answer(p_trend, (change, doubt), float("nan"), bound, margin, (f.min(), f.max()))
+    answer, reason = _answer(p_trend, (change, uncertainty), float("nan"), bound, margin, (f.min(), f.max()))
     nan = float("nan")
     return FrequencyTest(
         name, tuple(f), tuple(x), (nan,) * x.size, mean, spread / np.sqrt(x.size), nan, x.size - 1, nan, nan, spread,

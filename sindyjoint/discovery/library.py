@@ -36,7 +36,7 @@ class TermLibrary(BaseFeatureLibrary):
     include_inertia : bool
         Whether the term of inertia, ``inertia``, joins them; X then needs the acceleration.
     reference : Reference or mapping, optional
-        Scales for inner parameters that are relative to the data; what is omitted is learned in ``fit`` as
+        Scales for nonlinear parameters that are relative to the data; what is omitted is learned in ``fit`` as
         the largest absolute angle and rate. The scale of the moment, which X does not hold, can only be given
         here.
     scale : {"rms", None}

@@ -1,4 +1,4 @@
-"""Ways to make a path of models: our own sequential thresholding, and pysindy's optimisers behind one door.
+"""Ways to make a path of models: the sequential thresholding of this package, and pysindy's optimisers behind one door.
 
 Every method sees the same thing: the triangular factors of the candidates and the target, scaled to unit norm,
 which pose the same least-squares problem as the samples at the same conditioning. Every call builds its optimiser

@@ -1,7 +1,7 @@
 """Passes over rows that are not in memory.
 
-Where a library's inner parameters are shares of the largest angle or rate, a part of the rows tells these first. Only
-where the pass then meets values that are larger by more than :data:`LARGER`, a second one follows under those.
+Where nonlinear parameters of a library are shares of the largest angle or rate, a part of the rows gives these first.
+Only where the pass then meets values that are larger by more than :data:`LARGER`, a second one follows under those.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.equation.terms import ResolvedTerm
 
-# By this share values may pass the scale that inner parameters, round shares such as a tenth, are shares of: the maxima
-# of random motion, a segment at a time, differ by less.
+# Share by which values may pass the scale of nonlinear parameters (round shares of it, such as a tenth): the maxima of
+# random motion, a segment at a time, differ by less.
 LARGER = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """What one segment of rows leaves.
+    """Result of one segment of rows.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Segment:
 
 
 class SegmentTask(Protocol):
-    """A dataclass that says where a segment of rows is to be had, and what terms to evaluate on it."""
+    """A dataclass that says where a segment of rows is read, and what terms to evaluate on it."""
 
     @property
     def function(self) -> TermFunction | None:
@@ -83,7 +83,7 @@ def pass_over(
     tasks: Sequence[TaskType],
     here: Executor,
     *,
-    looked: Reference | None,
+    assumed: Reference | None,
     largest: Callable[[Sequence[Segment]], Reference],
     with_acceleration: bool,
     say: Callable[[str], None],
@@ -97,7 +97,7 @@ def pass_over(
         Does one task; to be sent to other processes.
     tasks : sequence of SegmentTask
     here : Executor
-    looked : Reference or None
+    assumed : Reference or None
         Scales as far as they are known; ``None``: the library refers to none.
     largest : callable
         Gives the scales of all rows once the segments are known.
@@ -112,10 +112,10 @@ def pass_over(
         with_terms: list[Any] = [replace(task, function=function) for task in tasks]  # type: ignore[type-var]
         return terms, ordered_map(here, work, with_terms)
 
-    terms, done = one_pass(looked or Reference(1.0, 1.0, 1.0))
+    terms, done = one_pass(assumed or Reference(1.0, 1.0, 1.0))
     reference = largest(done)
-    if looked is not None and _exceeded(looked, reference, as_catalogue(regressor.library)):
-        say("larger values than those looked at: once more under their scale")
+    if assumed is not None and _exceeds_scale(assumed, reference, as_catalogue(regressor.library)):
+        say("larger values than assumed: once more under their scale")
         terms, done = one_pass(reference)
     return Passed(terms, done, reference)
 
@@ -126,11 +126,11 @@ def largest_of(parts: Iterable[Sequence[float]]) -> Reference:
 
 
 def relative(catalogue: Catalogue) -> set[str]:
-    """Return the scales of the data that inner parameters of a catalogue are shares of."""
+    """Return the scales of the data that nonlinear parameters of a catalogue are shares of."""
     named = {parameter.relative_to for term in catalogue for parameter in term.parameters}
     return {scale for scale in named if scale is not None}
 
 
-def _exceeded(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
-    """Return whether values pass the scale of inner parameters by more than they may."""
+def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
+    """Return whether values pass the scale of nonlinear parameters by more than they may."""
     return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))

@@ -16,13 +16,13 @@ class DiscoveryPolicy:
     term_significance: float = limit(
         5.0,
         "least ratio of a coefficient to its standard error",
-        source="simulated joints: among twenty candidates tried at every size, noise alone reaches 4.5 once in some "
+        source="simulated joints: among twenty candidates tried at every size, pure noise reaches 4.5 once in some "
         "hundred campaigns",
     )
     least_share: float = limit(
         0.002,
-        "least unique share of a term in the RMS of the moment; below, it cannot be told from sensor and processing "
-        "errors",
+        "least unique share of a term in the RMS of the moment; below, it cannot be distinguished from sensor "
+        "and processing errors",
         source=JUDGEMENT,
     )
     share_of_residual: float = limit(
@@ -40,7 +40,7 @@ class DiscoveryPolicy:
     )
     separability: float = limit(
         3.0,
-        "a chosen term that falls below so many standard errors when a candidate joins it cannot be told from it",
+        "a chosen term that falls below so many standard errors when a candidate joins is not distinguishable from it",
         source=JUDGEMENT,
     )
     largest_set: int = limit(
@@ -61,7 +61,7 @@ class DiscoveryPolicy:
     )
     notable_change: float = limit(
         0.5,
-        "share of the margin from which a significant change is called dependence; below, it is told beside the answer",
+        "share of the margin from which a significant change is called dependence; below, the answer mentions it",
         source="very sharp estimates make changes significant that do not matter",
     )
     longest_delay: float = limit(

@@ -22,7 +22,7 @@ from sindyjoint.parallel import on_threads
 Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]
 
-# Without replicate blocks of its own, a run is cut into this many segments of consecutive rows.
+# Without replicate blocks, a run is cut into this many segments of consecutive rows.
 SEGMENTS = 16
 # What a single run, which has no other to be held out against, is cut into; none of these is the name of a run.
 PARTS = ("part 1", "part 2", "part 3", "part 4")
@@ -64,7 +64,7 @@ class RowLabels:
                 raise InputError(f"{name} has shape {np.shape(values)}; expected ({n},), one entry per row")
         of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
         if of_runs is None or of_groups is None:
-            # One record: segments to hold out, each with its own blocks.
+            # One record: segments to hold out, each with blocks.
             segments = zip(PARTS, _cut_segments(slice(0, n), len(PARTS)), strict=True)
             of_blocks = None if blocks is None else np.asarray(blocks)
             found = cls(
@@ -133,7 +133,7 @@ def gather(
     labels : RowLabels
     weight : ndarray, shape (n,), optional
     X_replicate, y_replicate : array_like, optional
-        The same rows as each block alone gives them.
+        The same rows from each single block.
 
     Raises
     ------
@@ -215,8 +215,8 @@ def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float
 def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[list[Factor]]:
     """Return the factor of every block of every run.
 
-    The blocks of a run are summed in coordinates that are told from a sample of its rows. If these do not suit all of
-    its rows, they are summed once more in better ones, and if even these do not, one block after the other.
+    The blocks of a run are summed in coordinates that are computed from a sample of its rows. If these do not suit
+    all of its rows, they are summed once more in better ones, and if even these do not, one block after the other.
 
     Parameters
     ----------
@@ -242,17 +242,17 @@ def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[
     bases = list(each(_sampled_base, [(run,) for run in runs]))
     found: dict[int, list[Factor]] = {}
     for _ in range(2):
-        left = [i for i, base in enumerate(bases) if base is not None and i not in found]
-        grams = each(_gram, [(bases[i], block) for i in left for block in runs[i]])
-        for i in left:
+        pending = [i for i, base in enumerate(bases) if base is not None and i not in found]
+        grams = each(_gram, [(bases[i], block) for i in pending for block in runs[i]])
+        for i in pending:
             factors, suited = _factors(bases[i], runs[i], [next(grams) for _ in runs[i]])
             if suited:
                 found[i] = factors
             else:
                 bases[i] = Base.of(merge(factors))
-    left = [i for i in range(len(runs)) if i not in found]
-    singly = each(_factor, [(block,) for i in left for block in runs[i]])
-    found |= {i: [next(singly) for _ in runs[i]] for i in left}
+    pending = [i for i in range(len(runs)) if i not in found]
+    singly = each(_factor, [(block,) for i in pending for block in runs[i]])
+    found |= {i: [next(singly) for _ in runs[i]] for i in pending}
     return [found[i] for i in range(len(runs))]
 
 

@@ -1,8 +1,8 @@
 """Runs that are too long for memory: force states and factors segment by segment.
 
-Each segment is worked on as a run of its own: of a sine its harmonics are those of the segment, of any other motion the
+Each segment is processed as a separate run: of a sine its harmonics are those of the segment, of any other motion the
 segments overlap by what the smoothing kernel takes at their ends, under one cut-off. Their factors are the replicate
-blocks from whose scatter the errors are told, and merged they are the run's.
+blocks whose scatter gives the errors, and merged they are the run's.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def fit_long(
     """
     inertia = campaign.joint.inertia
     tasks = {
-        i: _tasks(run.whole, state, bandwidth, lag, inertia)
+        i: _make_tasks(run.whole, state, bandwidth, lag, inertia)
         for i, (run, state) in enumerate(zip(campaign.identification_runs, states, strict=True))
         if run.whole is not None
     }
@@ -130,9 +130,9 @@ def fit_long(
         work,
         every,
         here,
-        # The first segments tell the scale of the others, as a rule.
-        looked=largest_of(map(_extremes, states)),
-        largest=lambda done: largest_of([*map(_extremes, states), *(s.largest for s in done)]),
+        # The first segments usually give the scale of the others.
+        assumed=largest_of(map(_find_extremes, states)),
+        largest=lambda done: largest_of([*map(_find_extremes, states), *(s.largest for s in done)]),
         with_acceleration=inertia is None,
         say=say,
     )
@@ -142,10 +142,10 @@ def fit_long(
     for i, (state, label) in enumerate(zip(states, labels, strict=True)):
         if i in tasks:
             segments = [next(results) for _ in tasks[i]]
-            runs.append(_long_evidence(state, label, segments))
+            runs.append(_gather_long(state, label, segments))
             counts.append(SampleCount(sum(s.moving for s in segments), sum(s.samples for s in segments)))
         else:
-            runs.append(_short_evidence(state, label, terms, inertia))
+            runs.append(_gather_short(state, label, terms, inertia))
             counts.append(SampleCount(int(np.count_nonzero(state.moving)), state.n_samples))
     evidence = Evidence(tuple(term.id for term in terms), tuple(runs))
     shared = all(state.replicate is None for state in states)
@@ -158,7 +158,7 @@ def work(task: Task) -> Segment:
     try:
         states = force_states(run, task.method, task.bandwidth)  # type: ignore[arg-type]
     except InputError as error:
-        # A joint that rests for a while, a channel that is dead there: the other segments still tell.
+        # A joint that stands still for a while, a channel that is dead there: the other segments remain.
         return Segment((), (0.0, 0.0, 0.0), 0, run.n_samples, str(error))
     rows = regression_rows([shifted(states, task.lag)], task.inertia)
     factors: list[Factor] = []
@@ -171,7 +171,7 @@ def work(task: Task) -> Segment:
     return Segment(tuple(factors), largest, rows.y.size, states.n_samples)  # type: ignore[arg-type]
 
 
-def _tasks(
+def _make_tasks(
     whole: LongRecord, state: ForceStates, bandwidth: float | None, lag: float, inertia: float | None
 ) -> list[Task]:
     broadband = state.method == "broadband"
@@ -181,12 +181,12 @@ def _tasks(
     return [Task(whole, i, state.method, band, margin, lag, inertia, parts) for i in range(whole.n_stretches)]
 
 
-def _extremes(state: ForceStates) -> list[float]:
+def _find_extremes(state: ForceStates) -> list[float]:
     """Return the largest angle, rate and moment of the moving samples."""
     return [float(np.max(np.abs(x[state.moving]))) for x in (state.angle, state.rate, state.moment)]
 
 
-def _long_evidence(state: ForceStates, label: str, segments: Sequence[Segment]) -> RunEvidence:
+def _gather_long(state: ForceStates, label: str, segments: Sequence[Segment]) -> RunEvidence:
     failures = [s.failure for s in segments if s.failure]
     if 2 * len(failures) >= len(segments):
         raise InputError(
@@ -197,7 +197,7 @@ def _long_evidence(state: ForceStates, label: str, segments: Sequence[Segment]) 
     return RunEvidence(state.run, label, merge(factors), factors)
 
 
-def _short_evidence(
+def _gather_short(
     state: ForceStates, label: str, terms: Sequence[ResolvedTerm], inertia: float | None
 ) -> RunEvidence:
     rows = regression_rows([state], inertia)

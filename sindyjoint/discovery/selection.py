@@ -1,13 +1,13 @@
-"""Sequentially thresholded least squares on what each term alone carries, and the choice of its threshold.
+"""Sequentially thresholded least squares on the unique share of each term, and the choice of its threshold.
 
 Thresholding raw coefficients fails on a joint: θ and θ³, θ̇ and sign θ̇ are so alike on harmonic runs that a large
 coefficient may carry nothing. Here the thresholded quantity is a term's *unique share*: the moment, relative to
-the RMS of all of it, that no combination of the other terms can take over. The least is removed, the rest is
-fitted again (and each survivor exchanged for a removed term where that fits better), until nothing is left: a path
+the RMS of all of it, that no combination of the other terms can take over. The least is removed, the others are
+fitted again (and each survivor exchanged for a removed term where that fits better), until none remains: a path
 of models, one of each size, with the thresholds at which they change.
 
 The threshold is then chosen by evidence: the largest model on the path of which every term is significant against
-the scatter of replicate blocks, keeps its coefficient whichever group is left out, and carries more than a stated
+the scatter of replicate blocks, keeps its coefficient whichever group is held out, and carries more than a stated
 least share, unless a smaller one predicts held-out groups as well.
 """
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 # Exchanging terms is worth its time only where the model is small enough to be chosen.
 EXCHANGE_BELOW = 13
-# Columns of unit norm whose variances are inflated by more than this are swapped by fits of their own.
+# Columns of unit norm whose variances are inflated by more than this are swapped by separate fits.
 MOST_INFLATED = 1e6
 
 
@@ -148,12 +148,12 @@ def exchange(factor: Factor, kept: Sequence[int], forced: Sequence[int] = ()) ->
     error = _error(gram, kept)
     while True:
         best, best_error = None, error * (1 - 1e-6)
-        errors, gains = _swaps(factor, gram, kept)
-        for place, leaving in enumerate(kept):
+        errors, gains = _score_swaps(factor, gram, kept)
+        for index, leaving in enumerate(kept):
             if leaving in forced:
                 continue
-            entering = int(np.argmax(gains[place]))
-            trial_error = errors[place] - gains[place, entering]
+            entering = int(np.argmax(gains[index]))
+            trial_error = errors[index] - gains[index, entering]
             if trial_error < best_error:
                 best, best_error = sorted([c for c in kept if c != leaving] + [entering]), float(trial_error)
         if best is None:
@@ -161,29 +161,29 @@ def exchange(factor: Factor, kept: Sequence[int], forced: Sequence[int] = ()) ->
         kept, error = best, best_error
 
 
-def _swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Array, Array]:
-    """Return what is left without each column in turn, shape (k,), and how much each outsider then gains, shape (k, p).
+def _score_swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Array, Array]:
+    """Return the residual without each column in turn, shape (k,), and how much each outsider then gains, shape (k, p).
 
     With S what the kept columns leave of the Gram matrix, V its rows of them times their inverse A, and v the part of
     V for one of them, S + v·vᵀ/A_ii is what they leave without that one.
     """
     p = gram.shape[0] - 1
     inverse = factor.take(kept).inverse() if len(kept) > 1 else np.full((1, 1), np.inf)
-    alone = np.einsum("ij,ij->i", inverse, inverse)
-    if not np.all(alone < MOST_INFLATED):
+    inflation = np.einsum("ij,ij->i", inverse, inverse)
+    if not np.all(inflation < MOST_INFLATED):
         without = [[column for column in kept if column != leaving] for leaving in kept]
         errors, gains = (
             np.array([_error(gram, stay) for stay in without]),
-            np.array([_gains(gram, stay) for stay in without]),
+            np.array([_score_additions(gram, stay) for stay in without]),
         )
     else:
         crossed = gram[:, [*kept]]
         solved = crossed @ (inverse @ inverse.T)
         target = gram[:, -1] - solved @ crossed[-1]
-        left = target + solved.T * (solved[-1] / alone)[:, None]
-        norm = np.diag(gram) - np.einsum("ij,ij->i", solved, crossed) + solved.T**2 / alone[:, None]
-        errors, norm, left = left[:, -1], norm[:, :p], left[:, :p]
-        gains = np.where(norm > 1e-10, left**2 / np.maximum(norm, 1e-10), 0.0)
+        residual = target + solved.T * (solved[-1] / inflation)[:, None]
+        norm = np.diag(gram) - np.einsum("ij,ij->i", solved, crossed) + solved.T**2 / inflation[:, None]
+        errors, norm, residual = residual[:, -1], norm[:, :p], residual[:, :p]
+        gains = np.where(norm > 1e-10, residual**2 / np.maximum(norm, 1e-10), 0.0)
     gains[:, [*kept]] = -np.inf
     return errors, gains
 
@@ -197,17 +197,17 @@ def _error(gram: Array, kept: Sequence[int]) -> float:
     return float(gram[-1, -1] - moment @ np.linalg.lstsq(gram[np.ix_(index, index)], moment, rcond=None)[0])
 
 
-def _gains(gram: Array, stay: Sequence[int]) -> Array:
+def _score_additions(gram: Array, stay: Sequence[int]) -> Array:
     """Return by how much each column, joining ``stay``, lowers the residual sum of squares, shape (p,)."""
     p = gram.shape[0] - 1
     if not stay:
         return gram[:p, -1] ** 2 / np.diag(gram)[:p]
     index = np.asarray(stay)
     solved = np.linalg.lstsq(gram[np.ix_(index, index)], gram[index, :], rcond=None)[0]
-    left = gram[:p, -1] - gram[:p, index] @ solved[:, -1]
+    residual = gram[:p, -1] - gram[:p, index] @ solved[:, -1]
     norm = np.diag(gram)[:p] - np.einsum("ij,ji->i", gram[:p, index], solved[:, :p])
-    # A column inside the span of the others has nothing left of it; 1e-10 of its square is rounding.
-    return np.where(norm > 1e-10, left**2 / np.maximum(norm, 1e-10), 0.0)
+    # A column inside the span of the others has no residual; 1e-10 of its square is rounding.
+    return np.where(norm > 1e-10, residual**2 / np.maximum(norm, 1e-10), 0.0)
 
 
 def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ...]:
@@ -247,25 +247,25 @@ def choose_by_evidence(
     passing = [
         i
         for i, step in enumerate(path)
-        if _passes(step, significance, least_share, forced) and obeys(step, signs)
+        if _passes_limits(step, significance, least_share, forced) and obeys(step, signs)
     ]
     if not passing:
         reason = f"no set of terms in which each stands {significance:g} standard errors out of the scatter"
         return Selection(tuple(path), None, reason)
     chosen = passing[0]
     for index in passing[1:]:
-        # Terms that the other groups cannot confirm go: they fitted something particular to their own.
+        # Terms that the other groups cannot confirm go: they fitted something particular to one group.
         if path[chosen].held_out.size and path[index].held_out_rms <= path[chosen].held_out_rms:
             chosen = index
     step = path[chosen]
     reason = (
-        f"the largest set in which each term carries at least {least_share:.2g} of the moment alone and stands "
+        f"the largest set in which each term has a unique share of at least {least_share:.2g} and stands "
         f"{significance:g} standard errors out (here at least {step.threshold:.2g} and {step.fit.t_ratios.min():.1f})"
     )
     return Selection(tuple(path), chosen, reason)
 
 
-def _passes(step: Step, significance: float, least_share: float, forced: Sequence[int]) -> bool:
+def _passes_limits(step: Step, significance: float, least_share: float, forced: Sequence[int]) -> bool:
     judged = np.array([column not in forced for column in step.columns])
     if not judged.any():
         return True
@@ -292,7 +292,9 @@ def choose_by_threshold(
         judged = [s for c, s in zip(step.columns, step.fit.unique_share, strict=True) if c not in forced]
         if min(judged, default=np.inf) >= threshold and obeys(step, signs):
             return Selection(tuple(path), index, f"the given threshold of {threshold:g}")
-    return Selection(tuple(path), None, f"no term carries the given threshold of {threshold:g} alone")
+    return Selection(
+        tuple(path), None, f"no term has a unique share of at least the given threshold of {threshold:g}"
+    )
 
 
 def choose_by_one_standard_error(path: Sequence[Step], signs: Mapping[int, int] | None = None) -> Selection:
@@ -305,7 +307,7 @@ def choose_by_one_standard_error(path: Sequence[Step], signs: Mapping[int, int] 
         return Selection(tuple(path), None, "one group only: nothing can be held out")
     allowed = [i for i in range(len(path)) if obeys(path[i], signs)]
     if not allowed:
-        return Selection(tuple(path), None, "no set of terms with the wanted signs")
+        return Selection(tuple(path), None, "no set of terms with the required signs")
     best = min(allowed, key=lambda i: path[i].held_out_rms)
     chosen = best
     for index in (i for i in allowed if i > best):

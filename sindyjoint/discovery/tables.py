@@ -1,8 +1,8 @@
 """Tables of force states larger than memory: one pass over the rows, a segment at a time, on several processes.
 
-What comes back is what :class:`~sindyjoint.JointRegressor` makes of the same rows in memory. Where a library's inner
-parameters are shares of the largest angle or rate, and these are not given, they are shares of the largest that a look
-at a part of the rows finds (of Parquet files, of the largest that the file says it holds). Only where the pass then
+The result is that of :class:`~sindyjoint.JointRegressor` on the same rows in memory. Where nonlinear parameters of a
+library are shares of the largest angle or rate, and these are not given, they are shares of the largest in a part of
+the rows (of Parquet files, in the statistics of the file). Only where the pass then
 meets values that are larger by more than :data:`LARGER`, a second one follows under those.
 """
 
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 # Rows read at once: a few megabytes.
 READ = 1 << 17
 COLUMNS = {"angle": "angle", "rate": "rate", "moment": "moment"}
-# Pieces of each file that a look at the scales takes, READ rows together.
+# Pieces of each file that a scan for the scales takes, READ rows together.
 PIECES = 16
 
 
@@ -99,7 +99,7 @@ def discover_rows(
         kg·m². With it and an acceleration, I·θ̈ is taken from the moment; with an acceleration and without it, the
         inertia is identified as a term; without an acceleration the moment is the transfer moment.
     reference : Reference, optional
-        Largest angle and rate, if known; spares a look at the rows where the library refers to them, and perhaps a
+        Largest angle and rate, if known; spares a scan of the rows where the library refers to them, and perhaps a
         second pass.
     size : int
         Rows read at once; memory is some hundred bytes for each.
@@ -122,11 +122,11 @@ def discover_rows(
     from sindyjoint.discovery.estimator import JointRegressor
 
     say = progress or (lambda stage: None)
-    wanted = dict(COLUMNS if columns is None else columns)
+    keys = dict(COLUMNS if columns is None else columns)
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
-    names = tuple(wanted[key] for key in ("angle", "rate", "moment"))
-    names += (wanted["acceleration"],) if "acceleration" in wanted else ()
-    if inertia is not None and "acceleration" not in wanted:
+    names = tuple(keys[key] for key in ("angle", "rate", "moment"))
+    names += (keys["acceleration"],) if "acceleration" in keys else ()
+    if inertia is not None and "acceleration" not in keys:
         raise InputError(
             "inertia was given and columns name no acceleration; give both, or the transfer moment"
         )
@@ -139,10 +139,10 @@ def discover_rows(
         for start, stop in zip(edges[:-1], edges[1:], strict=True)
     ]
     with executor(jobs, workers, cluster) as here:
-        looked = reference
-        if looked is None and relative(as_catalogue(library)):
-            say("a look at angle and rate")
-            looked = _stated(paths, names, inertia) or largest_of(
+        assumed = reference
+        if assumed is None and relative(as_catalogue(library)):
+            say("scanning the largest values")
+            assumed = _read_stated_scales(paths, names, inertia) or largest_of(
                 part.largest for part in ordered_map(here, run_rows, _pieces(paths, tasks[0]))
             )
 
@@ -152,7 +152,7 @@ def discover_rows(
             run_rows,
             tasks,
             here,
-            looked=looked,
+            assumed=assumed,
             largest=lambda done: reference or largest_of(part.largest for part in done),
             with_acceleration=len(names) == 4 and inertia is None,
             say=say,
@@ -167,11 +167,13 @@ def discover_rows(
     return regressor.fit_evidence(passed.terms, Evidence(ids, tuple(evidence)), passed.reference)
 
 
-def _stated(paths: Sequence[Path], names: Sequence[str | int], inertia: float | None) -> Reference | None:
+def _read_stated_scales(
+    paths: Sequence[Path], names: Sequence[str | int], inertia: float | None
+) -> Reference | None:
     """Return the largest angle, rate and moment that the files themselves state; None where one does not."""
     if inertia is not None:  # what they state of the moment is not what is fitted
         return None
-    stated = [[_opened(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
+    stated = [[_open_file(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
     columns = [[value for value in column if value is not None] for column in zip(*stated, strict=True)]
     if any(len(column) < len(paths) for column in columns):
         return None
@@ -182,7 +184,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
     """Return pieces spread evenly over each file; of a small one, all of it."""
     tasks = []
     for path in paths:
-        rows = _opened(str(path), _changed(path)).rows
+        rows = _open_file(str(path), _changed(path)).rows
         piece = -(-min(rows, READ) // PIECES)
         starts = np.linspace(0, rows - piece, PIECES).astype(int).tolist()
         tasks += [replace(like, path=path, start=start, stop=start + piece) for start in starts]
@@ -191,7 +193,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
 
 def run_rows(task: RowTask) -> Segment:
     """Work through a segment of rows."""
-    source = _opened(str(task.path), task.path.stat().st_mtime_ns)
+    source = _open_file(str(task.path), task.path.stat().st_mtime_ns)
     total = None if task.function is None else TermSum(task.function)
     largest = np.zeros(3)
     for start in range(task.start, task.stop, task.size):
@@ -216,7 +218,7 @@ def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple
         raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); expected one each")
     found = []
     for number, path in enumerate(paths):
-        rows = _opened(str(path), _changed(path)).rows
+        rows = _open_file(str(path), _changed(path)).rows
         if rows < len(PARTS) * SEGMENTS * 2:
             raise InputError(f"{path}: {rows} rows; expected at least {len(PARTS) * SEGMENTS * 2}")
         if len(paths) == 1:
@@ -245,8 +247,8 @@ def _changed(path: Path) -> int:
 
 
 @lru_cache(maxsize=4)
-def _opened(path: str, changed: int) -> Blocks:
-    """Return an open file; the places of lines in a text are then looked for once per process."""
+def _open_file(path: str, changed: int) -> Blocks:
+    """Return an open file; the line offsets of a text are then indexed once per process."""
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(

@@ -22,7 +22,7 @@ from sindyjoint.text import spelled
 
 Array = NDArray[np.float64]
 
-# Of unit columns, what is left of one by the others: below the square root of the precision nothing in a Gram matrix.
+# Of unit columns, the residual of one on the others: below the square root of the precision nothing in a Gram matrix.
 ALIKE = 1e-7
 
 
@@ -156,7 +156,7 @@ def inclusion(
 
 
 def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable, ...]:
-    """Return pairs of a chosen term and a candidate outside that could take its place, worst first.
+    """Return pairs of a chosen term and a candidate outside that could replace it, worst first.
 
     With both in the fit the chosen term is no longer significant: the data determine a combination of the two, not
     each.
@@ -236,7 +236,7 @@ def _centred_scores(evidence: Evidence, columns: list[int], fit: Fit) -> list[Ar
 
 
 def _small_sample(fit: Fit) -> float:
-    """Return the factor n/(n − k) of a covariance that rests on n blocks, as in the fit's own."""
+    """Return the factor n/(n − k) of a covariance that rests on n blocks, as in that of the fit."""
     return fit.degrees / max(fit.degrees - len(fit.columns), 1) if fit.degrees else 1.0
 
 
@@ -286,7 +286,7 @@ def _t_and_share(
 ) -> tuple[Array, Array]:
     """Return t-ratios and unique shares of one set of columns per replicate, each of shape (replicates, size).
 
-    Both are zero in a set whose columns cannot be told apart to the precision of a Gram matrix.
+    Both are zero in a set whose columns cannot be distinguished to the precision of a Gram matrix.
     """
     rows, p = np.arange(len(active))[:, None], gram.shape[1] - 1
     columns = np.take_along_axis(triangles, active[:, None, :], axis=2)

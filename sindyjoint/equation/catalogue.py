@@ -1,7 +1,7 @@
 """Catalogues of candidate terms: what a joint's law may be made of.
 
 A catalogue is a TOML file that people read, copy and edit; here it becomes frozen, checked objects. A term's
-inner parameters may be tied to the data ("a tenth of the largest rate"); :meth:`Catalogue.resolve` puts the
+nonlinear parameters may be tied to the data ("a tenth of the largest rate"); :meth:`Catalogue.resolve` puts the
 numbers in.
 """
 
@@ -137,7 +137,7 @@ class Catalogue:
         )
 
     def resolve(self, reference: Reference | None = None) -> tuple[ResolvedTerm, ...]:
-        """Put numbers in the place of every inner parameter.
+        """Replace every nonlinear parameter by a number.
 
         Raises
         ------
@@ -259,7 +259,7 @@ def _checked_motion(entry: TermEntry, expression: sympy.Expr) -> Motion:
     for unit in (entry.unit, *units.values()):
         if not dimensions.is_coherent(unit):
             raise UnitError(
-                f"unit {unit!r} is not made of m, kg, s, rad, N alone; catalogues are in SI: "
+                f"unit {unit!r} is not made of m, kg, s, rad, N only; catalogues are in SI: "
                 "scale the value instead"
             )
     faults: dict[Motion, str] = {}

@@ -28,7 +28,7 @@ class StrictEntry(BaseModel):
 
 
 class ParameterEntry(StrictEntry):
-    """An inner parameter: a positive number, or a multiple of the data's largest angle, rate or moment."""
+    """A nonlinear parameter: a positive number, or a multiple of the data's largest angle, rate or moment."""
 
     name: Line
     unit: Line
@@ -104,12 +104,12 @@ class GatheredCatalogue:
 def library_folder() -> Path:
     """Return the folder of the shipped catalogues.
 
-    It is inside the package in a wheel, and beside the package in an editable install.
+    It is inside the package in a wheel, and next to the package in an editable install.
 
     Raises
     ------
     MissingInputError
-        If it is in neither place.
+        If it is in neither folder.
     """
     package = Path(__file__).resolve().parents[1]
     folders = (package / "libraries", package.parent / "libraries")
@@ -126,14 +126,14 @@ def shipped_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in library_folder().glob("*.toml")))
 
 
-def find_catalogue(name_or_path: str | Path, beside: Path | None = None) -> Path:
+def find_catalogue(name_or_path: str | Path, folder: Path | None = None) -> Path:
     """Return the file of a catalogue given by shipped name or by path.
 
     Parameters
     ----------
     name_or_path : str or Path
         A text without a slash and without ``.toml`` is a shipped name.
-    beside : Path, optional
+    folder : Path, optional
         Folder that relative paths start from; the working folder if omitted.
 
     Raises
@@ -147,11 +147,11 @@ def find_catalogue(name_or_path: str | Path, beside: Path | None = None) -> Path
             close = get_close_matches(text, names, n=1)
             hint = f"did you mean {close[0]!r}? " if close else ""
             raise UnknownNameError(
-                f"library {text!r} is unknown; {hint}Known: {', '.join(names)}; a file of your own is given "
+                f"library {text!r} is unknown; {hint}Known: {', '.join(names)}; another file is given "
                 "as a path ending in .toml"
             )
         return library_folder() / f"{text}.toml"
-    path = Path(text) if beside is None else beside / text
+    path = Path(text) if folder is None else folder / text
     if path.is_dir():
         raise InputError(f"catalogue {text}: is a folder; expected a .toml file")
     if not path.is_file():
@@ -170,9 +170,9 @@ def gather_catalogue(path: Path) -> GatheredCatalogue:
     UnknownNameError
         For an include or a picked term that does not exist.
     """
-    catalogue = _read(path)
+    catalogue = _read_entries(path)
     terms: dict[str, LocatedEntry] = {}
-    for located in _terms(path, catalogue, ()):
+    for located in _collect_terms(path, catalogue, ()):
         earlier = terms.setdefault(located.entry.id, located)
         if earlier is not located and (earlier.path != located.path or earlier.entry != located.entry):
             raise InputError(
@@ -197,17 +197,19 @@ def check_symbols(where: str, ids_and_symbols: list[tuple[str, str]]) -> None:
         owners[symbol] = term_id
 
 
-def _terms(path: Path, catalogue: CatalogueEntry, chain: tuple[Path, ...]) -> Iterator[LocatedEntry]:
+def _collect_terms(
+    path: Path, catalogue: CatalogueEntry, parents: tuple[Path, ...]
+) -> Iterator[LocatedEntry]:
     resolved = path.resolve()
-    if resolved in chain:
-        names = " → ".join(link.name for link in (*chain[chain.index(resolved) :], resolved))
+    if resolved in parents:
+        names = " → ".join(link.name for link in (*parents[parents.index(resolved) :], resolved))
         raise InputError(f"catalogue {path.name} includes itself: {names}; take one include out")
     for include in catalogue.include:
         try:
-            other = find_catalogue(include.catalogue, beside=path.parent)
+            other = find_catalogue(include.catalogue, folder=path.parent)
         except (UnknownNameError, MissingInputError) as error:
             raise type(error)(f"{path.name}: include: {error}") from None
-        located = list(_terms(other, _read(other), (*chain, resolved)))
+        located = list(_collect_terms(other, _read_entries(other), (*parents, resolved)))
         if include.terms is None:
             yield from located
             continue
@@ -220,17 +222,15 @@ def _terms(path: Path, catalogue: CatalogueEntry, chain: tuple[Path, ...]) -> It
                     f"{path.name}: include: {include.catalogue!r} has no term {term_id!r}{hint}"
                 )
             yield by_id[term_id]
-    own = set()
+    ids = set()
     for entry in catalogue.term:
-        if entry.id in own:
-            raise InputError(
-                f"{path.name}: the id {entry.id!r} is used twice; give each term an id of its own"
-            )
-        own.add(entry.id)
+        if entry.id in ids:
+            raise InputError(f"{path.name}: the id {entry.id!r} is used twice; give each term another id")
+        ids.add(entry.id)
         yield LocatedEntry(entry, resolved)
 
 
-def _read(path: Path) -> CatalogueEntry:
+def _read_entries(path: Path) -> CatalogueEntry:
     try:
         data = tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
@@ -242,7 +242,7 @@ def _read(path: Path) -> CatalogueEntry:
     try:
         return CatalogueEntry.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path.name}: {_sentence(error, data)}") from None
+        raise InputError(f"{path.name}: {_describe_fault(error, data)}") from None
 
 
 _MODELS: dict[str, type[BaseModel]] = {
@@ -252,13 +252,13 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 
 
-def _sentence(error: ValidationError, data: dict[str, Any]) -> str:
+def _describe_fault(error: ValidationError, data: dict[str, Any]) -> str:
     """Put the first fault that pydantic found into one sentence that names the entry and the field."""
     # A misspelt key shows up as one that is missing and one that is unknown; the second says more.
     faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     fault = faults[0]
     model: type[BaseModel] = CatalogueEntry
-    place: list[str] = []
+    location: list[str] = []
     here: Any = data
     *owners, field = fault["loc"] or ("",)
     if isinstance(field, int):
@@ -272,11 +272,11 @@ def _sentence(error: ValidationError, data: dict[str, Any]) -> str:
                 if isinstance(here, dict)
                 else None
             )
-            place[-1] += f" {step + 1}" + (f" ({label})" if isinstance(label, str) else "")
+            location[-1] += f" {step + 1}" + (f" ({label})" if isinstance(label, str) else "")
         else:
             model = _MODELS.get(str(step), model)
-            place.append(str(step))
-    where = "".join(f"{part}: " for part in place)
+            location.append(str(step))
+    where = "".join(f"{part}: " for part in location)
     if fault["type"] == "extra_forbidden":
         close = get_close_matches(str(field), model.model_fields, n=1)
         hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(model.model_fields)}"

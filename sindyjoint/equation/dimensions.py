@@ -1,7 +1,7 @@
-"""Units of formulas, with the radian as a dimension of its own.
+"""Units of formulas, with the radian as a separate dimension.
 
 To most unit libraries a radian is 1, and N·m/rad, N·m/rad² and N·m are all the same. A catalogue of
-stiffnesses needs them told apart, so this registry knows SI and the angle, and nothing else.
+stiffnesses needs them distinguished, so this registry knows SI and the angle, and nothing else.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def coefficient_unit(expression: sympy.Expr, units: Mapping[str, str], motion: s
     ----------
     expression : sympy.Expr
     units : mapping of str to str
-        Unit of each inner parameter.
+        Unit of each nonlinear parameter.
     motion : {"rotation", "translation"}
 
     Returns
@@ -156,17 +156,17 @@ def coefficient_unit(expression: sympy.Expr, units: Mapping[str, str], motion: s
     UnitError
         If the formula does not fit together in itself.
     """
-    own = formula_unit(expression, {**VARIABLE_UNITS[motion], **units})
-    wanted = parse_unit(MOMENT_UNITS[motion]) / own
+    given = formula_unit(expression, {**VARIABLE_UNITS[motion], **units})
+    wanted = parse_unit(MOMENT_UNITS[motion]) / given
     inertia = parse_unit("N*m*s^2/rad" if motion == "rotation" else "N*s^2/m")
-    if _alike(wanted, inertia):
+    if _have_same_dimension(wanted, inertia):
         return "kg*m^2" if motion == "rotation" else "kg"
     return unit_text(wanted)
 
 
 def same_dimension(one: str, other: str) -> bool:
-    """Whether two units measure the same kind of quantity, the radian counted as one of its own."""
-    return _alike(parse_unit(one), parse_unit(other))
+    """Whether two units measure the same kind of quantity, the radian counted as a separate one."""
+    return _have_same_dimension(parse_unit(one), parse_unit(other))
 
 
 def to_si(value: float, unit: str) -> float:
@@ -230,10 +230,12 @@ def _unit(expression: Any, units: Mapping[str, Any]) -> Any:
     if kind in ("sign", "Heaviside"):
         return one
     angle = unit_registry().Unit("rad")
-    plain = argument.dimensionless or (kind in ("sin", "cos", "tan") and _alike(argument, angle))
+    plain = argument.dimensionless or (
+        kind in ("sin", "cos", "tan") and _have_same_dimension(argument, angle)
+    )
     if not plain:
         raise UnitError(
-            f"{kind}({_readable(expression.args[0])}) is given {unit_text(argument)}; expected a plain number: "
+            f"{kind}({_as_text(expression.args[0])}) is given {unit_text(argument)}; expected a plain number: "
             "divide by a parameter of that unit"
         )
     return one
@@ -246,7 +248,7 @@ def _power_unit(base: Any, exponent: Any, units: Mapping[str, Any]) -> Any:
     for part, role in ((unit, "base"), (_unit(exponent, units), "exponent")):
         if not part.dimensionless:
             raise UnitError(
-                f"the {role} of {_readable(base)}**{_readable(exponent)} has the unit {unit_text(part)}; "
+                f"the {role} of {_as_text(base)}**{_as_text(exponent)} has the unit {unit_text(part)}; "
                 "with a parameter as exponent both must be plain numbers"
             )
     return unit
@@ -261,20 +263,20 @@ def _common_unit(expression: Any, units: Mapping[str, Any]) -> Any:
         unit = _unit(part, units)
         if first is None:
             first = (part, unit)
-        elif not _alike(first[1], unit):
+        elif not _have_same_dimension(first[1], unit):
             raise UnitError(
-                f"{_readable(expression)} combines {_readable(first[0])} in {unit_text(first[1])} with "
-                f"{_readable(part)} in {unit_text(unit)}; expected equal units"
+                f"{_as_text(expression)} combines {_as_text(first[0])} in {unit_text(first[1])} with "
+                f"{_as_text(part)} in {unit_text(unit)}; expected equal units"
             )
     assert first is not None
     return first[1]
 
 
-def _alike(one: Any, other: Any) -> bool:
+def _have_same_dimension(one: Any, other: Any) -> bool:
     return bool(one.dimensionality == other.dimensionality)
 
 
-def _readable(expression: Any) -> str:
+def _as_text(expression: Any) -> str:
     from sindyjoint.equation.rendering import FormulaPrinter
 
     return FormulaPrinter().doprint(expression)

@@ -107,7 +107,7 @@ class TermFunction:
         return out
 
     def tile(self, inputs: Sequence[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Evaluate every expression on a few rows, into memory that is used again.
+        """Evaluate every expression on a few rows, into memory that is reused.
 
         Parameters
         ----------
@@ -117,21 +117,21 @@ class TermFunction:
         out : ndarray, shape (p, n)
             A row per expression.
         """
-        places = {register: row for row, register in enumerate(self.outputs)}
+        rows_of = {register: row for row, register in enumerate(self.outputs)}
         first = len(self.arguments) + len(self.constants)
         registers: list[Any] = [*inputs, *self.constants]
         with np.errstate(all="ignore"):
             for number, (name, one, other) in enumerate(self.operations):
                 # A result goes straight into its row of the output.
-                place = places.get(first + number)
-                row = scratch[number] if place is None else out[place]
+                target = rows_of.get(first + number)
+                row = scratch[number] if target is None else out[target]
                 if other < 0:
                     UNARY[name](registers[one], out=row)
                 else:
                     BINARY[name](registers[one], registers[other], out=row)
                 registers.append(row)
         for row_number, register in enumerate(self.outputs):
-            if register < first or places[register] != row_number:
+            if register < first or rows_of[register] != row_number:
                 out[row_number] = registers[register]
 
     def _run(self, inputs: list[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:

@@ -44,7 +44,7 @@ def parse_formula(text: str, parameters: Sequence[str] = (), states: Sequence[st
         translation ``x``, ``v``, ``a``), the named parameters and states, numbers, ``pi``, ``+ - * / **`` and
         :data:`FUNCTIONS`. ``sign(0)`` is 0 and ``heaviside(0)`` is 1/2.
     parameters : sequence of str
-        Names of inner parameters that the formula may use; they stand for positive numbers.
+        Names of nonlinear parameters that the formula may use; they stand for positive numbers.
     states : sequence of str
         Names of further variables of either sign, such as the deflection of a friction model.
 

@@ -32,9 +32,9 @@ class ModelTerm:
     id, symbol : str
     name, family : str
     formula : str
-        In the catalogues' syntax; inner parameters by name.
+        In the catalogues' syntax; nonlinear parameters by name.
     parameters : tuple of (str, float)
-        Values of the inner parameters, SI.
+        Values of the nonlinear parameters, SI.
     unit : str
         SI unit of the coefficient for this joint's kind of motion.
     coefficient, standard_error : float
@@ -57,7 +57,7 @@ class ModelTerm:
 
     @cached_property
     def expression(self) -> sympy.Expr:
-        """The formula with numbers in the place of its inner parameters."""
+        """The formula with numbers for its nonlinear parameters."""
         from sympy import Float
 
         from sindyjoint.equation.formula import parameter_symbol, parse_formula
@@ -167,7 +167,7 @@ class JointModel:
         return replace(self, terms=tuple(terms), covariance=tuple(map(tuple, rows)))
 
     def moment(self, angle: ArrayLike, rate: ArrayLike) -> NDArray[np.float64]:
-        """Return the transfer moment at a state; the inertia's part is left out.
+        """Return the transfer moment at a state; without the part of the inertia.
 
         Parameters
         ----------

@@ -88,7 +88,7 @@ def build_expression(text: str, names: Mapping[str, Any], positive: tuple[str, .
     except FormulaError:
         raise
     except (RecursionError, ValueError, TypeError, ArithmeticError) as error:
-        # sympy's own refusals: it found a part that has no real value.
+        # Refusals of sympy: it found a part that has no real value.
         raise builder.refusal(f"it cannot be worked out ({error})") from None
 
 
@@ -133,10 +133,10 @@ class _Builder:
         self.nodes = 0
 
     def refusal(self, why: str) -> FormulaError:
-        own = [name for name in self.names if name not in ("theta", "omega", "alpha", "x", "v", "a")]
+        extra = [name for name in self.names if name not in ("theta", "omega", "alpha", "x", "v", "a")]
         return FormulaError(
             f"formula {shown(self.text)}: {why}; allowed are numbers, pi, theta, omega, alpha (or x, v, a)"
-            f"{', ' if own else ''}{', '.join(own)}, + - * / ** ( ) and the functions {', '.join(FUNCTIONS)}"
+            f"{', ' if extra else ''}{', '.join(extra)}, + - * / ** ( ) and the functions {', '.join(FUNCTIONS)}"
         )
 
     def build(self) -> Any:
@@ -194,7 +194,7 @@ class _Builder:
                 return -operand if isinstance(node.op, ast.USub) else operand
             case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow()):
                 left, right = self._node(node.left, depth + 1), self._node(node.right, depth + 1)
-                return self._checked(node, self._operation(node, left, right))
+                return self._check_result(node, self._operation(node, left, right))
             case ast.Call():
                 return self._call(node, depth)
         kind = _SYNTAX.get(type(node), type(node).__name__)
@@ -242,7 +242,7 @@ class _Builder:
                 return self._number(float(_OF_NUMBERS[name](*map(float, values))))
             except (ValueError, OverflowError):
                 raise self.refusal(f"{self._piece(node)} has no finite value") from None
-        return self._checked(node, _sympy_functions()[name](*values))
+        return self._check_result(node, _sympy_functions()[name](*values))
 
     def _operation(self, node: ast.BinOp, left: Any, right: Any) -> Any:
         match node.op:
@@ -274,7 +274,7 @@ class _Builder:
                 exponent = sympy.Rational(int(2 * value), 2)
         return base**exponent
 
-    def _checked(self, node: ast.AST, value: Any) -> Any:
+    def _check_result(self, node: ast.AST, value: Any) -> Any:
         """Return the value; refuse what may be infinite or complex, and constants beyond a sane size."""
         if not value.is_extended_real:
             raise self.refusal(

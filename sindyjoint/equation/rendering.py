@@ -26,7 +26,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class FormulaPrinter(StrPrinter):
-    """Text in the catalogues' own syntax: lower-case functions, numbers to the last digit."""
+    """Text in the syntax of the catalogues: lower-case functions, numbers to the last digit."""
 
     def _print_Float(self, expr: Any) -> str:
         return repr(float(expr))
@@ -37,8 +37,8 @@ class FormulaPrinter(StrPrinter):
     def _call(self, name: str, expr: Any) -> str:
         arguments = [self._print(argument) for argument in expr.args]
         while len(arguments) > MAXIMUM_ARGUMENTS:
-            inner = ", ".join(arguments[:MAXIMUM_ARGUMENTS])
-            arguments = [f"{name}({inner})", *arguments[MAXIMUM_ARGUMENTS:]]
+            first = ", ".join(arguments[:MAXIMUM_ARGUMENTS])
+            arguments = [f"{name}({first})", *arguments[MAXIMUM_ARGUMENTS:]]
         return f"{name}({', '.join(arguments)})"
 
     def _print_Abs(self, expr: Any) -> str:
@@ -99,7 +99,7 @@ class _LatexLine(LatexPrinter):
 
 
 def _renamed(expression: Any, motion: str) -> tuple[Any, dict[Any, str]]:
-    """Return the expression over the motion's own letters, and the LaTeX of those."""
+    """Return the expression over the letters of the motion, and the LaTeX of those."""
     latex = {Symbol(name, real=True): text for name, text in _NAMES[motion].items()}
     return expression.xreplace(dict(zip(variable_symbols(), latex, strict=True))), latex
 

@@ -27,7 +27,7 @@ def variable_symbols() -> tuple[sympy.Symbol, sympy.Symbol, sympy.Symbol]:
 
 
 def parameter_symbol(name: str) -> sympy.Symbol:
-    """Return the sympy symbol of an inner parameter, a positive number.
+    """Return the sympy symbol of a nonlinear parameter, a positive number.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Candidate terms: a formula, the unit and meaning of its coefficient, the inner parameters it may have."""
+"""Candidate terms: a formula, the unit and meaning of its coefficient, the nonlinear parameters it may have."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Scale = Literal["angle", "rate", "moment"]
 
 @dataclass(frozen=True)
 class Reference:
-    """The scales of a set of data that inner parameters may refer to.
+    """The scales of a set of data that nonlinear parameters may refer to.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ class Reference:
     @classmethod
     def of(cls, angle: ArrayLike, rate: ArrayLike, moment: ArrayLike | None = None) -> Reference:
         """Take the scales from signals, each array_like of any shape."""
-        largest = [None if signal is None else _largest(signal) for signal in (angle, rate, moment)]
+        largest = [None if signal is None else _find_largest(signal) for signal in (angle, rate, moment)]
         return cls(*largest)
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """An inner parameter of a term, one that the moment does not depend on linearly.
+    """A nonlinear parameter of a term, one that the moment does not depend on linearly.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class Term:
         return "odd" if np.allclose(mirrored, -here, rtol=1e-9, atol=0, equal_nan=True) else "neither"
 
     def resolve(self, reference: Reference | None = None) -> ResolvedTerm:
-        """Put numbers in the place of the inner parameters.
+        """Set the nonlinear parameters to numbers.
 
         Raises
         ------
@@ -167,7 +167,7 @@ class Term:
         return self.with_parameters(dict(values))
 
     def with_parameters(self, values: dict[str, float]) -> ResolvedTerm:
-        """Put the given numbers, in SI units, in the place of the inner parameters."""
+        """Set the nonlinear parameters to the given numbers, in SI units."""
         names = [parameter.name for parameter in self.parameters]
         if set(values) != set(names):
             raise InputError(
@@ -175,12 +175,12 @@ class Term:
                 f"expected {', '.join(names) or 'nothing'}"
             )
         numbers = tuple((name, float(values[name])) for name in names)
-        return ResolvedTerm(self, numbers, _substituted(self.expression, numbers))
+        return ResolvedTerm(self, numbers, _substitute_numbers(self.expression, numbers))
 
 
 @dataclass(frozen=True)
 class ResolvedTerm:
-    """A term whose inner parameters are numbers.
+    """A term whose nonlinear parameters are numbers.
 
     Parameters
     ----------
@@ -237,20 +237,20 @@ def term_columns(
         if rows.size:
             raise InputError(
                 f"term {terms[index].id!r} ({terms[index].term.formula}) has no finite value at sample "
-                f"{rows[0]} (angle {np.asarray(angle)[rows[0]]:.6g}, rate {np.asarray(rate)[rows[0]]:.6g}); "
+                f"{rows[0]} (theta {np.asarray(angle)[rows[0]]:.6g}, omega {np.asarray(rate)[rows[0]]:.6g}); "
                 "leave the term out or change its formula"
             )
     return columns
 
 
-def _largest(signal: ArrayLike) -> float:
+def _find_largest(signal: ArrayLike) -> float:
     """Return the largest absolute value, without an array of absolute values."""
     values = np.asarray(signal)
     return float(max(values.max(), -values.min()))
 
 
 @lru_cache(maxsize=1024)
-def _substituted(expression: sympy.Expr, numbers: tuple[tuple[str, float], ...]) -> sympy.Expr:
+def _substitute_numbers(expression: sympy.Expr, numbers: tuple[tuple[str, float], ...]) -> sympy.Expr:
     from sympy import Float
 
     return expression.xreplace({formula.parameter_symbol(name): Float(value, 17) for name, value in numbers})

@@ -16,7 +16,8 @@ POINTS = 41
 def export(model: JointModel) -> Export:
     """Write ``joint.inp``, to be included into an input file."""
     parts, cycles = Parts.of(model), Cycles.of(model)
-    sliding, rest = _sliding_terms(parts)
+    sliding, remaining = _sliding_terms(parts)
+    words = lumped.names(model)
     friction = _Friction(parts, sliding)
     damping = tuple(term for term in parts.other_rate if term not in sliding)
     curve = lumped.elastic_curve(parts, POINTS)
@@ -27,9 +28,13 @@ def export(model: JointModel) -> Export:
         {
             **lumped.elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
             **lumped.viscous_rows(parts, cycles, "connector damping, linear"),
-            **lumped.rate_rows(damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
+            **lumped.rate_rows(parts, damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
             **friction.rows(cycles),
-            **lumped.left_out(rest, "a connector has no moment that depends on angle and rate together in this form"),
+            **lumped.left_out(
+                remaining,
+                f"a connector has no {words.moment} that depends on "
+                f"{words.angle} and {words.rate} together in this form",
+            ),
             **lumped.inertial_rows(parts),
         },
     )  # fmt: skip
@@ -46,7 +51,7 @@ def export(model: JointModel) -> Export:
 
 
 def _sliding_terms(parts: Parts) -> tuple[tuple[ModelTerm, ...], tuple[ModelTerm, ...]]:
-    """Split what may slide: friction by position and Coulomb friction, and coupled terms that are left over."""
+    """Split what may slide: friction by position and Coulomb friction, and the remaining coupled terms."""
     by_position = tuple(t for t in parts.coupled if (power_law(t.expression) or (0, 0, ""))[2] == "sign")
     return (*parts.coulomb, *by_position), tuple(t for t in parts.coupled if t not in by_position)
 
@@ -57,7 +62,7 @@ class _Friction:
     def __init__(self, parts: Parts, terms: tuple[ModelTerm, ...]):
         self.parts, self.terms = parts, terms
         self.nodes = parts.elastic_nodes(POINTS) if any(t in parts.coupled for t in terms) else np.zeros(1)
-        # At an infinitely small positive rate the sign is 1 and nothing else is left.
+        # At an infinitely small positive rate the sign is 1 and nothing else remains.
         self.limit = sum((contribution(t, self.nodes, 1e-300) for t in terms), np.zeros(self.nodes.size))
         self.possible = bool(terms) and bool(np.all(self.limit >= 0)) and bool(self.limit.max() > 0)
         self.stiffness = float(self.limit.max()) / (GIVE * parts.model.fitted.angle)

@@ -84,13 +84,14 @@ class _Elements:
         self.curve = Curve(nodes, values - self.offset)
         self.rising = bool(np.all(np.diff(self.curve.y)[middle - 1 : middle + 1] > 0))
         self.friction = parts.friction if parts.friction > 0 else 0.0
-        self.powers, self.rest = _powers(parts)
+        self.powers, self.remaining = _powers(parts)
         self.preload = self.offset * self.rising + sum(
             float(t.expression) * t.coefficient for t in self.constants
         )
         self.stick = GIVE * angle
 
     def rows(self, cycles: Cycles) -> dict[str, Represented]:
+        words = lumped.names(self.parts.model)
         rows: dict[str, Represented] = {}
         if self.linear:
             rows |= {t.id: Represented("COMBIN40, K2", cycles.term(t)) for t in self.springs}
@@ -111,14 +112,17 @@ class _Elements:
             limit = np.full(cycles.angle.shape, self.friction)
             slider = cycles.slider(limit, self.friction / self.stick)
             for t in self.parts.coulomb:
-                how = f"COMBIN40, FSLIDE; sticks as a spring that gives way by {GIVE:g} of the tested angle"
+                how = f"COMBIN40, FSLIDE; sticks as a spring that gives way by {GIVE:g} of the tested {words.angle}"
                 rows[t.id] = Represented(how, slider * t.coefficient / self.friction)
         else:
             rows |= lumped.left_out(self.parts.coulomb, "friction must not be negative")
         for power in self.powers:
             rows[power.term.id] = self._power_row(power, cycles)
-        why = "no element has a moment of this form (COMBIN37 knows powers of |angle| or of |rate|)"
-        return rows | lumped.left_out(self.rest, why) | lumped.inertial_rows(self.parts)
+        why = (
+            f"no element has a {words.moment} of this form "
+            f"(COMBIN37 has powers of |{words.angle}| or of |{words.rate}|)"
+        )
+        return rows | lumped.left_out(self.remaining, why) | lumped.inertial_rows(self.parts)
 
     def _power_row(self, power: _Power, cycles: Cycles) -> Represented:
         if power.constant == 2:
@@ -142,6 +146,7 @@ class _Elements:
     def deck(self) -> str:
         """Return the commands."""
         dof = 6 if self.rotation else 1
+        words = lumped.names(self.parts.model)
         lines = [
             "/PREP7",
             "*GET,JNT_T,ETYP,0,NUM,MAX  ! highest numbers in use",
@@ -150,7 +155,7 @@ class _Elements:
         if self.springs and self.rising and not self.linear:
             points = [f"{number(v)}" for xy in zip(self.curve.x, self.curve.y, strict=True) for v in xy]
             constants = [points[i : i + 6] for i in range(0, len(points), 6)]
-            lines += self._element("COMBIN39", [(3, dof)], constants, "elastic moment")
+            lines += self._element("COMBIN39", [(3, dof)], constants, f"elastic {words.moment}")
         k2 = sum(t.coefficient for t in self.springs) if self.linear else 0.0
         if self.friction or self.parts.viscous or self.linear:
             k1 = self.friction / self.stick if self.friction else 0.0
@@ -166,7 +171,9 @@ class _Elements:
         if self.preload:
             # STIF, DAMP, MASJ, ONVAL, OFFVAL, AFORCE
             values = [0.0, 0.0, 0.0, 0.0, 0.0, self.preload]
-            lines += self._element("COMBIN37", [(3, dof)], [[number(v) for v in values]], "constant moment")
+            lines += self._element(
+                "COMBIN37", [(3, dof)], [[number(v) for v in values]], f"constant {words.moment}"
+            )
         return "\n".join(lines) + "\n"
 
     def _combin37(self, power: _Power, dof: int) -> list[str]:
@@ -205,7 +212,7 @@ class _Elements:
 
 def _powers(parts: Parts) -> tuple[tuple[_Power, ...], tuple[ModelTerm, ...]]:
     """Split the remaining terms into those a COMBIN37 can carry and those it cannot."""
-    powers, rest = [], []
+    powers, remaining = [], []
     for term in (*parts.other_rate, *parts.coupled):
         p, q, kind = power_law(term.expression) or (1.0, 1.0, "")
         if kind == "rate" and (p == 0 or q == 0):
@@ -213,5 +220,5 @@ def _powers(parts: Parts) -> tuple[tuple[_Power, ...], tuple[ModelTerm, ...]]:
         elif kind == "sign" and q == 0 and term.coefficient > 0:
             powers.append(_Power(term, p, 0, 8))
         else:
-            rest.append(term)
-    return tuple(powers), tuple(rest)
+            remaining.append(term)
+    return tuple(powers), tuple(remaining)

@@ -1,4 +1,4 @@
-"""A rig of beams, joints and masses as an APDL deck: BEAM188, MASS21, and the joint's own elements."""
+"""A rig of beams, joints and masses as an APDL deck: BEAM188, MASS21, and the elements of the joint."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _AtRest:
 
 @dataclass
 class _Chain:
-    """Commands for the parts in their order, and where the chain has got to."""
+    """Commands for the parts in their order, and the end of the chain so far."""
 
     frequency: float
     lines: list[str] = field(default_factory=list)
@@ -85,8 +85,9 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
     text = comment(
         [
             *heading(model, "ANSYS Mechanical APDL"), "", f"Rig: {name}. {ascii_line(given.description)}",
-            f"{sum(isinstance(i, Hinge) for i in items)} joint(s), each with the law of joint.inp beside this file; "
-            f"first frequency with {'locked joints' if locked else 'the stiffness at rest'} {chain.frequency:.4f} Hz.",
+            f"{sum(isinstance(i, Hinge) for i in items)} joint(s), each with the law of joint.inp next to this file; "
+            f"first frequency with {'locked joints' if locked else 'the stiffness at standstill'} "
+            f"{chain.frequency:.4f} Hz.",
             "Plane motion in x and y. Beams have their bending stiffness and mass per length as a section of "
             f"E = {YOUNGS_MODULUS:g} Pa, shear is made stiff as in Euler-Bernoulli beams; material loss is damping in "
             "proportion to stiffness, equal to the loss factor at the first frequency.",
@@ -140,7 +141,7 @@ def _part(chain: _Chain, item: Beam | Hinge | LumpedMass) -> None:
     else:
         if isinstance(item, Hinge):
             before, after = chain.node, chain.new_node(0.0)
-            # Plane motion holds the rest; the rotation about z goes through the joint's elements.
+            # Plane motion holds the other directions; the rotation about z goes through the joint's elements.
             chain.lines += [
                 f"CP,NEXT,UY,{before},{after}",
                 f"JNTI={before}",

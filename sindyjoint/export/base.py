@@ -40,9 +40,9 @@ class Fidelity:
         How the target represents the term; for a term left out, "not carried" and why.
     carried : bool
     error, largest_error : float
-        RMS and largest deviation from the model's own term over the tested range, as shares of the RMS moment of the
+        RMS and largest deviation from the term of the model over the tested range, as shares of the RMS moment of the
         test; over moving states, as everywhere: at a reversal friction is set-valued, and the representation says in
-        words how the target sticks. For a term left out this is what leaving it out costs.
+        words how the target sticks. For an omitted term this is the error of omitting it.
     """
 
     term: str
@@ -79,7 +79,7 @@ class Export:
         object.__setattr__(self, "files", MappingProxyType(dict(self.files)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints; the content of the files is left out."""
+        """Return what ``--json`` prints; without the content of the files."""
         return {
             "schema": 1,
             "target": self.target,
@@ -110,7 +110,7 @@ class Cycles:
 
     @classmethod
     def of(cls, model: JointModel) -> Cycles:
-        """Return the cycles up to the largest angle and rate of the model's own test."""
+        """Return the cycles up to the largest angle and rate of the test of the model."""
         level = np.linspace(1 / LEVELS, 1, LEVELS)[:, None]
         phase = (np.arange(PHASES) + 0.5) * 2 * np.pi / PHASES
         return cls(level * model.fitted.angle * np.sin(phase), level * model.fitted.rate * np.cos(phase))
@@ -222,13 +222,13 @@ def fidelity_table(
     rows, moving = [], cycles.moving
     exact, carried = np.zeros(cycles.angle.shape), np.zeros(cycles.angle.shape)
     for term in model.terms:
-        item, own = represented[term.id], cycles.term(term)
-        given = np.zeros_like(own) if item.moment is None else item.moment
-        exact, carried = exact + own, carried + given
+        item, moment = represented[term.id], cycles.term(term)
+        given = np.zeros_like(moment) if item.moment is None else item.moment
+        exact, carried = exact + moment, carried + given
         rows.append(
             Fidelity(
                 term.id, term.symbol, item.how, item.moment is not None,
-                *_shares((given - own)[moving], model.fitted.moment_rms),
+                *_shares((given - moment)[moving], model.fitted.moment_rms),
             )
         )  # fmt: skip
     whole = carried if total is None else total
@@ -250,10 +250,11 @@ def _shares(difference: Array, reference: float) -> tuple[float, float]:
 
 
 def not_carried(rows: Sequence[Fidelity]) -> tuple[str, ...]:
-    """Return a sentence for each term that a table says is left out."""
+    """Return a sentence for each term that a table does not carry."""
+    load = "force" if any(row.term == ALL_TERMS and row.symbol == "F" for row in rows) else "moment"
     return tuple(
         f"{row.term} ({row.symbol}): {row.representation.removeprefix('not carried: ')}; "
-        f"leaving it out costs {100 * row.error:.3g} % of the RMS moment"
+        f"leaving it out costs {100 * row.error:.3g} % of the RMS {load}"
         for row in rows
         if not row.carried and row.term != ALL_TERMS
     )
@@ -266,7 +267,7 @@ def write_export(export: Export, out: str | os.PathLike[str]) -> list[Path]:
     ----------
     export : Export
     out : path
-        A file for an export of one file; a folder for one of several, or for one file under its own name when the
+        A file for an export of one file; a folder for one of several, or for one file under its name when the
         folder exists.
 
     Returns
@@ -277,17 +278,17 @@ def write_export(export: Export, out: str | os.PathLike[str]) -> list[Path]:
     Raises
     ------
     OutputError
-        When the place cannot be written.
+        When the path cannot be written.
     """
-    place = Path(out)
+    path = Path(out)
     data = {
         name: content.encode("utf-8") if isinstance(content, str) else content
         for name, content in export.files.items()
     }
     if len(data) == 1:
         ((name, content),) = data.items()
-        return [write_bytes(place / name if place.is_dir() else place, content)]
-    with output_folder(place) as stage:
+        return [write_bytes(path / name if path.is_dir() else path, content)]
+    with output_folder(path) as stage:
         for name, content in data.items():
             (stage / name).write_bytes(content)
-    return [place / name for name in data]
+    return [path / name for name in data]

@@ -50,7 +50,7 @@ class Code:
     Parameters
     ----------
     coefficients : tuple of (str, float, str, str)
-        Identifier, value, unit and name of each coefficient; inertia left out.
+        Identifier, value, unit and name of each coefficient; without inertia.
     law : str
         Transfer moment as an expression over ``theta``, ``omega``, ``direction``.
     inertia : float
@@ -69,7 +69,7 @@ class Code:
 
 
 def at_slip(expression: sympy.Expr) -> sympy.Expr:
-    """Write a formula with the direction of slip in the place of the sign of the rate, so that it holds at rest, too.
+    """Write a formula with the direction of slip instead of the sign of the rate, so that it holds at standstill, too.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def code_of(model: JointModel, language: str) -> Code:
 
 
 def identifiers(symbols: list[str]) -> list[str]:
-    """Return an identifier of its own for each symbol, valid in C and Python.
+    """Return a separate identifier for each symbol, valid in C and Python.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def identifiers(symbols: list[str]) -> list[str]:
     for symbol in symbols:
         base = "JOINT_" + (re.sub(r"[^A-Za-z0-9]+", "_", symbol).strip("_") or "x")
         name, count = base, 1
-        # The templates' own names are all upper case; a coefficient of such a name steps aside.
+        # The names of the templates are all upper case; a coefficient of such a name steps aside.
         while name in taken or name in _RESERVED:
             count += 1
             name = f"{base}_{count}"

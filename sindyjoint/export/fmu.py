@@ -55,8 +55,8 @@ def export(model: JointModel) -> Export:
         angle=ascii("angle, rad" if model.joint.motion == "rotation" else "displacement, m"),
     )
     documentation = "\n".join([*fidelity_lines(rows), "", *missing, *notes, ""])
-    with tempfile.TemporaryDirectory(prefix="sindyjoint-") as place:
-        folder = Path(place)
+    with tempfile.TemporaryDirectory(prefix="sindyjoint-") as temporary:
+        folder = Path(temporary)
         script = folder / f"{module}.py"
         script.write_text(text, encoding="utf-8")
         (folder / "documentation").mkdir()

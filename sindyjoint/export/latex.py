@@ -85,9 +85,11 @@ def escape(text: str) -> str:
 
 
 def _row(term: ModelTerm) -> str:
-    inner = "".join(rf", $ {_symbol(name)} = {_scientific(value, 4)} $" for name, value in term.parameters)
+    parameters = "".join(
+        rf", $ {_symbol(name)} = {_scientific(value, 4)} $" for name, value in term.parameters
+    )
     return (
-        rf"{escape(term.name)}{inner} & $ {_symbol(term.symbol)} $ & "
+        rf"{escape(term.name)}{parameters} & $ {_symbol(term.symbol)} $ & "
         rf"$ {with_error(term.coefficient, term.standard_error)} $ & {_unit(term.unit)} \\"
     )
 

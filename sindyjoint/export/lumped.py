@@ -20,6 +20,7 @@ class Names:
 
     moment: str
     angle: str
+    rate: str
     angle_unit: str
     moment_unit: str
     stiffness_unit: str
@@ -29,8 +30,8 @@ class Names:
 def names(model: JointModel) -> Names:
     """Return the words for the motion of a model."""
     if model.joint.motion == "rotation":
-        return Names("moment", "rotation", "rad", "N*m", "N*m/rad", "N*m*s/rad")
-    return Names("force", "displacement", "m", "N", "N/m", "N*s/m")
+        return Names("moment", "angle", "rate", "rad", "N*m", "N*m/rad", "N*m*s/rad")
+    return Names("force", "displacement", "velocity", "m", "N", "N/m", "N*s/m")
 
 
 def elastic_curve(parts: Parts, count: int) -> Curve:
@@ -53,13 +54,16 @@ def rate_curve(parts: Parts, terms: tuple[ModelTerm, ...]) -> Curve:
     return Curve(nodes, rate_values(terms, nodes))
 
 
-def rate_rows(terms: tuple[ModelTerm, ...], cycles: Cycles, nodes: Array, how: str) -> dict[str, Represented]:
+def rate_rows(
+    parts: Parts, terms: tuple[ModelTerm, ...], cycles: Cycles, nodes: Array, how: str
+) -> dict[str, Represented]:
     """Return what a table at the nodes makes of each term of the rate."""
     rows = {}
     for term in terms:
         text = how
         if jump_of(term, float(nodes.max())):
-            text += f", its jump a ramp up to {RAMP:g} of the tested rate; creeps instead of sticking"
+            rate = names(parts.model).rate
+            text += f", its jump a ramp up to {RAMP:g} of the tested {rate}; creeps instead of sticking"
         rows[term.id] = Represented(text, piecewise(nodes, contribution(term, 0.0, nodes), cycles.rate))
     return rows
 

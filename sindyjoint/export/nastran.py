@@ -1,7 +1,7 @@
 """Nastran: CBUSH with PBUSH and PBUSHT for a rotational joint, CBUSH1D with PBUSH1D for a translational one.
 
 A CBUSH has no tabulated force of the rate. What depends on the rate beyond viscous damping is, for a rotational joint,
-a CBUSH1D between two grid points of its own, whose distance is tied to the relative rotation (MPC).
+a CBUSH1D between two additional grid points, whose distance is tied to the relative rotation (MPC).
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ def export(model: JointModel) -> Export:
         tabulated = parts.rate  # a PBUSH1D has either a damping constant or a table
     curve = _rounded(lumped.elastic_curve(parts, POINTS))
     rates = _rounded(lumped.rate_curve(parts, tabulated))
+    words = lumped.names(model)
     spring = f"{'PBUSHT KN' if rotation else 'PBUSH1D SPRING'} table of {POINTS} points"
     damper = f"PBUSH1D DAMPER table of {rates.x.size} points"
     carried: dict[str, Represented] = {
         **lumped.elastic_rows(parts, cycles, curve.x, spring),
         **lumped.viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
-        **lumped.rate_rows(tabulated, cycles, rates.x, damper),
+        **lumped.rate_rows(parts, tabulated, cycles, rates.x, damper),
         **lumped.left_out(
-            parts.coupled, "Nastran's bushings have no force of displacement and rate together"
+            parts.coupled,
+            f"the bushings of Nastran have no {words.moment} of {words.angle} and {words.rate} together",
         ),
         **lumped.inertial_rows(parts),
     }
@@ -46,7 +48,8 @@ def export(model: JointModel) -> Export:
     notes = (
         f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
         f"axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
-        "tables act in nonlinear solutions only (SOL 129, 400); linear ones see the stiffness at rest and the damping",
+        "tables act in nonlinear solutions only (SOL 129, 400); linear ones see the stiffness at "
+        "standstill and the damping",
         *(
             (
                 f"case control: MPC = {SET}; it makes the x displacement of grid point {RELATIVE} the relative "

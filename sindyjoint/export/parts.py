@@ -57,7 +57,7 @@ class Parts:
     elastic : tuple of ModelTerm
         Functions of the angle, constants among them.
     rate : tuple of ModelTerm
-        Functions of the rate alone.
+        Functions of the rate only.
     coupled : tuple of ModelTerm
         Functions of both.
     inertial : tuple of ModelTerm
@@ -156,10 +156,10 @@ def rate_values(terms: Sequence[ModelTerm], rate: Array) -> Array:
 
 
 def softening_limits(model: JointModel) -> tuple[float, float]:
-    """Angles between which the moment at rest rises with the angle.
+    """Angles between which the moment at standstill rises with the angle.
 
-    Infinite where it rises up to three times as far as tested. The moment at rest is the elastic part and what coupled
-    terms give without friction.
+    Infinite where it rises up to three times as far as tested. The moment at standstill is the elastic part and
+    that of coupled terms without friction.
     """
     from scipy.optimize import brentq
 

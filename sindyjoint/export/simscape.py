@@ -19,6 +19,7 @@ def export(model: JointModel) -> Export:
     curve = lumped.elastic_curve(parts, POINTS)
     rates = lumped.rate_curve(parts, parts.other_rate)
     threshold = RAMP * model.fitted.rate  # the block reaches 76 % of its friction here: ω_Coul
+    words = lumped.names(model)
     kind = "Rotational" if model.joint.motion == "rotation" else "Translational"
     rows = fidelity_table(
         model,
@@ -27,9 +28,11 @@ def export(model: JointModel) -> Export:
             **lumped.elastic_rows(parts, cycles, curve.x, f"Nonlinear {kind} Spring, table of {POINTS} points"),
             **_friction_rows(parts, cycles, threshold, kind),
             **lumped.rate_rows(
-                parts.other_rate, cycles, rates.x, f"Nonlinear {kind} Damper, table of {rates.x.size} points"
+                parts, parts.other_rate, cycles, rates.x, f"Nonlinear {kind} Damper, table of {rates.x.size} points"
             ),
-            **lumped.left_out(parts.coupled, "these blocks have no moment of angle and rate together"),
+            **lumped.left_out(
+                parts.coupled, f"these blocks have no {words.moment} of {words.angle} and {words.rate} together"
+            ),
             **lumped.inertial_rows(parts),
         },
     )  # fmt: skip
@@ -38,8 +41,8 @@ def export(model: JointModel) -> Export:
         f"interpolation) and {kind} Friction (Foundation Library)",
         *(
             (
-                f"the friction block is a smooth curve, tanh(rate/{threshold:.4g}): it creeps instead of sticking, "
-                "slower than that rate",
+                f"the friction block is a smooth curve, tanh({words.rate}/{threshold:.4g}): it creeps instead of "
+                f"sticking, slower than that {words.rate}",
             )
             if parts.friction > 0
             else ()

@@ -29,7 +29,7 @@ def one_line(text: str) -> str:
 
 
 def ascii_line(text: str) -> str:
-    """Return one line of ASCII: accents dropped, Greek letters by name, the rest as question marks.
+    """Return one line of ASCII: accents dropped, Greek letters by name, other characters as question marks.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def heading(model: JointModel, target: str) -> list[str]:
 
 
 def equation(model: JointModel) -> str:
-    """Return the equation in ASCII, with the catalogues' own syntax for formulas."""
+    """Return the equation in ASCII, with the syntax of the catalogues for formulas."""
     from sindyjoint.equation.formula import formula_text
 
     motion = model.joint.motion

@@ -27,17 +27,17 @@ except ImportError:  # Windows
 NEW, OLD = "new", "old"
 
 
-def _cannot(path: Path, error: OSError) -> OutputError:
+def _make_write_error(path: Path, error: OSError) -> OutputError:
     """Say in one line why a path cannot be written."""
-    return OutputError(f"cannot write {str(path)!r}: {error.strerror or error}; choose another place")
+    return OutputError(f"cannot write {str(path)!r}: {error.strerror or error}; choose another path")
 
 
-def _aside(path: Path, kind: str = NEW) -> Path:
-    """Return a hidden name beside ``path`` that nothing else uses."""
-    return path.with_name(f"{_mark(path)}{uuid.uuid4().hex[:12]}.{kind}.part")
+def _name_temporary(path: Path, kind: str = NEW) -> Path:
+    """Return a hidden name next to ``path`` that nothing else uses."""
+    return path.with_name(f"{_name_prefix(path)}{uuid.uuid4().hex[:12]}.{kind}.part")
 
 
-def _mark(path: Path) -> str:
+def _name_prefix(path: Path) -> str:
     """Return how every name aside ``path`` begins, and no name aside another path."""
     return f".{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}."
 
@@ -53,12 +53,12 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     target = Path(path)
     if target.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
-    temporary = _aside(target)
+    temporary = _name_temporary(target)
     try:
         temporary.write_bytes(data)
         os.replace(temporary, target)
     except OSError as error:
-        raise _cannot(target, error) from error
+        raise _make_write_error(target, error) from error
     finally:
         with suppress(OSError):
             temporary.unlink()
@@ -88,12 +88,12 @@ def check_output(path: str | os.PathLike[str]) -> Path:
             f"cannot write into {str(folder)!r}: {what} is a file; expected the name of a folder"
         )
     # Permission bits say nothing to root and nothing about read-only file systems: only writing tells.
-    probe = _aside(existing / "probe")
+    probe = _name_temporary(existing / "probe")
     try:
         probe.touch(exist_ok=False)
         probe.unlink()
     except OSError as error:
-        raise _cannot(folder, error) from error
+        raise _make_write_error(folder, error) from error
     return folder
 
 
@@ -103,7 +103,7 @@ def prepare_output(path: str | os.PathLike[str]) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _cannot(folder, error) from error
+        raise _make_write_error(folder, error) from error
     return folder
 
 
@@ -127,7 +127,7 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     created = _missing_parents(target)
     done = False
     try:
-        with _stage(target / "results", target) as stage:
+        with _open_stage(target / "results", target) as stage:
             yield stage
             _move_in(stage, target)
         done = True
@@ -136,7 +136,7 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             _remove_empty(created)
 
 
-def _concerns(error: OSError, stage: Path) -> bool:
+def _concerns_stage(error: OSError, stage: Path) -> bool:
     """Whether an error of the system is about writing into the stage, not about reading something else."""
     return error.filename is None or str(stage) in (str(error.filename) + str(error.filename2))
 
@@ -160,22 +160,20 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 def _move_in(stage: Path, target: Path) -> None:
-    """Move every file of the stage to the same place under the target."""
+    """Move every file of the stage to the same path under the target."""
     files = sorted(path for path in stage.rglob("*") if path.is_file())
     for path in files:
-        place = target / path.relative_to(stage)
-        if place.is_dir():
-            raise OutputError(
-                f"cannot write {str(place)!r}: it is a folder; remove it or choose another place"
-            )
-        place.parent.mkdir(parents=True, exist_ok=True)
+        file = target / path.relative_to(stage)
+        if file.is_dir():
+            raise OutputError(f"cannot write {str(file)!r}: it is a folder; remove it or choose another path")
+        file.parent.mkdir(parents=True, exist_ok=True)
     for path in files:
         os.replace(path, target / path.relative_to(stage))
 
 
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a folder to fill that takes the place of ``path``, old contents and all, when the block ends well.
+    """Give a folder to fill that replaces ``path``, old contents and all, when the block ends well.
 
     It appears in one step: whoever looks sees the old folder, or the new one, or for an instant none, but never a
     part. After an exception the old folder is as it was before.
@@ -183,7 +181,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     Yields
     ------
     Path
-        A temporary folder beside ``path``.
+        A temporary folder next to ``path``.
 
     Raises
     ------
@@ -191,10 +189,10 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         When ``path`` cannot be a folder of results.
     """
     target = check_output(path)
-    with _stage(target, target) as stage:
+    with _open_stage(target, target) as stage:
         yield stage
-        old = _aside(target, OLD)
-        with _held(target):
+        old = _name_temporary(target, OLD)
+        with _hold_folder(target):
             if target.exists():
                 os.replace(target, old)
             try:
@@ -207,49 +205,49 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def settle(path: str | os.PathLike[str]) -> None:
-    """Clear up what killed processes left beside a folder; old contents that nothing has replaced go back."""
+    """Clear up what killed processes left next to a folder; old contents that nothing has replaced go back."""
     target = Path(path)
-    mark = _mark(target)
+    mark = _name_prefix(target)
     with suppress(OSError):
-        for left in sorted(target.parent.iterdir()):
-            if not (left.name.startswith(mark) and left.name.endswith(".part")):
+        for leftover in sorted(target.parent.iterdir()):
+            if not (leftover.name.startswith(mark) and leftover.name.endswith(".part")):
                 continue
-            with _held(left) as held:
+            with _hold_folder(leftover) as held:
                 if not held:
                     continue
-                if left.name.endswith(f".{OLD}.part") and not target.exists():
-                    os.replace(left, target)
+                if leftover.name.endswith(f".{OLD}.part") and not target.exists():
+                    os.replace(leftover, target)
                 else:
-                    shutil.rmtree(left, ignore_errors=True)
+                    shutil.rmtree(leftover, ignore_errors=True)
 
 
 @contextmanager
-def _stage(place: Path, target: Path) -> Iterator[Path]:
-    """Give a folder aside ``place`` that this process holds; errors of the system there concern ``target``."""
-    stage = _aside(place)
+def _open_stage(location: Path, target: Path) -> Iterator[Path]:
+    """Give a folder aside ``location`` that this process holds; errors of the system there concern ``target``."""
+    stage = _name_temporary(location)
     # It is held before it has the name by which others may find it.
-    unnamed = place.with_name(f".{uuid.uuid4().hex}.part")
+    unnamed = location.with_name(f".{uuid.uuid4().hex}.part")
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        settle(place)
+        location.parent.mkdir(parents=True, exist_ok=True)
+        settle(location)
         unnamed.mkdir()
     except OSError as error:
-        raise _cannot(target, error) from error
+        raise _make_write_error(target, error) from error
     try:
-        with _held(unnamed):
+        with _hold_folder(unnamed):
             os.replace(unnamed, stage)
             yield stage
     except OSError as error:
-        if isinstance(error, OutputError) or not _concerns(error, stage):
+        if isinstance(error, OutputError) or not _concerns_stage(error, stage):
             raise
-        raise _cannot(target, error) from error
+        raise _make_write_error(target, error) from error
     finally:
         for folder in (unnamed, stage):
             shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
-def _held(folder: Path) -> Iterator[bool]:
+def _hold_folder(folder: Path) -> Iterator[bool]:
     """Hold a folder while the block lasts; False where another process does, or the system cannot tell."""
     handle = -1
     held = False

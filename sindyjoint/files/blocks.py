@@ -20,7 +20,7 @@ from sindyjoint.files.readers.table import foreign, missing_extra
 
 Array = NDArray[np.float64]
 
-# Bytes of text looked at once, and lines between two places in it that are remembered.
+# Bytes of text scanned at once, and lines between two line offsets that are kept.
 CHUNK = 1 << 24
 STRIDE = 1 << 15
 # Rows of Parquet decoded at once.
@@ -48,7 +48,7 @@ def open_blocks(path: str | Path) -> Blocks | None:
 
 
 class _Text(Blocks):
-    """CSV and other text, by the places of every so many lines."""
+    """CSV and other text, by the byte offset of every so many lines."""
 
     def __init__(self, path: Path):
         from sindyjoint.files.readers.text import layout_of
@@ -70,24 +70,24 @@ class _Text(Blocks):
     @cached_property
     def _index(self) -> tuple[list[int], int]:
         """Return where every so many lines begin, and how many lines there are."""
-        places, lines, at, last = [len(self._head)], 0, len(self._head), b"\n"
+        offsets, lines, at, last = [len(self._head)], 0, len(self._head), b"\n"
         while at < self._size:
             chunk = self._bytes(at, min(at + CHUNK, self._size))
             ends = np.flatnonzero(np.frombuffer(chunk, dtype=np.uint8) == 10)
             first = -(-(lines + 1) // STRIDE) * STRIDE - lines - 1
-            places += (at + ends[first::STRIDE] + 1).tolist()
+            offsets += (at + ends[first::STRIDE] + 1).tolist()
             lines, at, last = lines + ends.size, at + len(chunk), chunk[-1:]
-        return places, lines + (last != b"\n")
+        return offsets, lines + (last != b"\n")
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return rows of some columns."""
         from sindyjoint.files.readers.text import read_text
 
-        places, _ = self._index
+        offsets, _ = self._index
         first, last = start // STRIDE, -(-stop // STRIDE)
-        data = self._bytes(places[first], places[last] if last < len(places) else self._size)
+        data = self._bytes(offsets[first], offsets[last] if last < len(offsets) else self._size)
         lines = data.split(b"\n")[start - first * STRIDE : stop - first * STRIDE]
-        # Only the file's own last line may lack its end.
+        # Only the last line of the file may lack its end.
         cut = stop >= self.rows and self._bytes(self._size - 1, self._size) not in (b"\n", b"\r")
         text = self._head + b"\n".join(lines) + (b"" if cut else b"\n")
         return list(read_text(self.path, text).load(wanted))
@@ -116,19 +116,19 @@ class _Parquet(Blocks):
         self._next = -1
         self._wanted: tuple[int, ...] = ()
         self._batches: Iterator[Any] = iter(())
-        self._left: list[NDArray] = []
+        self._pending: list[NDArray] = []
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return rows of some columns; segments that follow one another are decoded once."""
         if start != self._next or tuple(wanted) != self._wanted:
             group = int(np.searchsorted(self._edges, start, side="right")) - 1
-            names = [self.names[place] for place in wanted]
+            names = [self.names[position] for position in wanted]
             self._batches = self._file.iter_batches(
                 BATCH, row_groups=list(range(group, len(self._edges) - 1)), columns=names
             )
-            self._wanted, self._next, self._left = tuple(wanted), int(self._edges[group]), []
+            self._wanted, self._next, self._pending = tuple(wanted), int(self._edges[group]), []
             self._take(start - self._next, names)
-        return self._take(stop - start, [self.names[place] for place in wanted])
+        return self._take(stop - start, [self.names[position] for position in wanted])
 
     def largest(self, column: str | int) -> float | None:
         """Return the largest magnitude of a column by the statistics of the row groups."""
@@ -142,8 +142,8 @@ class _Parquet(Blocks):
         return max((abs(float(end)) for end in ends), default=None)
 
     def _take(self, count: int, names: Sequence[str]) -> list[NDArray]:
-        parts = [self._left] if self._left else []
-        have = self._left[0].size if self._left else 0
+        parts = [self._pending] if self._pending else []
+        have = self._pending[0].size if self._pending else 0
         with foreign(self.path, "a table of numbers"):
             while have < count:
                 batch = next(self._batches, None)
@@ -152,13 +152,13 @@ class _Parquet(Blocks):
                 parts.append([batch.column(name).to_numpy(zero_copy_only=False) for name in names])
                 have += batch.num_rows
         columns = [np.concatenate([part[i] for part in parts]) for i in range(len(names))] if parts else []
-        self._left = [column[count:] for column in columns]
+        self._pending = [column[count:] for column in columns]
         self._next += count
         return [column[:count] for column in columns]
 
 
 class _Npy(Blocks):
-    """One NumPy array: a column for each of its own, called by its number from 1, or by its field.
+    """One NumPy array: a column for each of its columns, named by its number from 1, or by its field.
 
     Read, not mapped: pages of a map count as memory of the process for as long as the system likes.
     """
@@ -180,18 +180,18 @@ class _Npy(Blocks):
             self._at = file.tell()
         self.rows = shape[0]
         self._width = shape[1] if len(shape) == 2 else 1
-        self.names = self._dtype.names or tuple(str(place + 1) for place in range(self._width))
+        self.names = self._dtype.names or tuple(str(position + 1) for position in range(self._width))
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return rows of some columns."""
         count = min(stop, self.rows) - start
         if self._fortran and self._width > 1:
-            return [self._piece(place * self.rows + start, count) for place in wanted]
+            return [self._piece(position * self.rows + start, count) for position in wanted]
         if self._dtype.names:
             table = self._piece(start, count)
-            return [np.ascontiguousarray(table[self.names[place]]) for place in wanted]
+            return [np.ascontiguousarray(table[self.names[position]]) for position in wanted]
         table = self._piece(start * self._width, count * self._width).reshape(count, self._width)
-        return [np.ascontiguousarray(table[:, place]) for place in wanted]
+        return [np.ascontiguousarray(table[:, position]) for position in wanted]
 
     def _piece(self, first: int, count: int) -> NDArray:
         return np.fromfile(self.path, self._dtype, count, offset=self._at + first * self._dtype.itemsize)

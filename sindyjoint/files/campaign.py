@@ -35,7 +35,7 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
         ``campaign.toml``, or a folder that holds one.
     longest : int, optional
         Of a run with more samples only the first segment is loaded, where its format can be read in segments; its
-        ``whole`` says where the rest is. Default: everything is loaded.
+        ``whole`` says where the remaining samples are. Default: everything is loaded.
 
     Returns
     -------
@@ -53,12 +53,12 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
         When a file's format needs a library that is not installed.
     """
     file, manifest = read_manifest(Path(path))
-    joint = _joint(manifest.joint, str(file))
-    door = _Door(file, manifest, joint.motion, longest)
-    runs = tuple(door.run(index, table) for index, table in enumerate(manifest.run))
-    notes = tuple(dict.fromkeys([*manifest.notes, *door.notes]))
+    joint = _make_joint(manifest.joint, str(file))
+    loader = _RunLoader(file, manifest, joint.motion, longest)
+    runs = tuple(loader.run(index, table) for index, table in enumerate(manifest.run))
+    notes = tuple(dict.fromkeys([*manifest.notes, *loader.notes]))
     try:
-        return Campaign(joint, runs, simulated=manifest.simulated, skew=door.declared_skew(), notes=notes)
+        return Campaign(joint, runs, simulated=manifest.simulated, skew=loader.declared_skew(), notes=notes)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
 
@@ -80,19 +80,19 @@ def load_segment(record: LongRecord, number: int, margin: int = 0) -> Run:
         For rows that cannot be used.
     """
     file, manifest = read_manifest(Path(record.manifest))
-    door = _Door(file, manifest, manifest.joint.motion)
+    loader = _RunLoader(file, manifest, manifest.joint.motion)
     start = max(record.edges[0], record.edges[number] - margin)
     stop = min(record.edges[-1], record.edges[number + 1] + margin)
-    return door.run(record.index, manifest.run[record.index], (start, stop))
+    return loader.run(record.index, manifest.run[record.index], (start, stop))
 
 
 @lru_cache(maxsize=4)
-def _opened(path: str, changed: int) -> Blocks | None:
-    """Return an open file; the places of lines in a text are then looked for once per process."""
+def _open_file(path: str, changed: int) -> Blocks | None:
+    """Return an open file; the line offsets of a text are then indexed once per process."""
     return open_blocks(path)
 
 
-def _joint(table: JointTable, file: str) -> Joint:
+def _make_joint(table: JointTable, file: str) -> Joint:
     """Return the joint in SI units."""
     where = f"{file}: [joint]"
     _, unit = KEYS[table.motion]["inertia"]
@@ -122,7 +122,7 @@ def _joint(table: JointTable, file: str) -> Joint:
 
 
 @dataclass
-class _Door:
+class _RunLoader:
     """What all runs of one manifest share while they are read."""
 
     file: Path
@@ -132,7 +132,7 @@ class _Door:
     notes: list[str] = field(default_factory=list)
 
     def declared_skew(self) -> float | None:
-        """Return the campaign's skew, s, whether removed now or before."""
+        """Return the time delay between the channels, s, whether removed now or before."""
         channels = self.manifest.channels
         text = channels.skew if channels.skew is not None else channels.skew_removed
         return None if text is None else parse_quantity(text, "s", f"{self.file}: [channels] skew")
@@ -147,7 +147,7 @@ class _Door:
         if isinstance(frequency, str):
             frequency = parse_quantity(frequency, "Hz", f"{entry} frequency")
         first = rows is None
-        whole = self._long(path, index, channels, frequency) if first else None
+        whole = self._cut_long_run(path, index, channels, frequency) if first else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
         opened, sha256 = read_table(path) if rows is None else self._read_rows(path, *rows)
@@ -168,30 +168,32 @@ class _Door:
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error
-        # Of a long run the first segment has been looked at; the joint may rest in a later one.
+        # Of a long run the first segment has been checked; the joint may stand still in a later one.
         if first and run.frequency is not None:
             moment = None if np.ptp(run.moment) == 0 else run.moment
-            check_frequency(run.angle, moment, rate, run.frequency, str(path))
+            check_frequency(run.angle, moment, rate, run.frequency, str(path), self.motion)
         return run
 
     def _read_rows(self, path: Path, start: int, stop: int) -> tuple[Table, str]:
         """Return some rows of a file; its hash where they are the first ones."""
-        blocks = _opened(str(path), path.stat().st_mtime_ns)
+        blocks = _open_file(str(path), path.stat().st_mtime_ns)
         assert blocks is not None
         return blocks.table(start, stop), "" if start else sha256_of(path)
 
-    def _long(self, path: Path, index: int, channels: Channels, frequency: float | None) -> LongRecord | None:
+    def _cut_long_run(
+        self, path: Path, index: int, channels: Channels, frequency: float | None
+    ) -> LongRecord | None:
         """Return how a file is cut that is too long to be read at once; None for one that is not."""
         # A row is eight letters at least: most files need not be opened to know.
         if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
             return None
-        blocks = _opened(str(path), path.stat().st_mtime_ns)
+        blocks = _open_file(str(path), path.stat().st_mtime_ns)
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file)
         # Without the filters that cost samples at the ends: only the sampling rate is needed.
         rate = replace(head, channels=channels.model_copy(update={"skew": None})).read()[1]
-        wanted = WITHOUT_FREQUENCY if frequency is None else max(SEGMENT, PERIODS * rate / frequency)
-        count = max(4 if frequency is None else FEWEST, int(blocks.rows // wanted))
+        length = WITHOUT_FREQUENCY if frequency is None else max(SEGMENT, PERIODS * rate / frequency)
+        count = max(4 if frequency is None else FEWEST, int(blocks.rows // length))
         edges = tuple(int(edge) for edge in np.linspace(0, blocks.rows, count + 1))
         return LongRecord(str(self.file), index, edges)

@@ -58,7 +58,7 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
         given = "neither" if channels.time is None else "both"
         raise InputError(f"{where}: expected time (a column) or rate (such as '1 kHz'), not {given}")
     if channels.skew is not None and channels.skew_removed is not None:
-        raise InputError(f"{where} skew: skew_removed says that it is gone already; give one of the two")
+        raise InputError(f"{where} skew: skew_removed states that it is removed already; give one of the two")
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
         key = KEYS[motion][quantity][0]
         channel: Channel | None = getattr(channels, key)
@@ -117,7 +117,7 @@ class RunReader:
             self._add_gauges(self.rig, columns, signals)
         signals, rate = self._timed(signals, columns)
         self._refuse_dead(signals)
-        signals = self._without_skew(signals, rate)
+        signals = self._remove_delay(signals, rate)
         n = signals["angle"].size
         return signals | {name: np.full(n, value) for name, value in constants.items()}, rate
 
@@ -213,7 +213,7 @@ class RunReader:
                     )
                 )
 
-    def _without_skew(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
+    def _remove_delay(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
         """Move the moment ahead by the declared lag; every channel loses the edges that the filter needs."""
         if self.channels.skew is None or "moment" not in signals:
             return signals

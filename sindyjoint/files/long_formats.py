@@ -52,8 +52,8 @@ class Hdf5(Blocks):
                     columns[name] = _row(dataset, along)
                 else:
                     along = int(matlab)
-                    for place in range(dataset.shape[1 - along]):
-                        columns[name + subscript.format(place + matlab)] = _row(dataset, along, place)
+                    for position in range(dataset.shape[1 - along]):
+                        columns[name + subscript.format(position + matlab)] = _row(dataset, along, position)
                 sizes.append(dataset.shape[along])
         self._columns = list(columns.values())
         self.names = tuple(columns)
@@ -62,20 +62,20 @@ class Hdf5(Blocks):
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return rows of some columns."""
-        return [self._columns[place](start, stop) for place in wanted]
+        return [self._columns[position](start, stop) for position in wanted]
 
 
 def _field(dataset: Any, field: str) -> Callable[[int, int], NDArray]:
     return lambda start, stop: dataset.fields(field)[start:stop]
 
 
-def _row(dataset: Any, along: int, place: int = 0) -> Callable[[int, int], NDArray]:
+def _row(dataset: Any, along: int, position: int = 0) -> Callable[[int, int], NDArray]:
     """Return what cuts a column out of a data set whose rows lie along one of its axes."""
     if dataset.ndim == 1:
         return lambda start, stop: dataset[start:stop]
     if along == 0:
-        return lambda start, stop: dataset[start:stop, place]
-    return lambda start, stop: dataset[place, start:stop]
+        return lambda start, stop: dataset[start:stop, position]
+    return lambda start, stop: dataset[position, start:stop]
 
 
 def matlab(path: Path) -> Blocks | None:
@@ -94,7 +94,7 @@ def _begins(path: Path) -> bytes:
 
 
 class Feather(Blocks):
-    """Feather: the record batches of an Arrow file, of which only the wanted columns are decoded."""
+    """Feather: the record batches of an Arrow file, of which only the requested columns are decoded."""
 
     def __init__(self, path: Path):
         try:
@@ -129,7 +129,7 @@ class Feather(Blocks):
             with foreign(self.path, "a table of numbers"):
                 batch = self._reader(fields).get_batch(number)
                 columns = [
-                    batch.column(fields.index(place)).to_numpy(zero_copy_only=False) for place in wanted
+                    batch.column(fields.index(position)).to_numpy(zero_copy_only=False) for position in wanted
                 ]
             self._last = number, wanted, columns
         return self._last[2]
@@ -165,17 +165,19 @@ class Tdms(Blocks):
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return rows of some columns; ``time`` is made from the sampling interval."""
-        steps = {self._steps[place] for place in wanted if place < len(self._channels)} or set(self._steps)
-        if any(place >= len(self._channels) for place in wanted) and (len(steps) != 1 or 0.0 in steps):
+        steps = {self._steps[position] for position in wanted if position < len(self._channels)} or set(
+            self._steps
+        )
+        if any(position >= len(self._channels) for position in wanted) and (len(steps) != 1 or 0.0 in steps):
             raise InputError(
                 f"{self.path}: its channels have no common sampling interval; declare [channels] rate"
             )
         with foreign(self.path, "TDMS"):
             return [
-                np.asarray(self._channels[place].read_data(start, stop - start))
-                if place < len(self._channels)
+                np.asarray(self._channels[position].read_data(start, stop - start))
+                if position < len(self._channels)
                 else np.arange(start, min(stop, self.rows)) * next(iter(steps))
-                for place in wanted
+                for position in wanted
             ]
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import line_spectrum
+from sindyjoint.record import Motion
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,14 @@ ANGLE_SHARE = 0.25
 MOMENT_SHARE = 0.5
 
 
-def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: float, where: str) -> None:
+def check_frequency(
+    angle: Array,
+    moment: Array | None,
+    rate: float,
+    frequency: float,
+    where: str,
+    motion: Motion = "rotation",
+) -> None:
     """Refuse a declared frequency that the data do not hold.
 
     The frequency is there when its line stands out of its surroundings and is no mere harmonic: at least a
@@ -37,6 +45,8 @@ def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: 
         Declared, Hz.
     where : str
         File, for the message.
+    motion : {"rotation", "translation"}
+        Names the channel in the message.
 
     Raises
     ------
@@ -45,25 +55,26 @@ def check_frequency(angle: Array, moment: Array | None, rate: float, frequency: 
     """
     if angle.size * frequency / rate < FEWEST_PERIODS:
         return
-    share, contrast, largest = _line(angle, rate, frequency)
+    share, contrast, largest = _measure_line(angle, rate, frequency)
     if share >= ANGLE_SHARE and contrast >= CONTRAST:
         return
     if moment is not None:
-        share, contrast, _ = _line(moment, rate, frequency)
+        share, contrast, _ = _measure_line(moment, rate, frequency)
         if share >= MOMENT_SHARE and contrast >= CONTRAST:
             return
+    channel = "angle" if motion == "rotation" else "displacement"
     raise InputError(
         f"{where}: the declared frequency {frequency:g} Hz is absent from the data; the largest line of the "
-        f"angle is at {largest:.3g} Hz; correct frequency, or leave it out for an aperiodic run"
+        f"{channel} is at {largest:.3g} Hz; correct frequency, or leave it out for an aperiodic run"
     )
 
 
-def _line(signal: Array, rate: float, frequency: float) -> tuple[float, float, float]:
+def _measure_line(signal: Array, rate: float, frequency: float) -> tuple[float, float, float]:
     """Return the line's share of the largest line, its contrast, and the largest line's frequency, Hz."""
     n = signal.size
-    place = np.linspace(-1, 1, n)
+    abscissa = np.linspace(-1, 1, n)
     # Slow drift is no line.
-    steady = signal - np.polyval(np.polyfit(place, signal, 3), place)
+    steady = signal - np.polyval(np.polyfit(abscissa, signal, 3), abscissa)
     amplitude = line_spectrum(steady)
     frequencies = np.fft.rfftfreq(n, 1 / rate)
     lines = np.where(frequencies >= 2 * rate / n, amplitude, 0.0)

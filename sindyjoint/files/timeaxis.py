@@ -40,9 +40,9 @@ def check_order(time: Array, where: str, row: Callable[[int], str]) -> None:
         raise InputError(f"{where}: {time.size} time stamp(s); expected a record")
     steps = np.diff(time)
     for bad, what in ((steps < 0, "time runs backwards"), (steps == 0, "duplicate time stamp")):
-        places = np.flatnonzero(bad)
-        if places.size:
-            at = int(places[0]) + 1
+        faults = np.flatnonzero(bad)
+        if faults.size:
+            at = int(faults[0]) + 1
             raise InputError(
                 f"{where}: {what} in {row(at)} ({time[at]:.9g} s after {time[at - 1]:.9g} s); "
                 "repair the stamps, or declare [channels] rate instead of time"

@@ -69,7 +69,7 @@ def registry() -> pint.UnitRegistry:
 
 
 @lru_cache(maxsize=256)
-def _parsed(unit: str) -> pint.Unit | None:
+def _try_parse(unit: str) -> pint.Unit | None:
     """Return pint's unit for a spelling, or None where pint knows none."""
     # pint evaluates numbers while it parses, so a tower of powers would run for ever: only small ones pass.
     bare = re.sub(_EXPONENT, " ", unit)
@@ -115,10 +115,10 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
     usual = {expected: 1.0, **USUAL.get(expected, {})}
     if gain is None and unit in usual:
         return usual[unit]
-    number, total = 1.0, _known(unit, where)
+    number, total = 1.0, _parse_unit(unit, where)
     if gain is not None:
         number, gain_unit = split_quantity(gain, f"{where} gain", expected)
-        total = total * _known(gain_unit, f"{where} gain")
+        total = total * _parse_unit(gain_unit, f"{where} gain")
     factor, powers = _root(total)
     expected_factor, expected_powers = _root(registry().parse_units(expected))
     # A slope such as mm/m is an angle as it stands.
@@ -167,9 +167,9 @@ def split_quantity(text: str, where: str, expected: str) -> tuple[float, str]:
     return float(match[1]), match[2]
 
 
-def _known(unit: str, where: str) -> pint.Unit:
+def _parse_unit(unit: str, where: str) -> pint.Unit:
     """Return pint's unit, or refuse the spelling."""
-    parsed = _parsed(unit)
+    parsed = _try_parse(unit)
     if parsed is None:
         raise UnitError(f"{where}: unit {unit!r} is unknown; write it as 'N*m', 'mrad', 'kg*m^2', 'um/m' ...")
     return parsed

@@ -78,8 +78,8 @@ def write_campaign(
         raise InputError(f"raw channels of {len(raw)} run(s) were given; expected a rig and one set per run")
     files = _file_names([run.name for run in campaign.runs], format)
     with output_folder(folder) as stage:
-        for place, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
-            columns = _columns(run, campaign.joint, rig) | dict(raw[place] if raw is not None else {})
+        for number, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
+            columns = _columns(run, campaign.joint, rig) | dict(raw[number] if raw is not None else {})
             (stage / file).write_bytes(encode(columns))
         (stage / MANIFEST_NAME).write_text(
             manifest_text(campaign, files, rig), encoding="utf-8", newline="\n"
@@ -94,8 +94,8 @@ def _columns(run: Run, joint: Joint, rig: SensorRig | None) -> dict[str, NDArray
     if rig is None:
         columns |= {moment: run.moment, angle: run.angle}
     else:
-        columns |= {f"e{place}": strain for place, strain in enumerate(rig.strains(run.moment), start=1)}
-        columns |= {f"d{place}": spot for place, spot in enumerate(rig.displacements(run.angle), start=1)}
+        columns |= {f"e{number}": strain for number, strain in enumerate(rig.strains(run.moment), start=1)}
+        columns |= {f"d{number}": spot for number, spot in enumerate(rig.displacements(run.angle), start=1)}
     if run.rate is not None:
         columns[rate] = run.rate
     return columns
@@ -137,28 +137,30 @@ def manifest_text(campaign: Campaign, files: list[str], rig: SensorRig | None = 
         pairs = (f"{_string(key)} = {_string(value)}" for key, value in joint.labels.items())
         lines.append("labels = { " + ", ".join(pairs) + " }")
 
-    own = [_own_channels(run, units, rig) for run in campaign.runs]
-    # What all runs share stands once in [channels]; the rest stands with each run.
-    shared = {key: value for key, value in own[0].items() if all(run.get(key) == value for run in own)}
+    declared = [_channels_of(run, units, rig) for run in campaign.runs]
+    # What all runs share stands once in [channels]; all else stands with each run.
+    shared = {
+        key: value for key, value in declared[0].items() if all(run.get(key) == value for run in declared)
+    }
     lines += ["", "[channels]", *(f"{key} = {value}" for key, value in shared.items())]
     if campaign.skew is not None:
         lines.append(f"skew_removed = {_quantity(campaign.skew, 's')}")
     if rig is not None:
         lines += ["", "[rig]", *_rig_lines(rig)]
-    for run, file, channels in zip(campaign.runs, files, own, strict=True):
+    for run, file, channels in zip(campaign.runs, files, declared, strict=True):
         lines += ["", "[[run]]", f"file = {_string(file)}", f"name = {_string(run.name)}"]
         if run.frequency is not None:
             lines.append(f"frequency = {float(run.frequency)!r}")
         if run.level is not None:
             lines.append(f"level = {_string(run.level)}")
         lines.append(f"use = {_string(run.use)}")
-        rest = [f"{key} = {value}" for key, value in channels.items() if key not in shared]
-        if rest:
-            lines += ["[run.channels]", *rest]
+        particular = [f"{key} = {value}" for key, value in channels.items() if key not in shared]
+        if particular:
+            lines += ["[run.channels]", *particular]
     return "\n".join(lines).lstrip("\n") + "\n"
 
 
-def _own_channels(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> dict[str, str]:
+def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> dict[str, str]:
     """Return the ``[channels]`` entries of one run as TOML text."""
     moment, angle, rate, _ = units
     channels = {"rate": _quantity(run.sample_rate, "Hz")}
@@ -196,7 +198,7 @@ def _quantity(value: float, unit: str) -> str:
 
 
 def _string(text: str) -> str:
-    """Return a TOML basic string: JSON's escapes are TOML's but for DEL; a lone surrogate is no text."""
+    """Return a TOML basic string: JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text."""
     clean = str(text).encode("utf-8", errors="replace").decode("utf-8")
     return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
 

@@ -98,13 +98,13 @@ def batch(
         Where to run; see :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
     write : callable, optional
         ``write(discovery, folder)`` puts further files into a campaign's folder; its attribute ``extras``, a sequence
-        of str, names what it writes. Those of an earlier call that still hold are kept, wanted or not.
+        of str, names what it writes. Those of an earlier call that still hold are kept, requested or not.
     progress : callable, optional
         Called with one line as each campaign ends.
     on_record : callable, optional
         Called with each :class:`~sindyjoint.batch.record.CampaignRecord` as it ends.
     **options
-        Of :func:`~sindyjoint.workflows.discover.discover`. The seed is each campaign's own.
+        Of :func:`~sindyjoint.workflows.discover.discover`. Each campaign has its seed.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def find_tasks(
             "campaigns, or a pattern such as 'tests/*'"
         )
     ordered = sorted(found.items(), key=lambda item: item[1])
-    ids = _ids([label for _, label in ordered])
+    ids = _make_ids([label for _, label in ordered])
     home = out / CAMPAIGNS
     return [
         Task(id, label, path, home / id, library, dict(options), write)
@@ -196,10 +196,10 @@ def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
     return labels
 
 
-def _ids(labels: Sequence[str]) -> list[str]:
+def _make_ids(labels: Sequence[str]) -> list[str]:
     """Return a harmless name of a folder for every manifest, no two alike even where case does not count.
 
-    A name that is cut, or that another campaign would have as well, ends in a hash of the manifest's own.
+    A name that is cut, or that another campaign would have as well, ends in a hash of the manifest.
     """
     names = []
     for label in labels:
@@ -230,10 +230,10 @@ def _check_options(library: Any, options: Mapping[str, Any]) -> None:
     from sindyjoint.equation.catalogue import as_catalogue
 
     catalogue = as_catalogue(library)
-    own = {name: options[name] for name in options if name in JointRegressor().get_params()}
-    JointRegressor(catalogue, **own).check_parameters()
+    given = {name: options[name] for name in options if name in JointRegressor().get_params()}
+    JointRegressor(catalogue, **given).check_parameters()
     for option in ("forced", "forbidden"):
-        for term in own.get(option, ()):
+        for term in given.get(option, ()):
             if term not in catalogue and term != "inertia":
                 _ = catalogue[term]
     if not isinstance(options.get("random_state", 0), int | type(None)):
@@ -324,7 +324,7 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
 
 
 def _recorded_broken(task: Task, record: CampaignRecord) -> CampaignRecord:
-    """Write that an attempt failed, and why, beside the files of an earlier result, of which none is touched."""
+    """Write that an attempt failed, and why, next to the files of an earlier result, of which none is touched."""
     last = last_result(task.folder)
     if last is not None:
         reason = (

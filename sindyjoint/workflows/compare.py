@@ -24,7 +24,7 @@ from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, Size
 from sindyjoint.workflows.discover import Discovery, discover
 from sindyjoint.workflows.independence import frequency_tests
 
-# Each name may join several catalogues: without the paper's terms beside them, special ones stand in for those.
+# Each name may join several catalogues: without the terms of the paper, special ones stand in for those.
 LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")
 # Over the angles of such joints sin θ is θ: no test tells gravity from stiffness.
 NEVER_VISIBLE = ("gravity_moment",)
@@ -119,12 +119,14 @@ def _compared(
     by_method = tuple(
         clock.run("methods", side_by_side, _method, names, [evidence, random_state, rule], threads=False)
     )
-    by_frequency = clock.run("frequencies alone", _frequencies, found, evidence, names[0], random_state, rule)
+    by_frequency = clock.run(
+        "single frequencies", _frequencies, found, evidence, names[0], random_state, rule
+    )
     by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
     left_out = clock.run(
-        "leaving frequencies and levels out", _left_out, found, evidence, names[0], random_state, rule
+        "holding out frequencies and levels", _hold_out_groups, found, evidence, names[0], random_state, rule
     )
-    by_method = clock.run("simulating left-out runs", _with_responses, found, evidence, by_method)
+    by_method = clock.run("simulating held-out runs", _add_responses, found, evidence, by_method)
     included = clock.run(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state, **rule
     )
@@ -217,13 +219,13 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
 def _frequencies(
     found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> tuple[Choice, ...]:
-    """Put the question to the runs of each group alone; the parts of a single run are no frequencies."""
+    """Select terms from the runs of each single group; the parts of a single run are no frequencies."""
     if len(found.states) < 2:
         return ()
     choices = []
     for group in evidence.groups:
-        alone = find(evidence.only([group]), method, random_state, **rule)
-        choices.append(Choice(group, _terms(alone), alone.selection.reason, len(alone.candidates)))
+        single = find(evidence.only([group]), method, random_state, **rule)
+        choices.append(Choice(group, _terms(single), single.selection.reason, len(single.candidates)))
     return tuple(choices)
 
 
@@ -256,7 +258,7 @@ def _libraries(
     return tuple(result)
 
 
-def _left_out(
+def _hold_out_groups(
     found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> dict[str, CrossValidation]:
     """Leave out frequencies, and levels where there are several of them; of a single run its parts, one by one."""
@@ -270,8 +272,8 @@ def _left_out(
     return result
 
 
-def _with_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
-    """Add the error of the simulated response of left-out frequencies, each distinct set of terms once."""
+def _add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
+    """Add the error of the simulated response of held-out frequencies, each distinct set of terms once."""
     from dataclasses import replace
 
     known: dict[tuple[str, ...], tuple[float, str]] = {(): (float("nan"), "no model")}
@@ -289,9 +291,9 @@ def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) 
     from sindyjoint.response.model_law import model_law
     from sindyjoint.response.run import simulate_run
 
-    # The groups of a single run are parts of it, and a part has no steady response of its own to be held against.
+    # The groups of a single run are parts of it, and a part has no steady response to compare with.
     if len(found.states) < 2:
-        return float("nan"), "one run only: no other one can be left out"
+        return float("nan"), "one run only: no other one can be held out"
     columns = [evidence.ids.index(name) for name in ids]
     runs = {run.name: run for run in found.campaign.identification_runs}
     states = {state.run: state for state in found.states}
@@ -312,7 +314,7 @@ def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) 
 
 
 def _fitted_model(found: Discovery, ids: tuple[str, ...], fit: Fit) -> JointModel:
-    """Return the model of some of the candidates with the coefficients of a fit, given ones beside them."""
+    """Return the model of some of the candidates with the coefficients of a fit and given ones."""
     from dataclasses import replace
 
     resolved = {term.id: term for term in found.regressor.terms_}

@@ -40,7 +40,7 @@ class SizeScore:
     size : int
     terms : tuple of str
     residual, held_out : float
-        RMS residual, and RMS error of left-out frequencies, relative to the RMS moment; NaN where nothing is left out.
+        RMS residual, and RMS error of held-out frequencies, relative to the RMS moment; NaN where nothing is held out.
     """
 
     size: int
@@ -63,9 +63,9 @@ class Choice:
     seconds : float
         Time that making the path took; NaN where not measured.
     held_out : float
-        RMS error of the moment of left-out frequencies, terms chosen anew each time, relative to its RMS.
+        RMS error of the moment of held-out frequencies, terms chosen anew each time, relative to its RMS.
     response : float
-        RMS error of the simulated angle of left-out frequencies relative to its RMS; NaN where not simulated.
+        RMS error of the simulated angle of held-out frequencies relative to its RMS; NaN where not simulated.
     not_simulated : str
         Why there is none.
     path : tuple of SizeScore
@@ -131,7 +131,7 @@ class Comparison:
     tests : tuple of FrequencyTest
         Of the model's coefficients.
     bias : dict of float
-        Id to the bias of the coefficient as measured on a twin of the campaign; already taken out of ``model``.
+        Id to the bias of the coefficient as measured on synthetic replicates; already removed from ``model``.
     model : Choice
         Terms of the main method with bias-corrected coefficients and intervals.
     undetermined : tuple of str
@@ -174,7 +174,7 @@ class Comparison:
         parts = []
         for name, choices in (
             ("methods", self.methods),
-            ("frequencies alone", self.frequencies),
+            ("single frequencies", self.frequencies),
             ("libraries that offer them", tuple(c for c in self.libraries if c.offers_paper_terms)),
         ):
             if choices:
@@ -185,19 +185,19 @@ class Comparison:
         """Return everything as plain JSON data; numbers that do not exist are null."""
         from dataclasses import fields
 
-        data = {f.name: _plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
+        data = {f.name: _to_plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
         return {"schema": SCHEMA, "kind": "Comparison", "agreement": self.agreement, **data}
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     from dataclasses import fields, is_dataclass
 
     if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        return {f.name: _to_plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _to_plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
+        return [_to_plain(item) for item in value]
     if isinstance(value, float):
         return float(value) if value == value and abs(value) != float("inf") else None
     return value

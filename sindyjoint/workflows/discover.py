@@ -36,7 +36,7 @@ class Discovery:
     Parameters
     ----------
     model : JointModel
-        Bias of the processing taken out, where it could be measured; the regressor's own model still holds it.
+        Bias of the processing taken out, where it could be measured; the model of the regressor still contains it.
     verdict : Verdict
     found : bool
         Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
@@ -149,13 +149,13 @@ def discover(
     align : bool
         Remove the time delay that is found between the channels.
     correct : bool
-        Simulate the model under the campaign's own drive and take out of the coefficients what noise and processing
+        Simulate the model under the drive of the campaign and take out of the coefficients what noise and processing
         do to them.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
-        Where the segments of runs that are too long for memory are worked on; see
+        Where the segments of runs that are too long for memory are processed; see
         :func:`~sindyjoint.parallel.executor`.
     **options
         Parameters of :class:`~sindyjoint.JointRegressor`: method, threshold, selection, forced, forbidden, ...
@@ -205,7 +205,7 @@ def discover(
     if correct and verdict.verdict == "refuted":
         verdict = softened(verdict, regressor, model, campaign, force_states)
     say("measuring the bias of the processing")
-    fixed = _corrected(regressor, measured, model, campaign, force_states) if correct else None
+    fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     warnings = [*list_warnings(campaign, force_states, model, delay, align, regressor.indistinct_)]
     warnings += filter(None, notes)
@@ -227,7 +227,7 @@ def discover(
     )
 
 
-def _corrected(
+def _correct_model(
     regressor: JointRegressor,
     measured: JointRegressor,
     model: JointModel,
@@ -237,7 +237,7 @@ def _corrected(
     """Take out of a model's coefficients what the processing does to them.
 
     ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that
-    stays in doubt as of any correction.
+    stays uncertain, as of any correction.
     """
     from sindyjoint.bias.correction import corrected_model
     from sindyjoint.discovery.evidence import fit_columns

@@ -131,7 +131,7 @@ def idle(f):
 
 def dependent_terms(f):
     return catalogue(
-        f, TERM + TERM.replace('"mine"', '"twin"').replace('"q"', '"p"').replace("theta**5", "2*theta**5")
+        f, TERM + TERM.replace('"mine"', '"double"').replace('"q"', '"p"').replace("theta**5", "2*theta**5")
     )
 
 
@@ -226,7 +226,7 @@ CASES = {
     absent_frequency: ("run.csv", "frequency 7 Hz is absent from the data"),
     lengths: ("run.npz", "moment has 799 samples", "expected equal lengths"),
     idle: ("run.csv", "moving samples: the velocity hardly rises above its noise"),
-    dependent_terms: ("twin", "more terms than independent columns"),
+    dependent_terms: ("double", "more terms than independent columns"),
     unknown_term: ("coulom_friction", "coulomb_friction"),
     unknown_library: ("library 'extendet' is unknown; did you mean 'extended'?",),
     syntax: ("own.toml", "term 'mine'", "formula 'theta**'"),
@@ -238,7 +238,7 @@ CASES = {
     unknown_key: ("campaign.toml", "[[run]] 1", "unknown key 'freqency'; did you mean 'frequency'?"),
     negative_inertia: ("campaign.toml", "[joint] inertia", "is negative"),
     beta_zero: ("campaign.toml", "[rig] strain_position_factor is 0.0"),
-    bandwidth: ("bandwidth is -3.0 Hz; expected a positive number",),
+    bandwidth: ("bandwidth is -3.0 Hz", "a positive number"),
     threshold: ("threshold is 7.0", "from 0 to below 1"),
     method: ("--method", "'magic'", "stlsq"),
     option: ("No such option: --libary", "--library"),

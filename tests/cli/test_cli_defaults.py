@@ -49,7 +49,7 @@ REACHED = {
         "dpi": ("reporting.style:figure_bytes", "dpi"),
     },
 }
-# Not given to a function where they are not given to the command: it then takes its own default.
+# Not given to a function where they are not given to the command: it then takes its default.
 PASSED_ON = {"library", "base", "hold_out", "max_effects", "method", "force", "forbid", "rig", "nuisance"}
 # What the command itself does.
 OF_THE_COMMAND = {
@@ -64,7 +64,7 @@ OF_THE_COMMAND = {
     "kind",
     "help",
 }
-# Of the virtual test's own noise, which only a command makes.
+# Of the noise of the virtual test, which only a command makes.
 OWN = {("simulate", "random_state"): 0}
 
 

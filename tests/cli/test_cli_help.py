@@ -1,4 +1,4 @@
-"""Every command explains itself, with an example that begins with its own name."""
+"""Every command explains itself, with an example that begins with its name."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""--verbose tells steps, times and the numbers behind a result on stderr; --quiet nothing; stdout never changes."""
+"""--verbose prints steps, times and the numbers behind a result on stderr; --quiet nothing; stdout never changes."""
 
 import re
 import sys
@@ -40,7 +40,7 @@ def test_verbose_changes_stderr_only(sindyjoint, folder):
     times = [float(found[1]) for found in stages if found]
     assert times == sorted(times) and [found[2] for found in stages if found][0] == "starting"
     assert "selecting terms" in loud.stderr
-    # The numbers behind it: the noise of each run, the models near the chosen one, what each term carries alone.
+    # The numbers behind it: the noise of each run, the models near the chosen one, the unique share of each term.
     assert re.search(
         r"3Hz-0.9 +\d+ +1000 Hz +periodic +\S+ Hz +[\d.]+ % +[\d.e-]+ rad +[\d.e-]+ N·m", loud.stderr
     )

@@ -14,7 +14,7 @@ def test_each_frequency_is_predicted_by_the_others(evidence):
     assert [fold.left_out for fold in result.folds] == [("3 Hz",), ("4 Hz",), ("5 Hz",), ("6 Hz",)]
     assert result.unanimous and result.folds[0].kept == evidence.ids[:5]
     assert all("coulomb_friction" in f.kept and "quintic_stiffness" not in f.kept for f in result.folds)
-    # 1 % noise on the moment, and that of the angle beside it
+    # 1 % noise on the moment, together with that of the angle
     assert 0.009 < result.moment_error < 0.013
 
 

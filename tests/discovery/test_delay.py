@@ -17,7 +17,7 @@ def test_skew_is_found(drive, skew):
     states = campaign_states(virtual_campaign(drive=drive, skew=skew, **PLAN))
     law = load_catalogue("paper").resolve(reference_of(states))
     found = estimate_delay(states, law, 0.02)
-    # stated: 0.02 ms is the method's own error at 1 % noise, and the standard error beside it
+    # stated: 0.02 ms is the error of the method at 1 % noise, added to the standard error
     assert abs(found.time - skew) < 2e-5 + 4 * found.standard_error
     assert found.significant == (abs(skew) > 2e-5)
 

@@ -49,12 +49,12 @@ def test_scikit_learn_checks(estimator, check):
 
 def test_same_result_as_discover(found, rows):
     """Rows have no drive that could be simulated: the estimator's coefficients are those before the correction."""
-    alone = JointRegressor().fit(**rows)
+    regressor = JointRegressor().fit(**rows)
     plain = discover(found.campaign, correct=False)
-    assert alone.selected_ == found.model.ids == IDS
-    np.testing.assert_array_equal(alone.coef_[:5], plain.model.coefficients)
-    np.testing.assert_array_equal(alone.model_.standard_errors, plain.model.standard_errors)
-    np.testing.assert_allclose(found.model.coefficients, alone.coef_[:5] - found.bias.pooled, rtol=1e-12)
+    assert regressor.selected_ == found.model.ids == IDS
+    np.testing.assert_array_equal(regressor.coef_[:5], plain.model.coefficients)
+    np.testing.assert_array_equal(regressor.model_.standard_errors, plain.model.standard_errors)
+    np.testing.assert_allclose(found.model.coefficients, regressor.coef_[:5] - found.bias.pooled, rtol=1e-12)
 
 
 def test_coefficients_are_the_true_ones_within_four_standard_errors(found):
@@ -240,9 +240,9 @@ def test_bad_data_are_refused(rows):
 def test_a_motion_shared_by_all_blocks_asks_more_of_each_term(rows):
     """Where the scatter of blocks lacks the angle's noise, a term must also carry 0.15 of the residual."""
     shared = {**rows, "X_replicate": rows["X"], "y_replicate": rows["y"]}
-    own, one = JointRegressor().fit(**rows), JointRegressor().fit(**shared)
+    separate, one = JointRegressor().fit(**rows), JointRegressor().fit(**shared)
     residual = one.selection_result_.path[0].fit.residual_rms / one.model_.fitted.moment_rms
-    assert own.least_share_ == own.least_share == 0.002
+    assert separate.least_share_ == separate.least_share == 0.002
     assert one.least_share_ == pytest.approx(max(0.002, 0.15 * residual))
     noisy = rows["y"] + np.random.default_rng(0).normal(size=len(rows["y"])) * 0.1 * np.std(rows["y"])
     loud = JointRegressor().fit(**{**shared, "y": noisy, "y_replicate": noisy})

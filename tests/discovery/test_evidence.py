@@ -51,7 +51,7 @@ def test_standard_errors_are_the_scatter_of_repeated_campaigns():
 
 
 def test_errors_correlated_within_blocks_widen_the_standard_error():
-    """Row by row the noise looks small; a whole block is off together, and only blocks tell."""
+    """Row by row the noise looks small; a whole block is off together, and only blocks show it."""
     coefficients, stated = [], []
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -87,11 +87,11 @@ def test_group_jackknife_needs_three_groups():
 def test_fixed_terms_leave_the_rest_as_if_subtracted():
     evidence, rows = simple_evidence(3)
     columns, target = np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows])
-    rest = evidence.fixing({"b": -1.0})
-    assert rest.ids == ("a", "c")
+    remaining = evidence.fixing({"b": -1.0})
+    assert remaining.ids == ("a", "c")
     expected = np.linalg.lstsq(columns[:, [0, 2]], target + columns[:, 1], rcond=None)[0]
-    np.testing.assert_allclose(fit_columns(rest, [0, 1]).coefficients, expected, rtol=1e-9)
-    assert all(len(run.blocks) == 8 for run in rest.runs)
+    np.testing.assert_allclose(fit_columns(remaining, [0, 1]).coefficients, expected, rtol=1e-9)
+    assert all(len(run.blocks) == 8 for run in remaining.runs)
 
 
 def test_blocks_that_are_whole_runs_are_refused():

@@ -77,10 +77,10 @@ def test_subset_error_and_score_are_those_of_the_rows(make_factor):
 
 def test_fixing_takes_a_known_part_out_of_the_target(make_factor):
     factor, columns, target = make_factor(6)
-    rest = factor.fixing([1, 4], [2.0, -1.0])
+    remaining = factor.fixing([1, 4], [2.0, -1.0])
     others = [0, 2, 3, 5, 6, 7, 8]
     direct = Factor.of(columns[:, others], target - 2.0 * columns[:, 1] + columns[:, 4])
-    np.testing.assert_allclose(gram(rest), gram(direct), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(gram(remaining), gram(direct), rtol=1e-12, atol=1e-9)
 
 
 def test_fewer_rows_than_columns_still_merge(make_factor):

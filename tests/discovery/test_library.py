@@ -73,7 +73,7 @@ def test_a_threshold_means_the_same_for_any_number_of_samples():
 def test_a_coefficient_is_the_rms_moment_of_its_term():
     model = pysindy.SINDy(pysindy.STLSQ(threshold=0.01), feature_library=TermLibrary("paper"))
     model.fit(STATES, TIMES, x_dot=MOMENTS)
-    # Dry friction of 1.867 N·m has that RMS, give or take the samples at rest.
+    # Dry friction of 1.867 N·m has that RMS, give or take the samples at standstill.
     assert model.coefficients()[0, 4] == pytest.approx(1.867, rel=1e-3)
     rms = np.sqrt(np.mean((6.066e3 * STACKED[:, 0]) ** 2))
     assert model.coefficients()[0, 0] == pytest.approx(rms, rel=1e-8)

@@ -116,7 +116,10 @@ def test_nothing_passes_in_words():
         "no set of terms in which each stands 5 standard errors out"
         in choose_by_evidence([step([1], [0.5])]).reason
     )
-    assert "no term carries the given threshold of 0.9" in choose_by_threshold([step([9], [0.5])], 0.9).reason
+    assert (
+        "no term has a unique share of at least the given threshold of 0.9"
+        in choose_by_threshold([step([9], [0.5])], 0.9).reason
+    )
 
 
 def test_one_standard_error_rule_pairs_the_runs():

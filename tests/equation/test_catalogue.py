@@ -86,12 +86,12 @@ def test_extended_is_a_fair_question():
     assert set(load_catalogue("paper").ids) < set(extended.ids)
     assert "constant_moment" in extended
     assert not any(term.needs_acceleration for term in extended)
-    # Not to be told from k1 and k3 by any test of a joint.
+    # Not distinguishable from k1 and k3 by any test of a joint.
     assert not {"odd_quadratic_stiffness", "gravity_moment", "smoothed_friction"} & set(extended.ids)
 
 
 def test_no_two_candidates_of_extended_are_nearly_the_same():
-    """Over four frequencies and three amplitudes no column is a multiple of another, and none is lost in the rest."""
+    """Over four frequencies and three amplitudes no column is a multiple of another, and none is lost in the others."""
     t = np.arange(2000) / 1000
     runs = [(amplitude, 2 * np.pi * f) for f in (3, 4, 5, 6) for amplitude in (8e-4, 5.5e-4, 3e-4)]
     theta = np.concatenate([a * np.sin(w * t + 0.1) for a, w in runs])
@@ -263,7 +263,7 @@ def test_catalogues_survive_pickling_and_copying():
         assert again == extended and again.resolve(REFERENCE) == extended.resolve(REFERENCE)
 
 
-# --- inner parameters ---------------------------------------------------------------------------------------
+# --- nonlinear parameters -----------------------------------------------------------------------------------
 
 
 def test_inner_parameters_follow_the_data():
@@ -321,6 +321,6 @@ def test_a_value_that_is_not_finite_is_named(tmp_path):
         'parameters = [{ name = "g", unit = "rad", value = 1e-6 }]\n'
     )
     with pytest.raises(
-        InputError, match=r"'steep' \(exp\(theta/g\)\) has no finite value at sample 1 \(angle 0.5"
+        InputError, match=r"'steep' \(exp\(theta/g\)\) has no finite value at sample 1 \(theta 0.5"
     ):
         term_columns(load_catalogue(path).resolve(), [0.0, 0.5], [0.0, 0.0])

@@ -1,4 +1,4 @@
-"""Catalogue files of a user's own: what works, and every fault in one line that names file, term and field."""
+"""Catalogue files of users: what works, and every fault in one line that names file, term and field."""
 
 import shutil
 
@@ -225,7 +225,7 @@ FAULTS = {
     "unit with a factor": (
         toml(unit='"N*mm*s/rad^2"'),
         UnitError,
-        "unit 'N*mm*s/rad^2' is not made of m, kg, s, rad, N alone; catalogues are in SI: scale the value instead",
+        "unit 'N*mm*s/rad^2' is not made of m, kg, s, rad, N only; catalogues are in SI: scale the value instead",
     ),
     "formula that does not fit in itself": (
         toml(formula='"theta + omega"'),
@@ -262,7 +262,7 @@ FAULTS = {
     "id twice": (
         toml() + toml(symbol='"n"').partition("\n\n")[2],
         InputError,
-        "mine.toml: the id 'my_term' is used twice; give each term an id of its own",
+        "mine.toml: the id 'my_term' is used twice; give each term another id",
     ),
     "symbol twice": (
         toml() + toml(id='"other"').partition("\n\n")[2],

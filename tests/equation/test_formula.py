@@ -21,7 +21,7 @@ from sindyjoint.equation.formula import (
 from sindyjoint.equation.parsing import MAXIMUM_LENGTH
 from sindyjoint.errors import FormulaError
 
-# Examples are derived from the test's own code (derandomize), so every run sees the same ones.
+# Examples are derived from the code of the test (derandomize), so every run sees the same ones.
 REPEATABLE = settings(
     derandomize=True, deadline=None, max_examples=300, suppress_health_check=[HealthCheck.too_slow]
 )
@@ -174,7 +174,7 @@ BOMBS = [
     "theta**(12**(12**(12**12)))",
     "tan(" * 11 + "abs(theta)**0.37" + ")" * 11,
     "heaviside(" * 11 + "theta-omega" + ")" * 11,
-    # sympy alone works for minutes on these two: it cannot tell whether the logarithm is real.
+    # sympy itself works for minutes on these two: it cannot tell whether the logarithm is real.
     "tanh(tanh(sin(exp(log(alpha)**0.5))**12)**0.5)",
     "tan(heaviside(sin(atan(tanh(exp((log(log(max(theta, pi))) + 1)**12))))**12))",
 ]
@@ -262,7 +262,7 @@ def test_products_are_written_angle_first():
     assert formula_latex(parse_formula("omega*theta")) == r"\theta \dot{\theta}"
 
 
-# --- random formulas, built beside a function that is not sindyjoint's --------------------------------------
+# --- random formulas, built together with a function that is not sindyjoint's --------------------------------------
 
 PEAK = 1e6  # above it, another order of additions may lose what the comparison looks at
 

@@ -59,12 +59,20 @@ def test_ansys_writes_a_folder_and_a_json_record(run, model_file, tmp_path):
     )
 
 
-def test_what_is_left_out_is_said(run, make_model, tmp_path):
-    model = make_model({"linear_stiffness": 6066.0, "asymmetric_damping": 1e4})
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        ("rotation", ("moment of angle and rate", "of the RMS moment")),
+        ("translation", ("force of displacement and velocity", "of the RMS force")),
+    ],
+)
+def test_what_is_left_out_is_reported(run, make_model, tmp_path, motion, words):
+    model = make_model({"linear_stiffness": 6066.0, "asymmetric_damping": 1e4}, motion=motion)
     (tmp_path / "model.json").write_text(model.to_json(), encoding="utf-8")
     status, _, err = run("export", tmp_path, "--to", "simscape")
     assert status == 0
-    assert "not carried: asymmetric_damping (c_m): these blocks have no moment of angle and rate" in err
+    assert f"not carried: asymmetric_damping (c_m): these blocks have no {words[0]}" in err
+    assert words[1] in err
 
 
 @pytest.mark.parametrize(
@@ -140,7 +148,7 @@ def test_a_failed_write_leaves_the_old_files(paper_model, tmp_path):
     # The second file of the export is in the way as a folder: nothing may have changed, not even the first.
     (tmp_path / "joint.inp").write_text("old")
     (tmp_path / "pulse-rig.inp").mkdir()
-    with pytest.raises(OutputError, match="it is a folder; remove it or choose another place"):
+    with pytest.raises(OutputError, match="it is a folder; remove it or choose another path"):
         write_export(export_model(paper_model, "ansys"), tmp_path)
     assert (tmp_path / "joint.inp").read_text() == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["joint.inp", "pulse-rig.inp"]

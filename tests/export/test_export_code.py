@@ -1,4 +1,4 @@
-"""Exported code against the model and against our own simulation: Python, C and FMU."""
+"""Exported code against the model and against the simulation of the package: Python, C and FMU."""
 
 import ast
 import importlib.util
@@ -68,7 +68,7 @@ def test_python_steps_equal_our_simulation(paper_model, python_module):
     ours = simulate(LAW, sampled(moment, RATE, "linear"), DURATION, RATE, rtol=1e-10)
     angles, rates = np.array(angles[:-1]), np.array(rates[:-1])
     assert np.abs(angles - ours.angle).max() < 1e-6 * np.abs(ours.angle).max()
-    # Sticking is exact, not slow: the same samples are at rest, to the last bit.
+    # Sticking is exact, not slow: the same samples stand still, to the last bit.
     stuck = rates == 0.0
     assert stuck.any() and np.mean(stuck != ours.stuck) < 2e-3
     both = stuck[1:] & stuck[:-1]

@@ -52,8 +52,8 @@ def apdl_moment(elements, angle, rate, dof):
             total += k2 * angle + c * rate + slide * np.sign(rate)
         else:
             assert kind == "COMBIN37"
-            stif, damp, _, on, off, force, *rest = [*real, *[0.0] * 7][:13]
-            c1, c2, fslide = rest[2], rest[3], rest[6]
+            stif, damp, _, on, off, force, *remaining = [*real, *[0.0] * 7][:13]
+            c1, c2, fslide = remaining[2], remaining[3], remaining[6]
             assert on == off == 0.0  # always active
             control = {0: angle, 2: rate}[keys.get(1, 0)]
             power = c1 * np.abs(control) ** c2 if c1 else 0.0
@@ -84,10 +84,10 @@ def test_ansys_linear_joint_is_one_combin40(make_model):
 
 
 def test_ansys_lists_what_no_element_can_do(make_model):
-    # θ·θ̇ changes sign with θ: no power of |θ|. A dead zone alone is flat at zero: COMBIN39 wants a rising curve.
+    # θ·θ̇ changes sign with θ: no power of |θ|. A single dead zone is flat at zero: COMBIN39 wants a rising curve.
     export = export_model(make_model({"asymmetric_damping": 1e4, "dead_zone": 900.0}), "ansys")
     assert [text.split(" ")[0] for text in export.not_carried] == ["asymmetric_damping", "dead_zone"]
-    assert "COMBIN37 knows powers" in export.not_carried[0]
+    assert "COMBIN37 has powers" in export.not_carried[0]
     assert "must rise on both sides of zero" in export.not_carried[1]
     assert apdl_elements(export.files["joint.inp"]) == []
     # Without stiffness the rig is a mechanism; it is written all the same.
@@ -117,7 +117,7 @@ def test_ansys_rig_is_the_pulse_rig(paper_model):
     assert values["EX"] * izz == pytest.approx(70e9 * 0.05 * 0.02**3 / 12) and iyy == izz
     assert values["DENS"] * area == pytest.approx(2.7)
     assert [float(r[2]) for r in rows if r[0] == "R" and len(r) == 8] == [8.0]
-    # Loss factor 0.004 at the first frequency, 4.0 Hz with the joint slipping (said in the rig's own file).
+    # Loss factor 0.004 at the first frequency, 4.0 Hz with the joint slipping (stated in the file of the rig).
     assert values["BETD"] * 2 * np.pi * 4.0 == pytest.approx(0.004, rel=0.02)
     # 65 N for 5 ms.
     table = {}

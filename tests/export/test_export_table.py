@@ -50,10 +50,10 @@ def test_a_wrong_representation_shows(paper_model):
     # Negative control: a table that says 90 % of k1 is k1 has an error of 10 % of that term's RMS over moving states.
     cycles = Cycles.of(paper_model)
     represented = {t.id: Represented("as it is", cycles.term(t)) for t in paper_model.terms}
-    own = cycles.term(paper_model["linear_stiffness"])
-    represented["linear_stiffness"] = Represented("ten per cent short", 0.9 * own)
+    exact = cycles.term(paper_model["linear_stiffness"])
+    represented["linear_stiffness"] = Represented("ten per cent short", 0.9 * exact)
     rows = {r.term: r for r in fidelity_table(paper_model, cycles, represented)}
-    expected = 0.1 * np.sqrt(np.mean(own[cycles.moving] ** 2)) / RMS
+    expected = 0.1 * np.sqrt(np.mean(exact[cycles.moving] ** 2)) / RMS
     assert rows["linear_stiffness"].error == pytest.approx(expected, rel=1e-12)
     assert rows[ALL_TERMS].error == pytest.approx(expected, rel=1e-12)
     assert rows["cubic_stiffness"].error == 0
@@ -62,7 +62,7 @@ def test_a_wrong_representation_shows(paper_model):
 @pytest.mark.parametrize("target", [*DECKS, *CODE])
 @pytest.mark.parametrize("motion", ["rotation", "translation"])
 def test_every_term_is_carried_well_or_named_as_left_out(make_model, target, motion):
-    # Each shipped term beside the paper's spring and friction, of such a size that it carries a tenth of the moment.
+    # Each shipped term with spring and friction of the paper, of such a size that it carries a tenth of the moment.
     for term_id in TERMS:
         base = {"linear_stiffness": 6066.0, "coulomb_friction": 1.867}
         if term_id in base:

@@ -77,7 +77,7 @@ def test_a_system_that_refuses_is_one_line(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "touch", refuse)
     with pytest.raises(
-        OutputError, match=r"cannot write '.*out': Read-only file system; choose another place"
+        OutputError, match=r"cannot write '.*out': Read-only file system; choose another path"
     ):
         check_output(tmp_path / "out")
 

@@ -157,7 +157,7 @@ def test_nearest_column_is_offered(bench):
 def test_duplicate_column(bench):
     bench.line(1, "t,m,m")
     bench.manifest((bench.folder / "campaign.toml").read_text().replace('"a"', '"m"'))
-    assert "column 'm' is there 2 times; give each column its own name" in refusal(bench)
+    assert "column 'm' is there 2 times; give each column another name" in refusal(bench)
 
 
 def test_several_bad_values_are_counted(bench):
@@ -173,7 +173,7 @@ def test_several_bad_values_are_counted(bench):
         (b"\n  \n", "is empty; expected a table with a header and rows"),
         (b"# only\n# comments\n", "holds comment lines only"),
         (b"t,m,a\n", "has a header (t, m, a) and no rows of data"),
-        (bytes(range(256)) * 20, "is not a text table (byte 0 at place 0)"),
+        (bytes(range(256)) * 20, "is not a text table (byte 0 at position 0)"),
         (b"\x89PNG\r\n\x1a\n" + b"\x07" * 50, "is not a text table"),
         (b"PK\x03\x04" + b"abc" * 50, "is not a text table"),
         (b"t,m,a\n" + b"0.0,1,2\n0.1,2,1\n" + b"\x00" * 100, "is not a text table (byte 0"),
@@ -317,7 +317,7 @@ def test_a_file_that_ends_within_its_last_number_is_refused(bench):
     )
     bench.csv(text[:-15] + "\n")
     assert bench.load().runs[0].n_samples == 400
-    # Cut between two numbers it is refused for that; without the last line end alone nothing is wrong with it.
+    # Cut between two numbers it is refused for that; without only the last line end nothing is wrong with it.
     bench.csv(text[: text.rindex(",")])
     assert "line 401 has 2 fields" in refusal(bench)
     bench.csv(text.rstrip("\n"))

@@ -100,7 +100,7 @@ REFUSED = [
     (
         "[channels]",
         '[channels]\nskew = "1 ms"\nskew_removed = "1 ms"',
-        "skew_removed says that it is gone already",
+        "skew_removed states that it is removed already",
     ),
     (
         'angle = { column = "a", unit = "mrad" }',
@@ -140,17 +140,17 @@ REFUSED = [
     (
         "[[run]]",
         '[[run]]\nfile = "run.csv"\n[[run]]',
-        "run name(s) used twice: run; give each run a name of its own",
+        "run name(s) used twice: run; give each run another name",
     ),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "message"), REFUSED, ids=[row[2][:40] for row in REFUSED])
 def test_refusal_names_file_and_field(bench, old, new, message):
-    said = refusal(bench.replace(old, new))
-    assert message in said
+    answer = refusal(bench.replace(old, new))
+    assert message in answer
     if message.startswith("["):
-        assert f"campaign.toml: {message}" in said
+        assert f"campaign.toml: {message}" in answer
 
 
 def test_no_manifest(tmp_path):

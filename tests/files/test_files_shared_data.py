@@ -27,7 +27,7 @@ CAMPAIGNS = [
 @pytest.mark.parametrize(("name", "motion", "runs", "rate", "samples"), CAMPAIGNS)
 def test_public_campaign_loads(name, motion, runs, rate, samples):
     if not (DATA / name).is_dir():
-        pytest.skip(f"public data {name!r} is not beside the checkout")
+        pytest.skip(f"public data {name!r} is not next to the checkout")
     campaign = load_campaign(DATA / name)
     first = campaign.runs[0]
     assert (campaign.joint.motion, len(campaign.runs), first.n_samples) == (motion, runs, samples)
@@ -37,7 +37,7 @@ def test_public_campaign_loads(name, motion, runs, rate, samples):
 @pytest.mark.shared
 def test_friction_damper_in_si():
     if not (DATA / "friction-damper").is_dir():
-        pytest.skip("public data 'friction-damper' is not beside the checkout")
+        pytest.skip("public data 'friction-damper' is not next to the checkout")
     run = load_campaign(DATA / "friction-damper" / "campaign.toml").runs[1]
     # Its owners report a stroke of 1 inch and near rectangular loops of 10 to 14 kN.
     assert np.abs(run.angle).max() == pytest.approx(0.0254, rel=0.05)
@@ -48,7 +48,7 @@ def test_friction_damper_in_si():
 @pytest.mark.parametrize("wrong", [0.13, 0.4, 0.75, 3.0, 5.0, 7.0, 9.0])
 def test_friction_damper_with_a_wrong_frequency(wrong, tmp_path):
     if not (DATA / "friction-damper").is_dir():
-        pytest.skip("public data 'friction-damper' is not beside the checkout")
+        pytest.skip("public data 'friction-damper' is not next to the checkout")
     source = (DATA / "friction-damper" / "0.25Hz_1in.csv").resolve()
     (tmp_path / "campaign.toml").write_text(
         '[joint]\nmotion = "translation"\n[channels]\ntime = { column = "time_s" }\n'

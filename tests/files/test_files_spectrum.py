@@ -69,3 +69,11 @@ def test_too_few_periods_are_not_judged():
 @pytest.mark.parametrize("periods", [3.1, 3.7, 4.5, 7.3])
 def test_short_runs_are_not_accused(periods):
     assert held(*hysteresis(4.0, seconds=periods / 4), 1000.0, 4.0)
+
+
+def test_the_message_names_the_channel_of_the_motion():
+    time = np.arange(2000) / 200
+    signal = np.sin(2 * np.pi * 4 * time)
+    for motion, channel in (("rotation", "angle"), ("translation", "displacement")):
+        with pytest.raises(InputError, match=f"the largest line of the {channel} is at 4 Hz"):
+            check_frequency(signal, None, 200.0, 7.0, "f", motion)

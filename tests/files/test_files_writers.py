@@ -21,8 +21,8 @@ def run(name="a", seed=0, moment=None, **options) -> Run:
     rng = np.random.default_rng(seed)
     noise = rng.normal(scale=0.01, size=(2, T.size))
     angle = 1e-3 * (np.cos(2 * np.pi * 4 * T) + noise[0])
-    own = 5 * np.sin(2 * np.pi * 4 * T) + noise[1] if moment is None else moment
-    return Run(name, own, angle, options.pop("sample_rate", 200.0), frequency=4.0, **options)
+    moment = 5 * np.sin(2 * np.pi * 4 * T) + noise[1] if moment is None else moment
+    return Run(name, moment, angle, options.pop("sample_rate", 200.0), frequency=4.0, **options)
 
 
 def assert_same(one: Campaign, other: Campaign, tolerance: float = 0.0) -> None:
@@ -88,12 +88,12 @@ def test_raw_gauges_come_back_through_the_rig(tmp_path):
 
 def test_measured_raw_channels_are_written_as_they_are(tmp_path):
     rng = np.random.default_rng(7)
-    own = run()
-    strains = RIG.strains(own.moment) + 1e-7 * rng.normal(size=(4, T.size))
-    spots = RIG.displacements(own.angle) + 1e-7 * rng.normal(size=(3, T.size))
+    test = run()
+    strains = RIG.strains(test.moment) + 1e-7 * rng.normal(size=(4, T.size))
+    spots = RIG.displacements(test.angle) + 1e-7 * rng.normal(size=(3, T.size))
     raw = {f"e{place + 1}": row for place, row in enumerate(strains)}
     raw |= {f"d{place + 1}": row for place, row in enumerate(spots)}
-    write_campaign(Campaign(Joint(), (own,)), tmp_path, rig=RIG, raw=[raw])
+    write_campaign(Campaign(Joint(), (test,)), tmp_path, rig=RIG, raw=[raw])
     back = load_campaign(tmp_path).runs[0]
     np.testing.assert_allclose(back.moment, RIG.moment(strains), rtol=1e-14)
     np.testing.assert_allclose(back.angle, RIG.angle(spots), rtol=1e-14)

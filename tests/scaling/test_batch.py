@@ -17,7 +17,7 @@ from small_joints import write_joint
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
-from sindyjoint.files.atomic import OLD, _aside, settle, whole_folder
+from sindyjoint.files.atomic import OLD, _name_temporary, settle, whole_folder
 from sindyjoint.workflows.batch import batch, find_tasks
 
 
@@ -48,27 +48,27 @@ def test_a_campaign_alone_gives_the_same_digits(done, joints):
     from sindyjoint.workflows.discover import discover
 
     out, _ = done
-    alone = discover(joints / "joint-2", "paper")
+    single = discover(joints / "joint-2", "paper")
     record = json.loads((out / "campaigns" / "joint-2" / "record.json").read_text())
-    assert record["result"] == json.loads(json.dumps(alone.to_dict()))
-    assert (out / "campaigns" / "joint-2" / "model.json").read_text() == alone.model.to_json() + "\n"
+    assert record["result"] == json.loads(json.dumps(single.to_dict()))
+    assert (out / "campaigns" / "joint-2" / "model.json").read_text() == single.model.to_json() + "\n"
 
 
 def test_coefficients_are_compared_on_one_set_of_terms(joints, tmp_path):
-    # One joint softens: its own model has a cubic term, and a linear stiffness that means something else.
+    # One joint softens: its model has a cubic term, and a linear stiffness that means something else.
     shutil.copytree(joints, tmp_path / "in")
     shutil.rmtree(tmp_path / "in" / "joint-1")
     write_joint(tmp_path / "in" / "joint-1", 1, temperature=-40, k3=-2e9)
     out = tmp_path / "out"
     result = batch(tmp_path / "in", out, "paper")
     assert result.common == ("linear_stiffness", "linear_damping", "coulomb_friction")
-    own = result.records[1].terms
-    assert set(own) == {*result.common, "cubic_stiffness"}
+    terms = result.records[1].terms
+    assert set(terms) == {*result.common, "cubic_stiffness"}
     assert ("joint-1", "terms with cubic stiffness") in [(d.id, d.text) for d in result.differences]
-    # k1 + ¾ k3 A², over both runs; the model's own k1 is the 6000 that the joint was given.
+    # k1 + ¾ k3 A², over both runs; k1 of the model is the 6000 that the joint was given.
     evidence = read_evidence(out / "campaigns" / "joint-1" / "factors.npz")
     fit = fit_columns(evidence, [evidence.ids.index(term) for term in result.common])
-    assert own["linear_stiffness"]["coefficient"] == pytest.approx(6000, rel=0.01)
+    assert terms["linear_stiffness"]["coefficient"] == pytest.approx(6000, rel=0.01)
     assert result.values["linear_stiffness"][1] == pytest.approx(fit.coefficients[0], rel=2e-3)
     assert result.values["linear_stiffness"][1] < 5700
 
@@ -93,9 +93,9 @@ def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):
         file.write("0.1,0.0001\n")
     (out / "campaigns" / "joint-1" / "model.json").write_text("{}")
     (tmp_path / "in" / "joint-2" / "low.csv").unlink()
-    told = []
-    result = batch(tmp_path / "in", out, "paper", on_record=lambda record: told.append(record.id))
-    assert result.kept == 4 and len(told) == 7
+    reported = []
+    result = batch(tmp_path / "in", out, "paper", on_record=lambda record: reported.append(record.id))
+    assert result.kept == 4 and len(reported) == 7
     redone = {p.parent.name for p, when in times.items() if p.stat().st_mtime_ns != when}
     assert redone == {"joint-0", "joint-1", "joint-2"}
     assert result.records[2].status == "broken" and "there is no such file" in result.records[2].reason
@@ -130,7 +130,7 @@ def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, join
     assert 3 <= len(before) < 7
     # What a campaign in hand may leave behind.
     undone = next(f"joint-{number}" for number in range(7) if f"joint-{number}" not in before)
-    _aside(out / "campaigns" / undone).mkdir()
+    _name_temporary(out / "campaigns" / undone).mkdir()
     fresh = []
     result = batch(joints, out, "paper", on_record=lambda record: fresh.append(record.id), **way)
     after = written(out)
@@ -241,7 +241,7 @@ def test_diagnoses_are_made_where_the_campaigns_are(joints, tmp_path, sindyjoint
     assert sindyjoint("batch", joints / "joint-0", *options).status == 0
     (found,) = out.glob("campaigns/*/diagnosis/diagnosis.json")
     assert json.loads(found.read_text())["verdict"]
-    # Without it nothing is missing of what is wanted; with it, after a batch without, it has to be made.
+    # Without it nothing requested is missing; with it, after a batch without, it has to be made.
     assert "1 of them done before" in sindyjoint("batch", joints / "joint-0", *options).stdout
 
 
@@ -345,7 +345,7 @@ def test_reports_that_hold_outlive_a_batch_without_them(joints, tmp_path, sindyj
     assert "report.html" in before
     assert "1 of them done before" in sindyjoint(*command).stdout
     assert content(folder) == before
-    # Something more is wanted: the campaign is done again, and what holds of the last time stays beside it.
+    # Something more is requested: the campaign is done again, and what holds of the last time stays next to it.
     assert "done before" not in sindyjoint(*command, "--diagnose").stdout
     assert {"report.html", "diagnosis/report.html"} <= set(content(folder))
     assert "1 of them done before" in sindyjoint(*command, "--diagnose", "--reports").stdout
@@ -426,7 +426,7 @@ def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
 
     def refuse(source, place):
         calls.append(source)
-        if len(calls) == 3:  # after the new folder's own name and the old one's way aside: the way in
+        if len(calls) == 3:  # after the rename of the new folder and of the old one: the move in
             raise OSError(28, "No space left on device", str(source))
         true(source, place)
 
@@ -436,7 +436,7 @@ def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
     monkeypatch.undo()
     assert len(calls) == 4 and [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
     # A process that was killed between the two has no such chance: the next one sees to it.
-    target.rename(_aside(target, OLD))
+    target.rename(_name_temporary(target, OLD))
     settle(target)
     assert [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
 

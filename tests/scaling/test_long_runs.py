@@ -1,4 +1,4 @@
-"""Runs longer than memory: discovered segment by segment, they tell what the whole would."""
+"""Runs longer than memory: discovered segment by segment, they give the result of the whole."""
 
 import json
 from pathlib import Path
@@ -105,7 +105,7 @@ def test_a_motion_that_grows_is_worked_through_twice(growth, passes, tmp_path, m
     x, v, a = (
         (f(phase) * turns**k).sum(axis=1) for k, f in enumerate((np.sin, np.cos, lambda p: -np.sin(p)))
     )
-    # The largest swing of the first segment comes again at the end.
+    # The largest amplitude of the first segment comes again at the end.
     slope = growth / t[-1]
     level = 5e-4 / np.abs(x).max()
     size = level * (1 + slope * t)
@@ -115,9 +115,9 @@ def test_a_motion_that_grows_is_worked_through_twice(growth, passes, tmp_path, m
     (tmp_path / "campaign.toml").write_text(
         MANIFEST.format(1, 2, "npy").split("[[run]]")[0] + '[[run]]\nfile = "tones.npy"\n'
     )
-    told = []
-    found = discover(tmp_path, bandwidth=25.0, correct=False, progress=told.append)
-    assert 1 + any("once more" in stage for stage in told) == passes
+    stages = []
+    found = discover(tmp_path, bandwidth=25.0, correct=False, progress=stages.append)
+    assert 1 + any("once more" in stage for stage in stages) == passes
     assert len(found.model.ids) >= 4
     if passes == 2:
         stop = next(term for term in found.regressor.terms_ if term.values)
@@ -143,10 +143,10 @@ def test_a_stretch_at_rest_is_left_out_and_a_run_at_rest_refused(long_campaign, 
     table = np.load(long_campaign / "sine.npy")
     for name in ("campaign.toml", "tones.npy", "short.npy"):
         (tmp_path / name).write_bytes((long_campaign / name).read_bytes())
-    rest = np.random.default_rng(0).normal(scale=1e-4, size=table.shape)
+    noise = np.random.default_rng(0).normal(scale=1e-4, size=table.shape)
     for share, outcome in ((4, "left out"), (12, "refused")):
         resting = table.copy()
-        resting[-share * SAMPLES // 16 :] = rest[-share * SAMPLES // 16 :]
+        resting[-share * SAMPLES // 16 :] = noise[-share * SAMPLES // 16 :]
         np.save(tmp_path / "sine.npy", resting)
         if outcome == "left out":
             assert len(discover(tmp_path, correct=False).regressor.evidence_.runs[0].blocks) == 12

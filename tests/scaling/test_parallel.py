@@ -76,9 +76,9 @@ def reciprocal(value):
 @pytest.mark.parametrize(
     ("way", "message"),
     [
-        ({"jobs": 0}, "jobs is 0; a positive number"),
-        ({"workers": 0}, "workers is 0; a positive number"),
-        ({"jobs": 2, "workers": 2}, "jobs and workers were given; one way"),
+        ({"jobs": 0}, "jobs is 0; expected a positive number"),
+        ({"workers": 0}, "workers is 0; expected a positive number"),
+        ({"jobs": 2, "workers": 2}, "jobs and workers were given; expected one way"),
         ({"cluster": "nonsense://x"}, "no Dask scheduler answers at 'nonsense://x'"),
     ],
 )

@@ -122,10 +122,10 @@ def test_the_same_model_as_in_memory(tmp_path, name):
     write(tmp_path / name, dict(zip(NAMES, (angle, rate, acceleration, moment), strict=True)))
     columns = {"angle": 1, "rate": 2, "moment": 4} if name.endswith("npy") else None
     streamed = discover_rows(tmp_path / name, columns=columns, size=1000)
-    memory = JointRegressor().fit(np.column_stack([angle, rate]), moment)
-    assert streamed.selected_ == memory.selected_ and len(memory.selected_) == 4
-    np.testing.assert_allclose(streamed.coef_, memory.coef_, rtol=1e-9)
-    np.testing.assert_allclose(streamed.model_.standard_errors, memory.model_.standard_errors, rtol=1e-6)
+    in_memory = JointRegressor().fit(np.column_stack([angle, rate]), moment)
+    assert streamed.selected_ == in_memory.selected_ and len(in_memory.selected_) == 4
+    np.testing.assert_allclose(streamed.coef_, in_memory.coef_, rtol=1e-9)
+    np.testing.assert_allclose(streamed.model_.standard_errors, in_memory.model_.standard_errors, rtol=1e-6)
 
 
 def test_several_files_are_runs_and_processes_change_no_bit(tmp_path):
@@ -145,8 +145,8 @@ def test_several_files_are_runs_and_processes_change_no_bit(tmp_path):
     assert np.array_equal(one.coef_, two.coef_)
     X = np.vstack([np.column_stack(run[:2]) for run in runs])
     names, groups = np.repeat(["run-0", "run-1", "run-2"], 8_000), np.repeat(["a", "b", "a"], 8_000)
-    memory = JointRegressor("paper").fit(X, np.concatenate([run[3] for run in runs]), groups, runs=names)
-    np.testing.assert_allclose(one.coef_, memory.coef_, rtol=1e-9)
+    in_memory = JointRegressor("paper").fit(X, np.concatenate([run[3] for run in runs]), groups, runs=names)
+    np.testing.assert_allclose(one.coef_, in_memory.coef_, rtol=1e-9)
 
 
 def test_inertia_known_or_found(tmp_path):
@@ -173,38 +173,38 @@ def test_a_given_reference_is_used(tmp_path):
 
 
 def stages(path, **given):
-    told = []
+    reported = []
     columns = {"angle": 1, "rate": 2, "moment": 4} if path.suffix == ".npy" else None
-    return discover_rows(path, columns=columns, progress=told.append, **given), told
+    return discover_rows(path, columns=columns, progress=reported.append, **given), reported
 
 
 def test_one_pass_is_enough_where_a_look_tells_the_scale(tmp_path):
     columns = dict(zip(NAMES, motion(20_000), strict=True))
     write(tmp_path / "rows.npy", columns)
-    looked, told = stages(tmp_path / "rows.npy")
-    assert told == ["a look at angle and rate", "accumulating factors", "selecting terms"]
+    scanned, reported = stages(tmp_path / "rows.npy")
+    assert reported == ["scanning the largest values", "accumulating factors", "selecting terms"]
     # Of so few rows the look takes all: the scale is that of two passes, and so is every digit.
     largest = Reference(*(float(np.abs(columns[name]).max()) for name in ("angle", "rate", "moment")))
     given, _ = stages(tmp_path / "rows.npy", reference=largest)
-    assert looked.reference_ == largest and looked.terms_ == given.terms_
-    assert np.array_equal(looked.coef_, given.coef_)
+    assert scanned.reference_ == largest and scanned.terms_ == given.terms_
+    assert np.array_equal(scanned.coef_, given.coef_)
     # Of a library without such parameters not even a look is taken.
-    assert stages(tmp_path / "rows.npy", library="paper")[1] == told[1:]
+    assert stages(tmp_path / "rows.npy", library="paper")[1] == reported[1:]
 
 
 @pytest.mark.parametrize("ending", ["npy", "parquet"])
 def test_larger_values_beside_the_look_are_met(tmp_path, ending):
     angle, rate, acceleration, moment = motion(400_000)
-    # Between two pieces of the look, swings twice as large.
-    swing = slice(10_000, 20_000)
-    angle[swing], rate[swing] = 2 * angle[swing], 2 * rate[swing]
+    # Between two pieces of the scan, amplitudes twice as large.
+    larger = slice(10_000, 20_000)
+    angle[larger], rate[larger] = 2 * angle[larger], 2 * rate[larger]
     moment = 6066 * angle - 2.684e9 * angle**3 + 48 * rate + 1.867 * np.sign(rate)
     moment = moment + 0.02 * np.random.default_rng(1).normal(size=moment.size)
     write(tmp_path / f"rows.{ending}", dict(zip(NAMES, (angle, rate, acceleration, moment), strict=True)))
-    found, told = stages(tmp_path / f"rows.{ending}")
+    found, reported = stages(tmp_path / f"rows.{ending}")
     largest = Reference(*(float(np.abs(x).max()) for x in (angle, rate, moment)))
     # Parquet files state their largest values.
-    assert any("larger values" in stage for stage in told) == (ending == "npy")
+    assert any("larger values" in stage for stage in reported) == (ending == "npy")
     given, _ = stages(tmp_path / f"rows.{ending}", reference=largest)
     assert found.reference_ == largest and found.terms_ == given.terms_
     assert np.array_equal(found.coef_, given.coef_) and len(found.selected_) == 4

@@ -179,7 +179,7 @@ def test_a_single_run_is_compared_by_its_parts(tmp_path, sindyjoint):
     options = ("--method", "stlsq", "--method", "best_subset", "--replicates", "20", "--library", "paper")
     answer = sindyjoint("compare", manifest, *options, "--out", tmp_path / "out")
     assert answer.status == 0 and answer.stderr == ""
-    assert "frequencies alone" not in answer.stdout
+    assert "single frequencies" not in answer.stdout
     data = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
     assert data["frequencies"] == [] and set(data["left_out"]) == {"time"}
     parts = [fold["left_out"] for fold in data["left_out"]["time"]["folds"]]

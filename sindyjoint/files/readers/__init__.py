@@ -77,7 +77,7 @@ def read_table(path: str | Path) -> tuple[Table, str]:
 
 
 def _neighbours(file: Path) -> list[str]:
-    """Return the names of the files beside a missing one."""
+    """Return the names of the files in the folder of a missing one."""
     return os.listdir(file.parent) if os.path.isdir(file.parent) else []
 
 

@@ -47,6 +47,6 @@ def read_feather(path: Path, data: bytes) -> Table:
 def _table(path: Path, table: pyarrow.Table) -> Table:
     def load(wanted: Sequence[int]) -> list[NDArray]:
         with foreign(path, "a table of numbers"):
-            return [table.column(place).to_numpy() for place in wanted]
+            return [table.column(position).to_numpy() for position in wanted]
 
     return Table(path, tuple(table.column_names), load)

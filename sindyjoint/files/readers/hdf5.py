@@ -54,13 +54,13 @@ def _read(
     names = tuple(arrays)
 
     def load(wanted: Sequence[int]) -> list[NDArray]:
-        return [columns[place] for place in wanted]
+        return [columns[position] for position in wanted]
 
     return Table(path, names, load, aliases=short_names(names, separator))
 
 
 def datasets(group: Any, h5py: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Walk through groups in the order of the file; names that begin with # are MATLAB's own."""
+    """Walk through groups in the order of the file; names that begin with # are reserved by MATLAB."""
     for key, item in group.items():
         name = f"{prefix}{key}"
         if isinstance(item, h5py.Dataset):

@@ -38,7 +38,7 @@ def read_mat(path: Path, data: bytes) -> Table:
     names = tuple(arrays)
 
     def load(wanted: Sequence[int]) -> list[NDArray]:
-        return [columns[place] for place in wanted]
+        return [columns[position] for position in wanted]
 
     return Table(path, names, load, aliases=short_names(names, "."))
 

@@ -27,7 +27,7 @@ def read_npz(path: Path, data: bytes) -> Table:
     columns = list(arrays.values())
 
     def load(wanted: Sequence[int]) -> list[NDArray]:
-        return [columns[place] for place in wanted]
+        return [columns[position] for position in wanted]
 
     return Table(path, tuple(arrays), load)
 
@@ -46,9 +46,9 @@ def read_npy(path: Path, data: bytes) -> Table:
         columns = {name: array[name] for name in array.dtype.names}
     else:
         table = np.atleast_2d(array.T)
-        columns = {str(place + 1): column for place, column in enumerate(table)}
+        columns = {str(position + 1): column for position, column in enumerate(table)}
 
     def load(wanted: Sequence[int]) -> list[NDArray]:
-        return [list(columns.values())[place] for place in wanted]
+        return [list(columns.values())[position] for position in wanted]
 
     return Table(path, tuple(columns), load)

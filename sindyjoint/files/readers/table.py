@@ -34,7 +34,7 @@ class Table:
     load : callable
         From positions in ``names`` to arrays of shape (n,), of lengths that may differ.
     aliases : mapping of str to int
-        Further names, such as a data set's own name without its group.
+        Further names, such as the name of a data set without its group.
     row : callable
         How a message names the sample of an index.
     """
@@ -46,7 +46,7 @@ class Table:
     row: Callable[[int], str] = _row
 
     def columns(self, wanted: Sequence[str | int]) -> list[Array]:
-        """Return the wanted columns as finite float64 arrays.
+        """Return the requested columns as finite float64 arrays.
 
         Parameters
         ----------
@@ -58,12 +58,12 @@ class Table:
         InputError
             For a column that is missing, named twice, not numeric, or not finite.
         """
-        positions = [self._position(name) for name in wanted]
+        positions = [self._find_column(name) for name in wanted]
         distinct = sorted(set(positions))
         loaded = dict(zip(distinct, self.load(distinct), strict=True))
-        return [self._checked(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
+        return [self._check_column(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
 
-    def _position(self, name: str | int) -> int:
+    def _find_column(self, name: str | int) -> int:
         if isinstance(name, int):
             if not 1 <= name <= len(self.names):
                 raise InputError(
@@ -73,7 +73,7 @@ class Table:
         count = self.names.count(name)
         if count > 1:
             raise InputError(
-                f"{self.path}: column {name!r} is there {count} times; give each column its own name"
+                f"{self.path}: column {name!r} is there {count} times; give each column another name"
             )
         if count == 1:
             return self.names.index(name)
@@ -86,7 +86,7 @@ class Table:
         )
         raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")
 
-    def _checked(self, name: str | int, values: NDArray) -> Array:
+    def _check_column(self, name: str | int, values: NDArray) -> Array:
         array = np.asarray(values)
         if array.dtype.kind not in "fiub":
             raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; expected real numbers")
@@ -141,11 +141,11 @@ def vectors(name: str, array: NDArray, subscript: str, first: int) -> dict[str, 
         How the language of the file counts the first column.
     """
     if array.ndim == 2 and 1 not in array.shape:
-        return {name + subscript.format(first + place): column for place, column in enumerate(array.T)}
+        return {name + subscript.format(first + position): column for position, column in enumerate(array.T)}
     return {name: array.ravel() if array.ndim == 2 else array}
 
 
 def short_names(names: Sequence[str], separator: str) -> dict[str, int]:
     """Return the last parts of grouped names that stand for one data set only, with its position."""
     last = [name.rsplit(separator, 1)[-1] for name in names]
-    return {name: place for place, name in enumerate(last) if last.count(name) == 1}
+    return {name: position for position, name in enumerate(last) if last.count(name) == 1}

@@ -44,15 +44,15 @@ def read_tdms(path: Path, data: bytes) -> Table:
     clocked = any(intervals) and "time" not in names and "time" not in aliases
 
     def load(wanted: Sequence[int]) -> list[NDArray]:
-        channels = [place for place in wanted if place < len(columns)]
+        channels = [position for position in wanted if position < len(columns)]
         if len(channels) < len(wanted):
-            steps = {intervals[place] for place in channels} or set(intervals)
+            steps = {intervals[position] for position in channels} or set(intervals)
             if len(steps) != 1 or 0.0 in steps:
                 raise InputError(
                     f"{path}: its channels have no common sampling interval; declare [channels] rate"
                 )
             size = columns[channels[0]].size if channels else max(column.size for column in columns)
             clock = np.arange(size) * steps.pop()
-        return [columns[place] if place < len(columns) else clock for place in wanted]
+        return [columns[position] if position < len(columns) else clock for position in wanted]
 
     return Table(path, (*names, "time") if clocked else tuple(names), load, aliases=aliases)

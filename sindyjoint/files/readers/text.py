@@ -84,7 +84,7 @@ def _decode(path: Path, data: bytes) -> str:
     rubbish = _CONTROL.search(text) if b"\0" in data or data.translate(None, _HARMLESS) else None
     if rubbish:
         raise InputError(
-            f"{path}: is not a text table (byte {ord(rubbish[0])} at place {rubbish.start()}); "
+            f"{path}: is not a text table (byte {ord(rubbish[0])} at position {rubbish.start()}); "
             "it may be of another format, with the wrong ending"
         )
     return text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
@@ -112,7 +112,9 @@ def _layout(path: Path, text: str) -> Layout:
     first = _fields(lines[0], delimiter)
     if all(_is_number(field) for field in first):
         above = _fields(comment, delimiter) if comment else []
-        names = above if len(above) == len(first) else [str(place) for place in range(1, len(first) + 1)]
+        names = (
+            above if len(above) == len(first) else [str(position) for position in range(1, len(first) + 1)]
+        )
         skip = 0
     else:
         names, skip = first, 1
@@ -199,18 +201,18 @@ def _parse(layout: Layout, wanted: Sequence[int]) -> list[NDArray[np.float64]]:
             layout.lines, delimiter=layout.delimiter, usecols=wanted, ndmin=2, comments=None, quotechar=quote
         )
     except ValueError as error:
-        raise _explained(layout, wanted, error) from error
+        raise _explain_error(layout, wanted, error) from error
     return list(np.ascontiguousarray(values.T))
 
 
-def _explained(layout: Layout, wanted: Sequence[int], error: ValueError) -> InputError:
+def _explain_error(layout: Layout, wanted: Sequence[int], error: ValueError) -> InputError:
     """Find the first field that is not a number."""
     for line, number in zip(layout.lines, layout.numbers, strict=True):
         fields = _fields(line, layout.delimiter)
-        for place in wanted:
-            field = fields[place] if place < len(fields) else ""
+        for position in wanted:
+            field = fields[position] if position < len(fields) else ""
             if not _is_number(field):
                 given = f"holds {field!r:.40}" if field else "is blank"
-                name = layout.names[place]
+                name = layout.names[position]
                 return InputError(f"{layout.path}: line {number}: column {name!r} {given}; expected a number")
     return InputError(f"{layout.path}: cannot be read as a table of numbers ({error})")

@@ -48,29 +48,31 @@ def read_uff(path: Path, data: bytes) -> Table:
     candidates = [_candidates(function) for function in sets]
     flat = [name for names in candidates for name in names]
     unique = [[name for name in names if flat.count(name) == 1] for names in candidates]
-    names = [own[0] if own else f"function {number}" for number, own in enumerate(unique, start=1)]
-    aliases = {name: place for place, own in enumerate(unique) for name in own}
+    names = [
+        names_of[0] if names_of else f"function {number}" for number, names_of in enumerate(unique, start=1)
+    ]
+    aliases = {name: position for position, names_of in enumerate(unique) for name in names_of}
 
     def load(wanted: Sequence[int]) -> list[NDArray]:
-        functions = [sets[place] for place in wanted if place < len(sets)]
+        functions = [sets[position] for position in wanted if position < len(sets)]
         for other in functions[1:]:
             if not np.array_equal(other["x"], functions[0]["x"]):
                 raise InputError(
                     f"{path}: its functions have different abscissas; expected the same instants"
                 )
         time = (functions or sets)[0]["x"]
-        return [sets[place]["data"] if place < len(sets) else time for place in wanted]
+        return [sets[position]["data"] if position < len(sets) else time for position in wanted]
 
     return Table(path, (*names, "time"), load, aliases=aliases)
 
 
 def _candidates(function: dict[str, Any]) -> list[str]:
-    """Return what a person may call a function, the best name first."""
+    """Return the names of a function, the best name first."""
     identification = str(function.get("id1", "")).strip()
     direction = int(function["rsp_dir"])
     axis = DIRECTIONS.get(abs(direction), str(direction))
-    place = f"{int(function['rsp_node'])}:{'-' if direction < 0 else '+'}{axis}"
+    point = f"{int(function['rsp_node'])}:{'-' if direction < 0 else '+'}{axis}"
     label = str(function.get("ordinate_axis_lab", "")).strip()
     named = [identification] if identification not in ("", "NONE") else []
-    named += [place]
-    return named + [f"{place} {label}"] if label not in ("", "NONE") else named
+    named += [point]
+    return named + [f"{point} {label}"] if label not in ("", "NONE") else named
