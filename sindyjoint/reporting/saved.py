@@ -46,7 +46,7 @@ def load_results(path: str | os.PathLike[str]) -> Any:
     given = Path(path)
     if not given.exists():
         raise MissingInputError(
-            f"{str(given)!r} does not exist; a folder that a command wrote with --out is wanted"
+            f"{str(given)!r} does not exist; expected a folder that a command wrote with --out"
         )
     folder = given if given.is_dir() else given.parent
     saved = folder / DATA_FILE
@@ -90,7 +90,7 @@ def drawing(path: str | os.PathLike[str]) -> Iterator[None]:
 def _from_record(record: Any) -> Any:
     kind = record.get("kind") if isinstance(record, dict) else None
     if not isinstance(kind, str) or kind not in SAVED:
-        raise InputError(f"not a saved result: 'kind' is {kind!r}; one of {', '.join(SAVED)} is wanted")
+        raise InputError(f"not a saved result: 'kind' is {kind!r}; expected one of {', '.join(SAVED)}")
     return SAVED[kind].restore(record)
 
 

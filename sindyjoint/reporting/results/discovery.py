@@ -73,7 +73,7 @@ class DiscoveryView(View[Discovery, ReportData]):
         cells = (read.surface.n, read.surface.n)
         shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
         if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
-            raise InputError("not a saved ReportData: loops and a square map are wanted")
+            raise InputError("not a saved ReportData: expected loops and a square map")
         return read
 
     def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
