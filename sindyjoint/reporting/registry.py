@@ -42,7 +42,7 @@ SAVED = {view.kind: view for view in VIEWS if view.data is not None}
 
 
 def view_of(result: Any) -> View[Any, Any]:
-    """Return the view of a result: that of its own type before those of its bases.
+    """Return the view of a result: that of its type before those of its bases.
 
     Raises
     ------
