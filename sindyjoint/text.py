@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-# People keep their capital letters.
+# People keep their capital letters; an id that another name is usual for has that name.
 _NAMES = {
     "coulomb": "Coulomb",
     "stribeck": "Stribeck",
@@ -16,17 +16,18 @@ _NAMES = {
     "iwan": "Iwan",
     "maxwell": "Maxwell",
     "rayleigh": "Rayleigh",
+    "linear damping": "viscous damping",
 }
 _PATTERN = re.compile(r"\b(" + "|".join(_NAMES) + r")\b")
 
 
 def spelled(identifier: str) -> str:
-    """Return an id as words, names of people with capital letters.
+    """Return an id in the usual words, names of people with capital letters.
 
     Examples
     --------
-    >>> spelled("bouc_wen_hysteresis"), spelled("lugre_friction"), spelled("linear_stiffness")
-    ('Bouc–Wen hysteresis', 'LuGre friction', 'linear stiffness')
+    >>> spelled("bouc_wen_hysteresis"), spelled("lugre_friction"), spelled("linear_damping")
+    ('Bouc–Wen hysteresis', 'LuGre friction', 'viscous damping')
     """
     return _PATTERN.sub(lambda found: _NAMES[found[0]], identifier.replace("_", " "))
 

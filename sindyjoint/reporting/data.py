@@ -1,4 +1,4 @@
-"""What a discovery has to show, gathered into small arrays that are saved beside it.
+"""What a discovery has to show, gathered into small arrays that are saved with it.
 
 A campaign may hold millions of samples; pictures need some thousands. :func:`gather` makes them once, the page and
 the figures draw from them, and ``figures/data.json`` keeps them, so that any figure can be drawn again later
@@ -53,7 +53,7 @@ class Loop:
         Consecutive samples: rad, measured and modelled transfer moment N·m. For a periodic run one period, closed.
     moving : ndarray of bool, shape (m,)
     time, residual_over_time : ndarray, shape (k,)
-        s, RMS of the residual in windows of the run, N·m; NaN where nothing moves.
+        s, RMS of the residual in intervals of the run, N·m; NaN where nothing moves.
     residual_over_phase : ndarray, shape (60,)
         Mean residual at the phase of the cycle counted from the largest angle, N·m; empty for aperiodic runs.
     """
@@ -96,7 +96,7 @@ class PathStep:
 
 @dataclass(frozen=True, eq=False)
 class GroupFit:
-    """The chosen terms fitted to one group (frequency, usually) alone.
+    """The chosen terms fitted to a single group (usually a frequency).
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class GroupFit:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything a report of a discovery shows, beside the model's own record.
+    """Everything a report of a discovery shows, together with the model's record.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def gather(result: Discovery) -> ReportData:
     """Return what a discovery has to show."""
     model, selection = result.model, result.selection
     states, inertia = result.states, model.inertia
-    residuals = [_residual(model, state, inertia) for state in states]
+    residuals = [_compute_residual(model, state, inertia) for state in states]
     moving = [state.moving for state in states]
     ids = result.regressor.evidence_.ids
     surface = map_of_states(states, inertia, MAP_CELLS)
@@ -174,7 +174,7 @@ def gather(result: Discovery) -> ReportData:
         verdict_reason=result.verdict.reason,
         selection_reason=result.reason,
         warnings=result.warnings,
-        loops=tuple(_loop(model, s, r, inertia) for s, r in zip(states, residuals, strict=True)),
+        loops=tuple(_summarize_run(model, s, r, inertia) for s, r in zip(states, residuals, strict=True)),
         surface=surface,
         residual_map=residual_map,
         upper=upper,
@@ -191,7 +191,7 @@ def gather(result: Discovery) -> ReportData:
         ),
         chosen=selection.chosen,
         candidates=tuple(ids),
-        groups=_group_fits(result.regressor.evidence_, model, result.bias),
+        groups=_fit_groups(result.regressor.evidence_, model, result.bias),
     )
 
 
@@ -212,11 +212,11 @@ def model_sheets(model: JointModel, surface: ForceStateMap) -> tuple[Array, Arra
     return model.moment(*grid), model.moment(grid[0], -grid[1])[:, ::-1]
 
 
-def _residual(model: JointModel, state: ForceStates, inertia: float) -> Array:
+def _compute_residual(model: JointModel, state: ForceStates, inertia: float) -> Array:
     return state.transfer_moment(inertia) - model.moment(state.angle, state.rate)
 
 
-def _loop(model: JointModel, state: ForceStates, residual: Array, inertia: float) -> Loop:
+def _summarize_run(model: JointModel, state: ForceStates, residual: Array, inertia: float) -> Loop:
     shown = _shown(state)
     kept = residual[state.moving]
     centres, rms = _over_time(state, residual)
@@ -240,7 +240,7 @@ def _loop(model: JointModel, state: ForceStates, residual: Array, inertia: float
 
 
 def _shown(state: ForceStates) -> NDArray[np.intp]:
-    """Return the samples to draw: the middle period of a periodic run, a stretch of cycles of any other."""
+    """Return the samples to draw: the middle period of a periodic run, some consecutive cycles of any other."""
     n = state.n_samples
     turns = np.count_nonzero(np.diff(np.sign(state.angle - np.mean(state.angle))) != 0) / 2
     period = n / max(turns, 1.0)
@@ -258,11 +258,11 @@ def _shown(state: ForceStates) -> NDArray[np.intp]:
 
 def _over_time(state: ForceStates, residual: Array) -> tuple[Array, Array]:
     edges = np.linspace(0, state.n_samples, min(TIME_BINS, state.n_samples) + 1).astype(int)
-    window = np.searchsorted(edges, np.arange(state.n_samples), side="right") - 1
+    interval = np.searchsorted(edges, np.arange(state.n_samples), side="right") - 1
     bins = edges.size - 1
-    count = np.bincount(window[state.moving], minlength=bins)
+    count = np.bincount(interval[state.moving], minlength=bins)
     with np.errstate(invalid="ignore"):
-        mean = np.bincount(window[state.moving], residual[state.moving] ** 2, minlength=bins) / count
+        mean = np.bincount(interval[state.moving], residual[state.moving] ** 2, minlength=bins) / count
     centre = 0.5 * (edges[1:] + edges[:-1] - 1)
     return np.interp(centre, np.arange(state.n_samples), state.time), np.sqrt(mean)
 
@@ -281,8 +281,8 @@ def _over_phase(state: ForceStates, residual: Array) -> Array:
     return np.where(count >= 0.5 * np.median(count[count > 0]), mean, np.nan)
 
 
-def _group_fits(evidence: Evidence, model: JointModel, bias: Bias | None) -> tuple[GroupFit, ...]:
-    """Fit the model's terms to each group alone, where there are several; less the bias of each, where it is known."""
+def _fit_groups(evidence: Evidence, model: JointModel, bias: Bias | None) -> tuple[GroupFit, ...]:
+    """Fit the model's terms to each single group where there are several; less its bias where that is known."""
     from sindyjoint.discovery.evidence import Evidence as Problem
     from sindyjoint.discovery.evidence import fit_columns
 
@@ -291,22 +291,22 @@ def _group_fits(evidence: Evidence, model: JointModel, bias: Bias | None) -> tup
     columns = [evidence.ids.index(term) for term in model.ids]
     fits = []
     for group in evidence.groups:
-        alone = Problem(evidence.ids, tuple(run for run in evidence.runs if run.group == group))
+        single = Problem(evidence.ids, tuple(run for run in evidence.runs if run.group == group))
         try:
-            fit = fit_columns(alone, columns)
+            fit = fit_columns(single, columns)
             values, errors = fit.coefficients, fit.standard_errors
         except np.linalg.LinAlgError:
             values = errors = np.full(len(columns), np.nan)
         if bias is not None and group in bias.groups:
-            values, errors = _unbiased(values, errors, model.ids, bias, bias.groups.index(group))
+            values, errors = _subtract_bias(values, errors, model.ids, bias, bias.groups.index(group))
         fits.append(GroupFit(group, values, errors))
     return tuple(fits)
 
 
-def _unbiased(
+def _subtract_bias(
     values: Array, errors: Array, ids: Sequence[str], bias: Bias, group: int
 ) -> tuple[Array, Array]:
-    """Take the bias of a group out of its coefficients; their errors grow by what is not known of it."""
+    """Subtract the bias of a group from its coefficients; their errors grow by its uncertainty."""
     from sindyjoint.bias.policy import POLICY as BIAS
 
     known = [i for i, name in enumerate(ids) if name in bias.ids]

@@ -67,9 +67,9 @@ class _StatePrinter(MathMLPresentationPrinter):
         decays = [factor for factor in expr.args if factor.func is sympy.exp]
         if not decays:
             return super()._print_Mul(expr)
-        rest = expr.func(*[factor for factor in expr.args if factor.func is not sympy.exp])
+        others = expr.func(*[factor for factor in expr.args if factor.func is not sympy.exp])
         row = self.dom.createElement("mrow")
-        for factor in ([] if rest == 1 else [rest]) + decays:
+        for factor in ([] if others == 1 else [others]) + decays:
             if row.hasChildNodes():
                 row.appendChild(self.dom.createElement("mo"))
                 row.lastChild.appendChild(self.dom.createTextNode("&InvisibleTimes;"))
@@ -103,10 +103,10 @@ def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
         second = f'<mover accent="true"><mi>{variable}</mi><mo>¨</mo></mover>'
         parts.insert(0, f"<mi>{letter}</mi><mo>⁢</mo>{second}")
     parts += [_named_moment(name, motion) for name in further]
-    left = "F" if motion == "translation" else "M"
-    # Each summand is a row of its own: a browser may break the line only between them.
+    load = "F" if motion == "translation" else "M"
+    # Each summand is a separate row: a browser may break the line only between them.
     right = "<mo>+</mo>".join(f"<mrow>{part}</mrow>" for part in parts) or "<mn>0</mn>"
-    return f'<math display="block"><mi>{left}</mi><mo>=</mo>{right}</math>'
+    return f'<math display="block"><mi>{load}</mi><mo>=</mo>{right}</math>'
 
 
 def effect_mathml(effect: FittedEffect, motion: str) -> str:
@@ -183,6 +183,6 @@ def _product(printer: _StatePrinter, name: str, expression: Any) -> str:
 
 def _formula(printer: _StatePrinter, expression: Any) -> str:
     formula: str = printer.doprint(expression)
-    for written, wanted in _BETTER.items():
-        formula = formula.replace(written, wanted)
+    for written, better in _BETTER.items():
+        formula = formula.replace(written, better)
     return formula

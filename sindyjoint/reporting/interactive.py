@@ -1,4 +1,4 @@
-"""What the page's own drawings need, scaled to the units that they show."""
+"""What the page's drawings need, scaled to the units that they show."""
 
 from __future__ import annotations
 

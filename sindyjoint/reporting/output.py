@@ -117,7 +117,7 @@ class CampaignFiles:
         return ("reports",) * self.reports + ("diagnosis",) * self.diagnose
 
     def __call__(self, result: Discovery, folder: Path) -> None:
-        """Write what is wanted about a result."""
+        """Write what was asked for about a result."""
         if self.reports:
             write_results(result, folder)
         if self.diagnose and result.found:

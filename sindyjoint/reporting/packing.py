@@ -61,7 +61,7 @@ def unpack(kind: Any, data: Any, absent: Mapping[str, Any] = types.MappingProxyT
     """
     if not isinstance(data, Mapping):
         raise InputError(
-            f"not a saved {kind.__name__}: a table of fields is wanted, {type(data).__name__} was given"
+            f"not a saved {kind.__name__}: expected a table of fields, got {type(data).__name__}"
         )
     hints = get_type_hints(kind)
     read: dict[str, Any] = dict(absent)
@@ -99,7 +99,7 @@ def _restore(hint: Any, value: Any) -> Any:
         return _restore_tuple(arguments, value)
     if origin is dict:
         if not isinstance(value, Mapping):
-            raise TypeError(f"a table is wanted, {value!r:.40} was given")
+            raise TypeError(f"expected a table, got {value!r:.40}")
         return {str(key): _restore(arguments[1], item) for key, item in value.items()}
     if _writes_itself(hint):
         return hint.from_dict(value)
@@ -110,7 +110,7 @@ def _restore(hint: Any, value: Any) -> Any:
     if hint in (str, int, bool) and (
         not isinstance(value, hint) or (hint is int and isinstance(value, bool))
     ):
-        raise TypeError(f"{hint.__name__} is wanted, {value!r:.40} was given")
+        raise TypeError(f"expected {hint.__name__}, got {value!r:.40}")
     return value
 
 
@@ -122,15 +122,15 @@ def _restore_one_of(hints: tuple[Any, ...], value: Any) -> Any:
         return value
     others = [hint for hint in hints if hint not in (type(None), str)]
     if not others:
-        raise TypeError(f"a text is wanted, {value!r:.40} was given")
+        raise TypeError(f"expected a text, got {value!r:.40}")
     return _restore(others[0], value)
 
 
 def _restore_tuple(hints: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
     if not isinstance(value, list):
-        raise TypeError(f"a list is wanted, {value!r:.40} was given")
+        raise TypeError(f"expected a list, got {value!r:.40}")
     if len(hints) == 2 and hints[1] is Ellipsis:
         return tuple(_restore(hints[0], item) for item in value)
     if len(value) != len(hints):
-        raise ValueError(f"{len(hints)} values are wanted, {len(value)} were given")
+        raise ValueError(f"expected {len(hints)} values, got {len(value)}")
     return tuple(_restore(hint, item) for hint, item in zip(hints, value, strict=True))

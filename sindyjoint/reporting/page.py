@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
-# In the order in which they run; each is a file of its own beside the templates.
+# In the order in which they run; each is a separate file next to the templates.
 SCRIPTS = ("page.js", "map3d.js", "loops.js")
 # What the page's style sheet may repaint, so that one drawing serves light and dark.
 _REPAINTED = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)"}
@@ -36,14 +36,14 @@ def render(template: str, **content: Any) -> str:
 
 
 def markup(text: str) -> Markup:
-    """Mark text of our own making as HTML."""
+    """Mark text that we made as HTML."""
     from markupsafe import Markup
 
     return Markup(text)
 
 
 def inline_svg(svg: bytes, kind: str, title: str) -> str:
-    """Return an SVG to stand within a page: names of its parts its own, colours from the page's style sheet."""
+    """Return an SVG to stand within a page: with unique names of its parts, colours from the page's style sheet."""
     text = svg.decode()
     text = text[text.index("<svg") :]
     # matplotlib repeats every text in a comment; what a person wrote has no business there.

@@ -42,7 +42,7 @@ SAVED = {view.kind: view for view in VIEWS if view.data is not None}
 
 
 def view_of(result: Any) -> View[Any, Any]:
-    """Return the view of a result: that of its own type before those of its bases.
+    """Return the view of a result: that of its type before those of its bases.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
     if kind not in kinds:
         near = get_close_matches(kind, kinds, 1)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise UnknownNameError(f"figure {kind!r} is not known; {hint}one of {', '.join(kinds)} is wanted")
+        raise UnknownNameError(f"figure {kind!r} is not known; {hint}expected one of {', '.join(kinds)}")
     panels = kinds[kind].panels(data)
     if not panels:
         raise UnknownNameError(

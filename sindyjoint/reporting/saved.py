@@ -41,12 +41,12 @@ def load_results(path: str | os.PathLike[str]) -> Any:
     MissingInputError
         If there is no such folder or file, or it holds no data for figures.
     InputError
-        If the data cannot be read, or belong to another model than the one that lies beside them.
+        If the data cannot be read, or belong to another model than the one in the same folder.
     """
     given = Path(path)
     if not given.exists():
         raise MissingInputError(
-            f"{str(given)!r} does not exist; a folder that a command wrote with --out is wanted"
+            f"{str(given)!r} does not exist; expected a folder that a command wrote with --out"
         )
     folder = given if given.is_dir() else given.parent
     saved = folder / DATA_FILE
@@ -56,13 +56,13 @@ def load_results(path: str | os.PathLike[str]) -> Any:
             "diagnose or reproduce again, with --out and the name of a folder"
         )
     result = _read(saved, _from_record)
-    beside = folder / "model.json"
+    model_file = folder / "model.json"
     if isinstance(getattr(result, "model", None), JointModel):
-        model = _read(beside, JointModel.from_dict)
+        model = _read(model_file, JointModel.from_dict)
         # As text: a noise floor that is not known is NaN, which equals nothing.
         if model.to_json() != result.model.to_json():
             raise InputError(
-                f"{str(saved)!r} belongs to another model than {str(beside)!r}; run the command with --out again"
+                f"{str(saved)!r} belongs to another model than {str(model_file)!r}; run the command with --out again"
             )
     return result
 
@@ -90,7 +90,7 @@ def drawing(path: str | os.PathLike[str]) -> Iterator[None]:
 def _from_record(record: Any) -> Any:
     kind = record.get("kind") if isinstance(record, dict) else None
     if not isinstance(kind, str) or kind not in SAVED:
-        raise InputError(f"not a saved result: 'kind' is {kind!r}; one of {', '.join(SAVED)} is wanted")
+        raise InputError(f"not a saved result: 'kind' is {kind!r}; expected one of {', '.join(SAVED)}")
     return SAVED[kind].restore(record)
 
 

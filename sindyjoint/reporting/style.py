@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito (2008): told apart with every common colour blindness. Black is left to the model.
+# Okabe and Ito (2008): distinct with every common colour blindness. Black is reserved for the model.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 # Grey printing takes the colours away: dashes and markers carry the same distinction.
 DASHES = (
@@ -132,7 +132,7 @@ def shortened(text: object, length: int = 28) -> str:
 
 @cache
 def _fonts() -> list[str]:
-    """Return the fonts to draw with: matplotlib's own first, so that a picture is the same everywhere."""
+    """Return the fonts to draw with: matplotlib's first, so that a picture is the same everywhere."""
     from matplotlib.font_manager import fontManager
 
     installed = {font.name for font in fontManager.ttflist}

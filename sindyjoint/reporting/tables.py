@@ -133,7 +133,7 @@ def terms_csv(model: JointModel) -> str:
 
 def terms_table(model: JointModel) -> Table:
     """Return the terms as a rich table for a terminal."""
-    columns = ("term", "", "of", "value", "unit", "carries alone")
+    columns = ("term", "", "of", "value", "unit", "unique share")
     rows = [
         (row.name, row.symbol, row.formula, row.value, row.unit, f"{100 * row.share:.1f} %")
         for row in term_rows(model)

@@ -137,7 +137,7 @@ def terminal_table(
     for column, side in zip(columns, align.ljust(len(columns), align[-1]), strict=False):
         table.add_column(column, justify="left" if side == "l" else "right", no_wrap=not wraps)
     for row in rows:
-        # Names are a person's own: Text keeps square brackets from being markup.
+        # Names are chosen by a person: Text keeps square brackets from being markup.
         table.add_row(*(Text(cell) for cell in row))
     return table
 

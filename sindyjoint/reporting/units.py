@@ -61,7 +61,7 @@ def in_words_of(motion: str, text: str) -> str:
     >>> in_words_of("translation", "Moment over angle and rate")
     'Force over displacement and velocity'
     """
-    own, other = quantities("rotation"), quantities(motion)
-    named = {getattr(own, name): getattr(other, name) for name in ("angle", "rate", "moment")}
+    rotation, other = quantities("rotation"), quantities(motion)
+    named = {getattr(rotation, name): getattr(other, name) for name in ("angle", "rate", "moment")}
     named |= {was.lower(): now.lower() for was, now in named.items()}
     return re.sub(r"\b(" + "|".join(named) + r")\b", lambda found: named[found[0]], text)

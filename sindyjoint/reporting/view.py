@@ -23,15 +23,15 @@ D = TypeVar("D")
 
 
 class View(Generic[R, D]):
-    """How one kind of result is told, drawn, written, and read again.
+    """How one kind of result is shown, drawn, written, and read again.
 
-    A result (R) is what a workflow returned. Its data (D) are what figures are drawn from and what is saved beside
+    A result (R) is what a workflow returned. Its data (D) are what figures are drawn from and what is saved with
     them: of most results the result itself, of others a small part.
 
     Attributes
     ----------
     results : tuple of type
-        What it shows. For a subclass of one of them that has a view of its own, that one holds.
+        What it shows. For a subclass of one of them that has a view, that view holds.
     data : type
         Of the data; ``None`` where nothing is saved and drawn.
     kind : str
@@ -88,7 +88,7 @@ class View(Generic[R, D]):
         }
 
     def content(self, result: R, data: Any, folder: Path | None) -> dict[str, Any]:
-        """Return what the page's template needs beside result, tables, figures and origin."""
+        """Return what the page's template needs in addition to result, tables, figures and origin."""
         raise NotImplementedError
 
     def page(
@@ -133,7 +133,7 @@ class View(Generic[R, D]):
         return provenance(None, seed, command_line, files)
 
     def files(self, result: R, data: Any) -> dict[str, str]:
-        """Return the texts that are written beside page, record and figures, by name of file."""
+        """Return the texts that are written in addition to page, record and figures, by name of file."""
         return {}
 
     def show(self, result: R) -> None:

@@ -4,7 +4,7 @@ SINDYJOINT_BROWSER names a browser that is not on the path; SINDYJOINT_SCREENSHO
 for eyes.
 
 Tests wait with locators, never with `page.wait_for_function`: a condition in the page is evaluated there, and where it
-does not hold at once, the page's own policy refuses the second look.
+does not hold at once, the page's policy refuses the second look.
 """
 
 import os

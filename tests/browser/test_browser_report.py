@@ -51,7 +51,7 @@ def test_a_hostile_name_is_text(open_page, hostile_name):
 
 
 def test_an_injected_script_would_not_run(browser, report, tmp_path):
-    # Belt and braces: a script that got into the page all the same would be refused by the page's own policy.
+    # Belt and braces: a script that got into the page all the same would be refused by the page's policy.
     broken = tmp_path / "broken.html"
     text = report.read_text(encoding="utf-8").replace("<main", "<script>window.taken = 1</script><main", 1)
     broken.write_text(text, encoding="utf-8")
@@ -147,7 +147,7 @@ def test_a_table_is_sorted_by_value(open_page):
         return [float(v) for v in page.locator(f"#terms-table tbody tr td:nth-child({index})").evaluate_all(
             "cells => cells.map(cell => cell.dataset.value)")]  # fmt: skip
 
-    heading = page.locator("#terms-table th", has_text="Carries alone")
+    heading = page.locator("#terms-table th", has_text="Unique share")
     heading.locator("button").click()
     assert heading.get_attribute("aria-sort") == "ascending" and column(7) == sorted(column(7))
     heading.locator("button").press("Enter")

@@ -1,4 +1,4 @@
-"""A report's data made by hand, from formulas alone: what pages and figures show does not hang on any algorithm."""
+"""A report's data made by hand, only from formulas: what pages and figures show does not hang on any algorithm."""
 
 from itertools import cycle
 

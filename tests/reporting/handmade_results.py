@@ -40,7 +40,7 @@ def _decay(name, failed):
     measured = 1e-3 * np.exp(-0.4 * time) * np.cos(2 * np.pi * 2 * time)
     simulated = 1.01 * measured
     turns = np.arange(0, 5.0, 0.25)
-    swings = Oscillation(turns, 1e-3 * np.exp(-0.4 * turns) * (-1.0) ** np.arange(turns.size), 1)
+    oscillation = Oscillation(turns, 1e-3 * np.exp(-0.4 * turns) * (-1.0) ** np.arange(turns.size), 1)
     return RunVerification(
         name=name,
         channel="displacement",
@@ -54,7 +54,7 @@ def _decay(name, failed):
         noise_floor=0.01,
         amplitude_rms_error=None if failed else 0.003,
         mean_period_difference=None if failed else 0.0004,
-        oscillations=(swings, None if failed else swings),
+        oscillations=(oscillation, None if failed else oscillation),
         energy=None
         if failed
         else np.array([np.exp(-0.4 * np.arange(9)), 1.02 * np.exp(-0.4 * np.arange(9))]),
@@ -62,14 +62,14 @@ def _decay(name, failed):
     )
 
 
-def run_gaps(left):
+def run_gaps(residual):
     """Return a run that repeats and one that does not, of which a model leaves a cubic moment of this size, N·m."""
     runs = []
     for name, level, repeats in (("4Hz $high", "high", True), ("burst", None, False)):
         time = np.arange(0, 0.25, 0.25 / 120)
         angle, rate = 1e-3 * np.sin(8 * np.pi * time), 8e-3 * np.pi * np.cos(8 * np.pi * time)
         model = 5912 * angle + 48 * rate
-        measured = model + left * (angle / 1e-3) ** 3 + 0.01 * np.sin(977 * time)
+        measured = model + residual * (angle / 1e-3) ** 3 + 0.01 * np.sin(977 * time)
         runs.append(
             RunGap(
                 name,
@@ -118,7 +118,7 @@ def diagnosis(name="bench joint", effect="jenkins_element", verdict="ambiguous")
 
 
 def structure(name="bench joint", rig="a rig", point="tip"):
-    """Return a diagnosis of a structure: the joint's one, and a record beside its simulations."""
+    """Return a diagnosis of a structure: that of the joint, and a record with its simulations."""
     joint = diagnosis(name)
     time = np.linspace(0, 10, 4001)
     measured = 1e-3 * np.exp(-0.4 * time) * np.cos(2 * np.pi * 4 * time)

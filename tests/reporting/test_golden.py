@@ -1,6 +1,6 @@
 """What people read, held against files: terminal, pages and equations of every result.
 
-Each text was looked at before it was kept. To renew one after a wanted change: delete the file, run twice, look again.
+Each text was checked before it was kept. To renew one after an intended change: delete the file, run twice, check.
 """
 
 from pathlib import Path
@@ -65,7 +65,7 @@ def test_page_of_a_comparison(tmp_path):
 
 
 def equations():
-    """Yield every shipped term without inner parameters as text and as LaTeX, and a whole model."""
+    """Yield every shipped term without nonlinear parameters as text and as LaTeX, and a whole model."""
     seen = set()
     for summary in list_catalogues():
         for term in load_catalogue(summary.name):

@@ -19,8 +19,8 @@ EFFECTS = {effect.id: effect for effect in load_effects()}
 def fitted(name):
     effect = EFFECTS[name]
     (variant, *_) = effect.variants
-    size, inner = len(variant.columns), len(variant.parameters)
-    return FittedEffect(effect, variant, np.ones(inner), np.ones(size), 1.0)
+    size, nonlinear = len(variant.columns), len(variant.parameters)
+    return FittedEffect(effect, variant, np.ones(nonlinear), np.ones(size), 1.0)
 
 
 def text_of(markup):

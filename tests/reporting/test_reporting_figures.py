@@ -69,7 +69,7 @@ def test_a_panel_returns_its_axes(kind):
 
 
 def test_every_line_survives_grey_printing():
-    # Lines that share a panel differ in dash or marker, not in colour alone.
+    # Lines that share a panel differ in dash or marker, not only in colour.
     data = report_data()
     for kind in drawable(data, parts=True):
         for ax in draw(kind, data).axes:
@@ -127,7 +127,7 @@ def test_a_name_in_any_script_draws_without_a_warning():
 
 def test_unknown_kind_names_the_nearest():
     with pytest.raises(
-        UnknownNameError, match="figure 'loop' is not known; did you mean 'loops'\\? one of map, "
+        UnknownNameError, match="figure 'loop' is not known; did you mean 'loops'\\? expected one of map, "
     ):
         draw("loop", report_data())
 

@@ -78,7 +78,7 @@ def test_what_is_shown_is_what_was_found(discovery):
     assert (total / fitted.samples) ** 0.5 == pytest.approx(fitted.residual_rms, rel=5e-3)
     assert data.surface.count.sum() == data.residual_map.count.sum() == fitted.samples
     assert data.path[data.chosen].terms == discovery.model.ids
-    # One frequency alone has fewer data and the same law: within six of its own standard errors.
+    # A single frequency has fewer data and the same law: within six of its standard errors.
     for group in data.groups:
         assert all(abs(group.coefficients - discovery.model.coefficients) < 6 * group.standard_errors)
 
@@ -159,7 +159,7 @@ def test_plot_without_a_kind_lists_them(results):
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (["gone", "map"], MissingInputError, "'gone' does not exist; a folder that a command wrote"),
+        (["gone", "map"], MissingInputError, "'gone' does not exist; expected a folder that a command wrote"),
         (["{empty}", "map"], MissingInputError, "holds no figures/data.json, from which figures are drawn; run"),
         (["{results}", "mapp"], UnknownNameError, "figure 'mapp' is not known; did you mean 'map'?"),
         (["{results}", "map", "--out", "map.gif"], InputError, "--out is 'map.gif'; a name that ends in .svg, .pdf or"),
@@ -179,7 +179,11 @@ def test_plot_refuses(results, tmp_path, arguments, error, message):
     [
         ("figures/data.json", "{", r"data.json': not JSON \("),
         ("figures/data.json", "[" * 100_000, "data.json': (nested too deeply|not JSON)"),
-        ("figures/data.json", "{}", "data.json': not a saved result: 'kind' is None; one of ReportData, Ver"),
+        (
+            "figures/data.json",
+            "{}",
+            "data.json': not a saved result: 'kind' is None; expected one of ReportData, Ver",
+        ),
         ("figures/data.json", "\xff", "data.json': not JSON"),
         ("model.json", "{}", "model.json': not a joint model"),
     ],
@@ -195,7 +199,7 @@ def test_damaged_results_name_the_file(results, tmp_path, name, text, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d["loops"][0].update(level=3), "field 'level': a text is wanted, 3 was given"),
+        (lambda d: d["loops"][0].update(level=3), "field 'level': expected a text, got 3"),
         (
             lambda d: d["loops"][0].update(moment=[1.0, 2.0]),
             "do not fit together .*; run the command with --out",
@@ -259,7 +263,7 @@ def test_a_report_of_a_hundred_runs_stays_small(discovery, tmp_path):
 
 
 def test_writing_takes_little_time(written_again):
-    # Two seconds are promised for twelve runs on a free machine; time of this process alone, doubled for a busy one.
+    # Two seconds are promised for twelve runs on a free machine; time of only this process, doubled for a busy one.
     assert written_again[1] < 4
 
 

@@ -136,7 +136,7 @@ def test_pictures_follow_the_pages_colours(page):
     drawings = page[page.index("<svg") : page.rindex("</svg>")]
     assert "var(--ink)" in drawings and "var(--rule)" in drawings
     assert "fill: #ffffff" not in drawings
-    # What stands upon colours keeps its own: the numbers in the correlation's dark and pale cells.
+    # What stands upon colours keeps its colour: the numbers in the correlation's dark and pale cells.
     assert "#fefefe" in drawings and "#1b1f25" in drawings
 
 

@@ -103,7 +103,7 @@ def test_the_verdicts_in_plain_words():
     assert any(line.startswith("2.16 % → 1.04 %") for line in lines)
     assert "Hidden in this virtual test was: Jenkins element." in lines
     nothing = read(page_html(made := diagnosis(verdict="nothing_missing"), ORIGIN, draw_all(made))).lines
-    assert "nothing missing Nothing is missing: what is left is noise." in nothing
+    assert "nothing missing Nothing is missing: the residual is noise." in nothing
 
 
 def test_saved_responses_are_thinned_to_what_a_picture_shows():
@@ -133,7 +133,7 @@ def test_an_unknown_kind_of_saved_result_is_refused(tmp_path):
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "data.json").write_text(json.dumps({"kind": "Poem"}))
     with pytest.raises(
-        InputError, match="data.json': not a saved result: 'kind' is 'Poem'; one of ReportData, Ver"
+        InputError, match="data.json': not a saved result: 'kind' is 'Poem'; expected one of ReportData, Ver"
     ):
         load_results(tmp_path)
 

@@ -92,16 +92,16 @@ def damaged(change):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ([], "not a saved ReportData: a table of fields is wanted, list was given"),
+        ([], "not a saved ReportData: expected a table of fields, got list"),
         (damaged(lambda d: d.pop("verdict")), "not a saved ReportData: field 'verdict' is missing"),
         (damaged(lambda d: d["loops"][0].pop("angle")), "not a saved Loop: field 'angle' is missing"),
         (
             damaged(lambda d: d["loops"][0].update(angle=["x"])),
             "not a saved Loop: field 'angle': could not convert",
         ),
-        (damaged(lambda d: d.update(path=3)), "field 'path': a list is wanted, 3 was given"),
-        (damaged(lambda d: d.update(verdict=3)), "field 'verdict': str is wanted, 3 was given"),
-        (damaged(lambda d: d.update(loops=[])), "not a saved ReportData: loops and a square map are wanted"),
+        (damaged(lambda d: d.update(path=3)), "field 'path': expected a list, got 3"),
+        (damaged(lambda d: d.update(verdict=3)), "field 'verdict': expected str, got 3"),
+        (damaged(lambda d: d.update(loops=[])), "not a saved ReportData: expected loops and a square map"),
         (damaged(lambda d: d["model"].pop("terms")), "not a joint model: expected 'schema': 1 and 'terms'"),
     ],
 )

@@ -85,7 +85,7 @@ CASES = {
 def test_terminal_is_as_it_was(name, capsys):
     show(CASES[name])
     printed = "".join(line.rstrip() + "\n" for line in capsys.readouterr().out.splitlines())
-    # Looked at before it was kept. To renew after a wanted change: delete the file, run twice, look again.
+    # Looked at before it was kept. To renew after an intended change: delete the file, run twice, look again.
     path = GOLDEN / f"terminal-{name}.txt"
     if not path.exists():
         path.write_text(printed, encoding="utf-8")

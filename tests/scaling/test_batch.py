@@ -36,7 +36,7 @@ def test_the_joint_that_differs_and_the_trend_are_found(done):
     assert result.complete and result.kept == 0
     assert result.common == ("linear_stiffness", "linear_damping", "coulomb_friction")
     assert [(d.id, d.kind) for d in result.differences] == [("joint-4", "outlier")]
-    assert "linear damping of 7" in result.differences[0].text
+    assert "viscous damping of 7" in result.differences[0].text
     assert "standard deviations above" in result.differences[0].text
     (trend,) = [t for t in result.population.trends if t.significant]
     assert (trend.coefficient, trend.covariate) == ("linear_stiffness", "temperature")

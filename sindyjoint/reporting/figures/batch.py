@@ -52,7 +52,7 @@ def joints(result: Batch, ax: Axes, term: str) -> Axes:
 def _points(
     ax: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, scatter: Scatter, use: np.ndarray
 ) -> np.ndarray:
-    """Draw values with 95 % intervals, those that stand out in another colour, whose places are returned."""
+    """Draw values with 95 % intervals, the outliers in another colour; return the indices of the outliers."""
     out = np.zeros(values.size, dtype=bool)
     out[list(scatter.outliers)] = True
     for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
@@ -87,7 +87,7 @@ def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
     ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
     ax.set_xlabel("temperature (°C)" if trend.covariate == TEMPERATURE else plain(trend.covariate))
-    ax.set_ylabel(f"{term.replace('_', ' ')} ({unit})")
+    ax.set_ylabel(f"{spelled(term)} ({unit})")
     ax.set_title(
         f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),
         color=MUTED,

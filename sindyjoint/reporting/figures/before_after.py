@@ -1,4 +1,4 @@
-"""A campaign beside its model before and after effects were added: maps, loops, and what the model leaves of them."""
+"""A campaign and its model before and after effects were added: maps, loops, residuals."""
 
 from __future__ import annotations
 
@@ -35,26 +35,29 @@ SHOWN = 2  # runs
 
 
 def maps(result: Diagnosis) -> list[Panel]:
-    """Return the maps of what the model leaves, before and, where effects were added, after."""
+    """Return the maps of the residual before and, where effects were added, after."""
     if not result.before:
         return []
-    alone = partial(_map, runs=result.before, title="Left by the model alone", scale=not result.after)
+    before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
     if not result.after:
-        return [alone]
-    return [alone, partial(_map, runs=result.after, title="Left with the effects, same colours", scale=True)]
+        return [before]
+    return [
+        before,
+        partial(_map, runs=result.after, title="Residual with the effects, same colours", scale=True),
+    ]
 
 
 def overlays(result: Diagnosis) -> list[Panel]:
-    """Return, of the runs of the largest and of the smallest swing, measured beside modelled and what is left."""
+    """Return measured and modelled curves and residuals of the runs of the largest and the smallest amplitude."""
     after = {run.run: run for run in result.after}
     panels: list[Panel] = []
     for run in spread(sorted(result.before, key=lambda run: -float(np.ptp(run.angle))), SHOWN):
-        panels += [partial(draw, before=run, after=after.get(run.run)) for draw in (_loop, _left)]
+        panels += [partial(draw, before=run, after=after.get(run.run)) for draw in (_loop, _residual)]
     return panels
 
 
 def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> Axes:
-    """Draw the mean of what a model leaves in cells of (θ, θ̇); the colours are those of the map before."""
+    """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before."""
     q = quantities(result.model.joint.motion)
     edges = [_edges(result.before, name) for name in ("angle", "rate")]
     limit = float(np.nanmax(np.abs(_cells(result.before, edges)))) or 1.0
@@ -90,7 +93,7 @@ def _edges(runs: Sequence[RunGap], name: str) -> Array:
 
 
 def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
-    """Return the mean of what the model leaves in every cell, NaN where there is nothing, shape (n, n)."""
+    """Return the mean residual of every cell, NaN where there is nothing, shape (n, n)."""
     angle, rate, residual = (
         np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "residual")
     )
@@ -121,8 +124,8 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
     return ax
 
 
-def _left(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
-    """Draw what the models leave of a run beside its noise."""
+def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+    """Draw the residuals of a run together with its noise."""
     q = quantities(result.model.joint.motion)
     factor, unit = prefixed(float(np.abs(before.residual).max()), q.moment_unit)
     for x, y in _pieces(result, before, before.residual * factor):
@@ -139,9 +142,9 @@ def _left(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
         lw=0,
         label="noise of the mean period, ±2σ" if before.repeats else "noise, ±2σ",
     )
-    ax.plot([], [], color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)), label="left by the model alone")
+    ax.plot([], [], color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)), label="residual of the model alone")
     if after is not None:
-        ax.plot([], [], color=INK, lw=0.8, label="left with the effects")
+        ax.plot([], [], color=INK, lw=0.8, label="residual with the effects")
     _axes(result, ax, before, f"Measured less model ({unit})")
     legend_above(ax, 3)
     return ax
@@ -168,7 +171,7 @@ def _angle_unit(result: Diagnosis) -> tuple[float, str]:
 
 
 def _pieces(result: Diagnosis, run: RunGap, values: Array) -> list[tuple[Array, Array]]:
-    """Return curves to draw: of a mean period by direction of motion, of another run by unbroken parts of a stretch.
+    """Return curves to draw: of a mean period by direction of motion, of another run by unbroken parts of a segment.
 
     Samples in which the joint sticks are no part of either, and no line crosses them.
     """

@@ -76,9 +76,8 @@ KINDS = by_name(
     Kind(
         "dependence",
         "Coefficients by frequency",
-        "Each coefficient at each frequency alone with its 95 % interval; line and grey band: their mean and the "
-        "margin within which they count as the same. Crosses: the paper's tables, where the joint is one of its "
-        "own.",
+        "Each coefficient at each single frequency with its 95 % interval; line and grey band: their mean and the "
+        "margin within which they count as the same. Crosses: the paper's tables, where the joint is one of them.",
         lambda result: [partial(dependence, test=test) for test in result.tests],
     ),
 )

@@ -41,7 +41,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     shown = [100 * getattr(gap, name) for gap in gaps for name in names]
     shown = [value for value in shown if value == value and value > 0]
     floors = [100 * getattr(result.noise_floor, name) for name in names]
-    # A floor of rounding alone would be all that a picture shows; the legend tells it.
+    # A floor of mere rounding would be all that a picture shows; the legend states it.
     known = shown + [floor for floor in floors if shown and floor > min(shown) / FAR**2]
     for index, (name, called) in enumerate(names.items()):
         values = [100 * getattr(gap, name) for gap in gaps]
@@ -54,14 +54,14 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
             marker=MARKERS[index],
             label=f"{called} gap",
         )
-        for place, value in enumerate(values):
+        for step, value in enumerate(values):
             if value == value:
-                # The larger of the two gaps is told above its mark, the other below.
-                other = 100 * getattr(gaps[place], "response" if name == "moment" else "moment")
+                # The larger of the two gaps is written above its mark, the other below.
+                other = 100 * getattr(gaps[step], "response" if name == "moment" else "moment")
                 below = value < other or (index == 1 and value == other)
                 ax.annotate(
                     percent(value / 100),
-                    (place, value),
+                    (step, value),
                     # A gap that falls comes from the upper left and leaves to the lower right.
                     (-6, -3) if below else (6, 3),
                     textcoords="offset points",
@@ -116,9 +116,9 @@ def rivals(result: Diagnosis, ax: Axes) -> Axes:
     for index, step in enumerate(result.steps):
         rows.append((f"{index + 1}. {spelled(step.effect)}", step.probability, PALETTE[0]))
         rows += [(f"    {spelled(name)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
-    for place, (_, probability, colour) in enumerate(rows):
-        ax.barh(place, probability, height=0.6, color=colour)
-        ax.text(probability + 0.008, place, f"{probability:.2f}", va="center", color=INK)
+    for row, (_, probability, colour) in enumerate(rows):
+        ax.barh(row, probability, height=0.6, color=colour)
+        ax.text(probability + 0.008, row, f"{probability:.2f}", va="center", color=INK)
     ax.set_yticks(range(len(rows)), [label for label, _, _ in rows])
     ax.set_ylim(len(rows) - 0.5, -0.5)
     ax.set_xlim(0, 1.08)
@@ -129,10 +129,10 @@ def rivals(result: Diagnosis, ax: Axes) -> Axes:
 
 def where(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the regions that hold more of the gap than their share of the samples."""
-    places = list(result.where)
-    ax.barh(range(len(places)), [100 * place.share for place in places], height=0.6, color=PALETTE[0])
-    labels = [plain(fill(shortened(place.words.partition(":")[0], 60), 26)) for place in places]
-    ax.set_yticks(range(len(places)), labels)
+    regions = list(result.where)
+    ax.barh(range(len(regions)), [100 * region.share for region in regions], height=0.6, color=PALETTE[0])
+    labels = [plain(fill(shortened(region.words.partition(":")[0], 60), 26)) for region in regions]
+    ax.set_yticks(range(len(regions)), labels)
     ax.invert_yaxis()
     ax.set_xlim(0, 100)
     ax.set_xlabel("share of the mean square gap (%)")
@@ -144,7 +144,7 @@ KINDS = by_name(
     Kind(
         "gap",
         "Gap by step",
-        "Gap between model and measurement before and after each named effect, beside the noise floor.",
+        "Gap between model and measurement before and after each named effect, with the noise floor.",
         fixed(gap_by_step),
         wide=True,
     ),
@@ -158,7 +158,7 @@ KINDS = by_name(
     Kind(
         "overlay",
         "Runs before and after",
-        "Some runs beside the model alone and with the effects, and what either leaves of them beside the noise. "
+        "Some runs with the model alone and with the effects, and the residual of either with the noise. "
         "Coefficients are those of the fit to all runs.",
         before_after.overlays,
     ),
@@ -172,7 +172,7 @@ KINDS = by_name(
     Kind(
         "budget",
         "Budget of the gap",
-        "What the first gap is made of: a function of the state, memory, differences between runs, processing, "
+        "What the first gap is made of: a function of the state, hysteresis, differences between runs, processing, "
         "noise.",
         fixed(budget_parts),
         wide=True,

@@ -35,7 +35,7 @@ _WHOLE = (
         "Force–state map",
         "Transfer moment averaged over cells of angle and rate, samples per cell, and cuts through the map: at "
         "zero rate the friction shows as a step, at the middle angle as a jump of the line.",
-        fixed(maps.map_moment, maps.map_counts, maps.cut_at_rest, maps.cut_at_centre),
+        fixed(maps.map_moment, maps.map_counts, maps.cut_at_zero_rate, maps.cut_at_centre),
     ),
     Kind(
         "loops",
@@ -45,7 +45,7 @@ _WHOLE = (
     ),
     Kind(
         "residual",
-        "What the model leaves",
+        "Residual",
         "Residual over angle and rate, over the phase of the cycle, and over time. Structure that stands above the "
         "noise floor is an effect that the model lacks.",
         _residual,
@@ -59,7 +59,7 @@ _WHOLE = (
     Kind(
         "coefficients",
         "Coefficients by frequency, or by part of the record",
-        "The chosen terms fitted to each frequency (or part) alone, with 95 % intervals, the bias of the "
+        "The chosen terms fitted to each single frequency (or part), with 95 % intervals, the bias of the "
         "processing taken out where it is known. Line: all together. Grey: ±10 %. Crosses: the paper's "
         "tables, where the joint is one of the paper's.",
         _coefficients,
@@ -67,7 +67,7 @@ _WHOLE = (
     Kind(
         "covariance",
         "Covariance",
-        "Correlation of the coefficients' errors; near ±1 the data cannot tell two terms apart.",
+        "Correlation of the coefficients' errors; near ±1 the data cannot distinguish two terms.",
         _with_terms(evidence.covariance),
     ),
 )
@@ -78,7 +78,10 @@ _PARTS: dict[str, tuple[str, Panel]] = {
         maps.map_moment,
     ),
     "map-counts": ("Moving samples in every cell of the force–state map.", maps.map_counts),
-    "map-rest": ("Cut through the force–state map at zero rate, with the friction step.", maps.cut_at_rest),
+    "map-rest": (
+        "Cut through the force–state map at zero rate, with the friction step.",
+        maps.cut_at_zero_rate,
+    ),
     "map-centre": ("Cut through the force–state map at the middle angle.", maps.cut_at_centre),
     "residual-map": ("Mean residual over angle and rate.", maps.map_residual),
     "residual-phase": ("Mean residual over the phase of the cycle.", residuals.residual_phase),

@@ -76,7 +76,7 @@ def path(data: ReportData, ax: Axes) -> Axes:
 
 
 def threshold(data: ReportData, ax: Axes) -> Axes:
-    """Draw how many terms survive a threshold on what each carries alone."""
+    """Draw how many terms survive a threshold on the unique share."""
     if not data.path:
         return nothing(ax, data.selection_reason)
     size = np.array([len(step.terms) for step in data.path])
@@ -90,7 +90,7 @@ def threshold(data: ReportData, ax: Axes) -> Axes:
         low = limit[chosen - 1] if chosen else edges[0]
         if limit[chosen] > low:
             ax.axvspan(low, limit[chosen], color=PALETTE[4], alpha=0.25, linewidth=0)
-    ax.set_xlabel("Threshold (share of RMS carried alone)")
+    ax.set_xlabel("Threshold (unique share of the RMS)")
     ax.set_ylabel("Terms kept")
     ax.set_title("Terms over the threshold" + _chosen_note(data, size, "shaded"))
     from matplotlib.ticker import LogLocator, NullLocator
@@ -101,7 +101,7 @@ def threshold(data: ReportData, ax: Axes) -> Axes:
 
 
 def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
-    """Draw one coefficient for each frequency alone, with 95 % intervals, a ±10 % band and the paper's values."""
+    """Draw one coefficient for each single frequency, with 95 % intervals, a ±10 % band and the paper's values."""
     ids = data.model.ids
     index = ids.index(term) if term else 0
     item = data.model.terms[index]
@@ -147,7 +147,7 @@ def _estimates(
     published: list[tuple[float, float]],
     factor: float,
 ) -> None:
-    """Draw values with 95 % intervals over a centre and its relative margin, crosses beside them, all scaled."""
+    """Draw values with 95 % intervals over a centre and its relative margin, with crosses, all scaled."""
     centre, margin = band[0] * factor, band[1]
     ax.axhspan(*sorted((centre * (1 - margin), centre * (1 + margin))), color=RULE, alpha=0.6, lw=0)
     ax.axhline(centre, color=INK, linewidth=0.8)
@@ -195,13 +195,13 @@ def drawn_coefficients(data: ReportData) -> list[str]:
 
 
 def paper_values(joint: str, term: str) -> dict[str, float]:
-    """Return what the paper's table says of a term, by frequency; nothing for a joint or a term that is not its own.
+    """Return what the paper's table says of a term, by frequency; nothing for a joint or a term that is not in it.
 
     Examples
     --------
     >>> paper_values("inter-panel joint", "linear_damping")["4 Hz"]
     49.0
-    >>> paper_values("hinge of my own", "linear_damping")
+    >>> paper_values("other hinge", "linear_damping")
     {}
     """
     for table in TABLES:
@@ -215,7 +215,7 @@ def _chosen_note(data: ReportData, size: Any, mark: str) -> str:
 
 
 def _scale(value: float, unit: str) -> tuple[float, str]:
-    """Return a power of ten for large coefficients; a prefix would hide the unit's own powers."""
+    """Return a power of ten for large coefficients; a prefix would hide the powers of the unit."""
     power = int(np.floor(np.log10(abs(value)))) if value else 0
     if -1 <= power < 5:
         return 1.0, pretty_unit(unit)

@@ -32,7 +32,7 @@ class Kind:
     panels : callable
         Result → panels to draw, in order; none: the result has nothing of this kind.
     part : bool
-        Whether it is one panel of another kind, for drawing alone.
+        Whether it is a single panel of another kind.
     wide : bool
         Whether a single panel takes the whole width.
     height : callable, optional
@@ -87,9 +87,9 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
         for index, panel in enumerate(panels):
             row, column = divmod(index, columns)
             # Of an odd number of panels in two columns the last takes the whole row.
-            alone = columns == 2 and index == len(panels) - 1 and column == 0
-            place = grid[row, :] if alone else grid[row, column]
-            _few_ticks(panel(data, figure.add_subplot(place, projection=chosen.projection)))
+            single = columns == 2 and index == len(panels) - 1 and column == 0
+            cell_spec = grid[row, :] if single else grid[row, column]
+            _few_ticks(panel(data, figure.add_subplot(cell_spec, projection=chosen.projection)))
         engine = figure.get_layout_engine()
         assert engine is not None
         engine.execute(figure)

@@ -57,7 +57,7 @@ def map_residual(data: ReportData, ax: Axes) -> Axes:
     return ax
 
 
-def cut_at_rest(data: ReportData, ax: Axes) -> Axes:
+def cut_at_zero_rate(data: ReportData, ax: Axes) -> Axes:
     """Draw the cut at θ̇ = 0: cell means just above and just below, the model, and the friction step between."""
     q = quantities(data.model.joint.motion)
     middle = data.surface.n // 2
@@ -117,7 +117,7 @@ def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
         rates = np.concatenate(
             [np.linspace(-top, -1e-9 * top, 60), [np.nan], np.linspace(1e-9 * top, top, 60)]
         )
-        # The cell's own mean angle: comparing at its middle would show the width of the cell as a misfit.
+        # The mean angle within the cell: comparing at its middle would show the width of the cell as a misfit.
         angle = float(np.average(data.surface.angle[row, filled], weights=data.surface.count[row, filled]))
         ax.plot(
             rates * x_factor,
@@ -179,7 +179,7 @@ def _contours(data: ReportData, ax: Axes, factor: float, limit: float) -> None:
 
 
 def _nearest(data: ReportData, column: int, direction: int) -> NDArray[np.intp]:
-    """Return, for each angle, the filled cell nearest to rest within a quarter of the rates; −1 without one."""
+    """Return, for each angle, the filled cell nearest to zero rate within a quarter of the rates; −1 without one."""
     reach = max(1, data.surface.n // 8)
     columns = [c for c in range(column, column + direction * reach, direction) if 0 <= c < data.surface.n]
     return np.array(
@@ -188,7 +188,7 @@ def _nearest(data: ReportData, column: int, direction: int) -> NDArray[np.intp]:
 
 
 def _mark_step(data: ReportData, ax: Axes, x_factor: float, factor: float, unit: str) -> None:
-    """Point out the jump of the model at rest."""
+    """Mark the jump of the model at zero rate."""
     row = data.upper.shape[0] // 2
     above, below = data.upper[row, 0] * factor, data.lower[row, -1] * factor
     if abs(above - below) < 0.02 * float(np.nanmax(np.abs(data.surface.moment))) * factor:

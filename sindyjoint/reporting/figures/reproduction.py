@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TRUTHS = {"plain": "truth: the model's terms alone", "richer": "truth: friction that first gives way"}
+TRUTHS = {"plain": "truth: only the model's terms", "richer": "truth: friction that first gives way"}
 # What one panel shows of a response.
 COMPARED = 10.0  # s
 LEVELS_SHOWN = slice(0, 7, 2)
@@ -50,7 +50,7 @@ class JointFigures:
 
 @dataclass(frozen=True, eq=False)
 class ReproductionFigures:
-    """What the figures of a reproduction are drawn from; saved beside them, so that any can be drawn again.
+    """What the figures of a reproduction are drawn from; saved with them, so that any can be drawn again.
 
     Parameters
     ----------
@@ -178,8 +178,8 @@ def _response(run: RunVerification, ax: Axes, until: float, both: bool) -> Axes:
     return ax
 
 
-def swings(result: ReproductionFigures, ax: Axes, truth: str, of: str) -> Axes:
-    """Draw the amplitude or the period swing by swing of a virtual test and the model."""
+def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, of: str) -> Axes:
+    """Draw the amplitude or the period by half-cycle of a virtual test and the model."""
     draw = amplitude if of == "amplitude" else period
     draw(getattr(result, truth), ax).set_title(TRUTHS[truth])
     return ax
@@ -229,7 +229,9 @@ KINDS = by_name(
     Kind(
         "amplitude-and-period",
         "Amplitude and period",
-        "Amplitude and period, swing by swing, of both virtual tests and the model.",
-        fixed(*(partial(swings, truth=truth, of=of) for truth in TRUTHS for of in ("amplitude", "period"))),
+        "Amplitude and period by half-cycle, of both virtual tests and the model.",
+        fixed(
+            *(partial(half_cycles, truth=truth, of=of) for truth in TRUTHS for of in ("amplitude", "period"))
+        ),
     ),
 )

@@ -54,7 +54,7 @@ def residual_phase(data: ReportData, ax: Axes) -> Axes:
 
 
 def residual_time(data: ReportData, ax: Axes) -> Axes:
-    """Draw the RMS residual in windows of time, with the noise floor."""
+    """Draw the RMS residual in intervals of time, with the noise floor."""
     q = quantities(data.model.joint.motion)
     labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
     chosen = spread(data.loops, MOST_LOOPS)

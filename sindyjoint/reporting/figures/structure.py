@@ -1,4 +1,4 @@
-"""Pictures of a structure's diagnosis: a record beside the simulation before and after effects were added."""
+"""Pictures of a structure's diagnosis: a record and its simulation before and after effects were added."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def _curves(record: RecordGap) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
 
 
 def overlay(record: RecordGap, ax: Axes) -> Axes:
-    """Draw the measured displacement and, over it, what the simulations miss of it, before and after."""
+    """Draw the measured displacement and, over it, the residuals before and after."""
     factor, unit = prefixed(float(np.abs(record.measured).max()), "m")
     looks: list[tuple[str, np.ndarray | None, dict[str, Any]]] = [
         ("measured", record.measured, {"color": PALETTE[0], "lw": 0.5, "alpha": 0.35}),
-        ("missed by the model alone", _missed(record, record.before), {"color": PALETTE[1], "lw": 0.7}),
-        ("missed with the effects", _missed(record, record.after), {"color": INK, "lw": 0.7}),
+        ("residual of the model alone", _residual(record, record.before), {"color": PALETTE[1], "lw": 0.7}),
+        ("residual with the effects", _residual(record, record.after), {"color": INK, "lw": 0.7}),
     ]
     for label, signal, look in looks:
         if signal is not None:
@@ -63,13 +63,13 @@ def overlay(record: RecordGap, ax: Axes) -> Axes:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
         note = ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
                            xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
-        # The layout would make room for it beside the panel, and the panel small.
+        # The layout would make room for it next to the panel, and the panel small.
         note.set_in_layout(False)
     legend_above(ax, 4, columns=1)
     return ax
 
 
-def _missed(record: RecordGap, simulated: np.ndarray | None) -> np.ndarray | None:
+def _residual(record: RecordGap, simulated: np.ndarray | None) -> np.ndarray | None:
     return None if simulated is None else simulated - record.measured
 
 
@@ -92,18 +92,18 @@ def gap_by_step(result: StructureDiagnosis, ax: Axes) -> Axes:
     floor = 100 * result.noise_floor.response
     # What is not known is NaN: a simulation that failed, a floor that no record gave.
     known = [value for value in (floor, *values) if value == value] or [1.0]
-    left = 0.5 * min(known)
-    for place, value in enumerate(values):
+    low = 0.5 * min(known)
+    for row, value in enumerate(values):
         if value == value:
-            ax.barh(place, value - left, left=left, height=0.6, color=PALETTE[0])
-            ax.text(value * 1.05, place, percent(value / 100), va="center", color=INK)
+            ax.barh(row, value - low, left=low, height=0.6, color=PALETTE[0])
+            ax.text(value * 1.05, row, percent(value / 100), va="center", color=INK)
     if floor == floor:
         ax.axvline(
             floor, color=PALETTE[1], linestyle=(0, (4, 2)), label=f"noise floor, {percent(floor / 100)}"
         )
         ax.legend(loc="lower right")
     ax.set_xscale("log")
-    ax.set_xlim(left, 2.5 * max(known))
+    ax.set_xlim(low, 2.5 * max(known))
     ax.set_yticks(range(len(rows)), [label for label, _ in rows])
     ax.invert_yaxis()
     ax.set_xlabel("relative RMS of what the fit did not see (%)")
@@ -120,7 +120,7 @@ def _middle_cycles(record: RecordGap) -> slice:
 
 
 def envelope(record: RecordGap, ax: Axes) -> Axes:
-    """Draw the envelopes by Hilbert's transform, on a logarithmic scale, beside the noise."""
+    """Draw the envelopes by Hilbert's transform, on a logarithmic scale, with the noise."""
     rate = 1 / (record.time[1] - record.time[0])
     factor, unit = prefixed(float(np.abs(record.measured).max()), "m")
     cut = int(rate / main_frequency(record.measured, rate))
@@ -151,7 +151,7 @@ KINDS = DIAGNOSIS | by_name(
     Kind(
         "overlay",
         "Before and after",
-        "Measured displacement, and what the simulations miss of it: with the model alone and with the effects. "
+        "Measured displacement, and the residual of the simulations with the model alone and with the effects. "
         "What lies behind the line was kept out of the fit that is drawn.",
         each(_records, overlay),
         wide=True,
@@ -166,14 +166,15 @@ KINDS = DIAGNOSIS | by_name(
     Kind(
         "envelope",
         "Envelope",
-        "Envelope of the measured and the simulated displacement, beside the noise.",
+        "Envelope of the measured and the simulated displacement, with the noise.",
         each(_records, envelope),
         wide=True,
     ),
     Kind(
         "budget",
         "Budget of the gap",
-        "What the first gap is made of: memoryless effects of the joint and its coefficients (state), memory in "
+        "What the first gap is made of: effects of the joint without internal state and its coefficients (state), "
+        "hysteresis in "
         "the joint (history), what lies outside the joint or is not explained (run), the time step (processing), "
         "noise.",
         fixed(budget_parts),

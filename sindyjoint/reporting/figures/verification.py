@@ -1,4 +1,4 @@
-"""The figures of a verification: measured and simulated response, swing by swing too."""
+"""The figures of a verification: measured and simulated response, by half-cycle too."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _thinned(run: RunVerification) -> RunVerification:
 
 
 def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
-    """Draw measured and simulated response over time; zoomed, the first cycles alone."""
+    """Draw measured and simulated response over time; zoomed, only the first cycles."""
     factor, unit = prefixed(float(np.abs(run.measured).max()), UNITS[run.channel])
     kept = slice(0, _first_cycles(run)) if zoom else slice(None)
     time = run.time[kept]
@@ -58,18 +58,18 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
 
 
 def _first_cycles(run: RunVerification) -> int:
-    swings = run.oscillations[0]
-    if swings is None:
+    oscillation = run.oscillations[0]
+    if oscillation is None:
         return max(2, run.time.size // 10)
     rate = 1 / (run.time[1] - run.time[0])
-    return min(run.time.size, int(CYCLES_SHOWN * float(np.median(swings.period)) * rate))
+    return min(run.time.size, int(CYCLES_SHOWN * float(np.median(oscillation.period)) * rate))
 
 
 def amplitude(run: RunVerification, ax: Axes) -> Axes:
-    """Draw the amplitude of each swing, as a mark, and the envelope by Hilbert's transform as a line."""
+    """Draw the amplitude of each half-cycle, as a mark, and the envelope by Hilbert's transform as a line."""
     factor, unit = prefixed(float(np.abs(run.measured).max()), UNITS[run.channel])
     # At either end the transform extrapolates: over one period here, over two below.
-    _by_swing(
+    _draw_by_half_cycle(
         run, ax, 1, lambda s: (s.amplitude_time, s.amplitude * factor), lambda height, _: height * factor
     )
     ax.set_yscale("log")
@@ -80,38 +80,40 @@ def amplitude(run: RunVerification, ax: Axes) -> Axes:
 
 def period(run: RunVerification, ax: Axes) -> Axes:
     """Draw the period from each turning point to the next but one as a mark, and Hilbert's as a line."""
-    _by_swing(run, ax, 2, lambda s: (s.time[1:-1], 1e3 * s.period), lambda _, frequency: 1e3 / frequency)
+    _draw_by_half_cycle(
+        run, ax, 2, lambda s: (s.time[1:-1], 1e3 * s.period), lambda _, frequency: 1e3 / frequency
+    )
     ax.set_ylabel("Period (ms)")
     legend_above(ax, 1, columns=2)
     return ax
 
 
-def _by_swing(
+def _draw_by_half_cycle(
     run: RunVerification,
     ax: Axes,
     cut: int,
     marks: Callable[[Any], tuple[Any, Any]],
     line: Callable[[Any, Any], Any],
 ) -> None:
-    """Draw what swings say as marks, and as a line what Hilbert's envelope and frequency say, its ends cut off."""
+    """Draw values by half-cycle as marks, and those of Hilbert's transform as a line, its ends cut off."""
     rate = 1 / (run.time[1] - run.time[0])
     signals = zip(("measured", "simulated"), run.oscillations, (run.measured, run.simulated), strict=True)
-    for (label, swings, signal), color, marker in zip(signals, (PALETTE[0], INK), "ox", strict=True):
-        if swings is None or signal is None:
+    for (label, oscillation, signal), color, marker in zip(signals, (PALETTE[0], INK), "ox", strict=True):
+        if oscillation is None or signal is None:
             continue
-        time, values = marks(swings)
+        time, values = marks(oscillation)
         ax.plot(time + run.time[0], values, color=color, ls="none", marker=marker, ms=2.5, label=label)
-        kept = slice(*(cut * int(float(np.median(swings.period)) * rate) * side for side in (1, -1)))
+        kept = slice(*(cut * int(float(np.median(oscillation.period)) * rate) * side for side in (1, -1)))
         ax.plot(run.time[kept], line(*hilbert_envelope(signal, rate))[kept], color=color, lw=0.7)
     ax.set_xlabel("Time (s)")
 
 
 def error(run: RunVerification, ax: Axes) -> Axes:
-    """Draw what is left between measurement and simulation."""
+    """Draw the residual, simulation less measurement."""
     if run.simulated is not None:
-        left = run.simulated - run.measured
-        factor, unit = prefixed(float(np.abs(left).max()), UNITS[run.channel])
-        ax.plot(run.time, left * factor, color=MUTED, lw=0.4, rasterized=left.size > 4000)
+        residual = run.simulated - run.measured
+        factor, unit = prefixed(float(np.abs(residual).max()), UNITS[run.channel])
+        ax.plot(run.time, residual * factor, color=MUTED, lw=0.4, rasterized=residual.size > 4000)
         ax.set_ylabel(f"Simulated − measured ({unit})")
     ax.set_xlabel("Time (s)")
     return ax
@@ -179,7 +181,7 @@ KINDS = by_name(
     Kind(
         "envelope",
         "Envelope",
-        "Amplitude of every swing, measured and simulated, with the envelope by Hilbert's transform.",
+        "Amplitude of every half-cycle, measured and simulated, with the envelope by Hilbert's transform.",
         _of_runs(amplitude, lambda run: any(run.oscillations)),
     ),
     Kind(

@@ -1,1 +1,1 @@
-"""How each kind of result is told, drawn and written: one file, one view for each."""
+"""How each kind of result is shown, drawn and written: one file, one view for each."""

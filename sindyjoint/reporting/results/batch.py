@@ -44,7 +44,7 @@ class BatchView(View[Batch, Batch]):
     judged_by = (*FINDING, "batch")
 
     def kept(self, data: Batch) -> Batch:
-        """Return it without each campaign's own result, which lies in its own folder."""
+        """Return it without the result of each campaign, which lies in the folder of the campaign."""
         return replace(
             data, records=tuple(replace(record, result=None, earlier=None) for record in data.records)
         )
@@ -54,7 +54,7 @@ class BatchView(View[Batch, Batch]):
         return _joints(result), _scatter(result), _trends(result)
 
     def content(self, result: Batch, data: Batch, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows; rows are linked to the campaigns' own pages."""
+        """Return what the page shows; rows are linked to the pages of the campaigns."""
         joints = _joints(result)
         significant = sum(t.significant for t in result.population.trends)
         return {
@@ -224,9 +224,9 @@ def headline(result: Batch) -> str:
 
 
 def _link(record: CampaignRecord, folder: Path | None) -> str:
-    """Return where a campaign's own page lies, from this one; nothing where there is none of this result."""
+    """Return where the page of a campaign lies, from this one; nothing where there is none of this result."""
     from urllib.parse import quote
 
-    place = f"{CAMPAIGNS}/{record.id}/report.html"
-    there = folder is not None and record.status != "broken" and (folder / place).is_file()
-    return quote(place) if there else ""
+    page = f"{CAMPAIGNS}/{record.id}/report.html"
+    there = folder is not None and record.status != "broken" and (folder / page).is_file()
+    return quote(page) if there else ""

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from sindyjoint.record import Campaign
+from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned
+from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import View
 
 
@@ -18,7 +20,8 @@ class CampaignView(View[Campaign, None]):
 
     def tables(self, result: Campaign) -> tuple[TextTable, ...]:
         """Return the runs."""
-        angle, moment = ("rad", "N·m") if result.joint.motion == "rotation" else ("m", "N")
+        q = quantities(result.joint.motion)
+        angle, moment = q.angle_unit, pretty_unit(q.moment_unit)
         rows = tuple(
             (
                 run.name,
@@ -30,7 +33,7 @@ class CampaignView(View[Campaign, None]):
             )
             for run in result.runs
         )
-        columns = ("run", "samples", "rate", "frequency", "largest motion", "largest moment")
+        columns = ("run", "samples", "rate", "frequency", "largest motion", f"largest {q.moment.lower()}")
         return (TextTable("runs", "Runs", columns, rows),)
 
     def details(self, result: Campaign) -> Iterator[str]:

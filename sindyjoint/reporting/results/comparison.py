@@ -16,6 +16,7 @@ from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, csv_text, short_number
+from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded, spelled
 from sindyjoint.workflows.comparison import Comparison
@@ -40,7 +41,7 @@ class ComparisonView(View[Comparison, Comparison]):
         """Return the tables of a comparison."""
         tables = [_against_terms("methods", "Methods against terms", result, result.methods)]
         if result.frequencies:
-            title = "Each frequency alone against terms"
+            title = "Each single frequency against terms"
             tables.append(_against_terms("frequencies", title, result, result.frequencies))
         tables.append(_against_terms("libraries", "Libraries against terms", result, result.libraries))
         tables.append(_coefficients(result))
@@ -72,9 +73,10 @@ class ComparisonView(View[Comparison, Comparison]):
         """Print the comparison for a person."""
         simulated = " (simulated)" if result.simulated else ""
         print(f"{result.joint}{simulated}\n{result.agreement}\n")
+        load = quantities(result.motion).moment.lower()
         wide = max(len(choice.name) for choice in (*result.methods, *result.libraries))
         for choice in (*result.methods, *result.frequencies, *result.libraries):
-            error = f"  left-out moment {_percent(choice.held_out)}" if np.isfinite(choice.held_out) else ""
+            error = f"  left-out {load} {_percent(choice.held_out)}" if np.isfinite(choice.held_out) else ""
             print(f"  {choice.name:<{wide}}  {_difference(choice)}{error}")
         if result.tests:
             print("\nthe same at every frequency?")
@@ -117,7 +119,8 @@ def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[
     rows.append(("terms", *(str(len(c.terms)) for c in choices)))
     rows.append(("the paper's set", *("yes" if c.agrees else "no" for c in choices)))
     if any(np.isfinite(c.held_out) for c in choices):
-        rows.append(("error of left-out moment", *(_percent(c.held_out) for c in choices)))
+        load = quantities(result.motion).moment.lower()
+        rows.append((f"error of left-out {load}", *(_percent(c.held_out) for c in choices)))
     if any(np.isfinite(c.response) for c in choices):
         rows.append(("error of left-out response", *(_percent(c.response) for c in choices)))
     if any(np.isfinite(c.seconds) for c in choices):
@@ -126,7 +129,7 @@ def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[
 
 
 def _coefficients(result: Comparison) -> TextTable:
-    """Tell each term of the model: inclusion, value and interval after correction, and the bias that was corrected."""
+    """List each term of the model: inclusion, value and interval after correction, and the bias that was corrected."""
     share = dict(zip(result.ids, result.inclusion, strict=True))
     rows = []
     for term in result.model.terms:
@@ -166,10 +169,10 @@ def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
         values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
         spread = (f"{test.q:.1f}", f"{100 * test.i_squared:.0f} %", _percent(test.tau / abs(test.mean)))
         trend = f"{100 * test.change:+.1f} %".replace("-", "−")
-        said: str = test.answer
-        if said == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
-            said += f"; a change of {trend} is significant"
-        answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), said)
+        text: str = test.answer
+        if text == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
+            text += f"; a change of {trend} is significant"
+        answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), text)
         rows.append((spelled(test.name), *values, *spread, *answer))
     return TextTable(
         "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)
@@ -192,7 +195,7 @@ def _folds(result: Comparison) -> TextTable:
     return TextTable(
         "left-out",
         "Without one part of the run" if single else "Without the runs of one frequency or level",
-        ("left out", "error of its moment", "terms found"),
+        ("left out", f"error of its {quantities(result.motion).moment.lower()}", "terms found"),
         tuple(rows),
     )
 

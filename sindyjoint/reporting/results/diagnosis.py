@@ -29,10 +29,10 @@ VERDICTS = {
     "named": ("confirmed", "What was missing has a name, and the gap shrank when it was added."),
     "ambiguous": (
         "undecided",
-        "Something is missing, and these runs do not tell which of several effects it is.",
+        "Something is missing, and these runs do not decide which of several effects it is.",
     ),
     "unknown": ("refuted", "Something is missing that none of the known effects explains."),
-    "nothing_missing": ("confirmed", "Nothing is missing: what is left is noise."),
+    "nothing_missing": ("confirmed", "Nothing is missing: the residual is noise."),
 }
 
 
@@ -63,7 +63,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     def tables(self, result: Diagnosis) -> tuple[TextTable, ...]:
         """Return the gap by step, the parameters of the effects, and the model's terms."""
         moment = quantities(result.model.joint.motion).moment
-        columns = ("Step", f"{moment} gap", "Response gap", "Probability", "Not told apart from")
+        columns = ("Step", f"{moment} gap", "Response gap", "Probability", "Indistinguishable from")
         caption = "Gap between model and measurement, relative RMS, after each named effect."
         parameters = tuple(
             (spelled(step.effect), name, number(value, 4), parameter_unit(step, name) or DASH)
@@ -108,18 +108,18 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         }
 
     def files(self, result: Diagnosis, data: Diagnosis) -> dict[str, str]:
-        """Return the model with those effects as terms that are functions of angle and rate alone."""
+        """Return the model with those effects as terms that are functions of only angle and rate."""
         return {"model.json": (result.whole or result.model).to_json() + "\n"}
 
     def show(self, result: Diagnosis) -> None:
-        """Print verdict, gap by step, where it lies, advice and cautions."""
+        """Print verdict, gap by step, where it lies, advice and warnings."""
         from rich.markup import escape
 
         console = terminal()
         console.print(f"{escape(result.model.joint.name)}: [bold]{result.verdict.replace('_', ' ')}[/]")
         console.print(escape(result.reason) + "\n")
         gap = f"{quantities(result.model.joint.motion).moment.lower()} gap"
-        columns = ("", gap, "response gap", "probability", "not told apart from")
+        columns = ("", gap, "response gap", "probability", "indistinguishable from")
         console.print(terminal_table(columns, _step_rows(result, dropped=False), "lrrrl", wraps=True))
         for step in result.steps:
             values = ", ".join(
@@ -133,8 +133,8 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
                 f"{name} {percent(round(getattr(budget, name) / budget.total, 2))}" for name in PARTS
             )
             console.print(f"\nthe first gap in mean square: {parts}")
-        for place in result.where:
-            console.print(f"- {escape(place.words)}")
+        for region in result.where:
+            console.print(f"- {escape(region.words)}")
         for advice in result.advice:
             console.print(escape(advice_words(advice, f"{advice.level:.3g} {self.level_unit(result)}")))
         if result.hidden is not None:

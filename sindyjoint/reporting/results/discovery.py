@@ -50,7 +50,7 @@ NEIGHBOURS = 3
 
 
 class DiscoveryView(View[Discovery, ReportData]):
-    """A discovery; its data are gathered into small arrays, and its page is made of them alone."""
+    """A discovery; its data are gathered into small arrays, and its page is made of only these."""
 
     results = (Discovery, ReportData)
     data = ReportData
@@ -73,7 +73,7 @@ class DiscoveryView(View[Discovery, ReportData]):
         cells = (read.surface.n, read.surface.n)
         shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
         if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
-            raise InputError("not a saved ReportData: loops and a square map are wanted")
+            raise InputError("not a saved ReportData: expected loops and a square map")
         return read
 
     def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
@@ -86,7 +86,7 @@ class DiscoveryView(View[Discovery, ReportData]):
             rows.append(
                 (term.id, term.symbol, value, pretty_unit(term.unit), f"{low:.4g} … {high:.4g}", share)
             )
-        columns = ("term", "", "coefficient", "unit", "95 % interval", "alone")
+        columns = ("term", "", "coefficient", "unit", "95 % interval", "share")
         return (TextTable("terms", "Terms", columns, tuple(rows)),)
 
     def content(
@@ -104,6 +104,7 @@ class DiscoveryView(View[Discovery, ReportData]):
             "symbols": [markup(symbol_html(term.symbol)) for term in data.model.terms],
             "runs": run_rows(data),
             "steps": step_rows(data),
+            "quantities": quantities(data.model.joint.motion),
             "payload": {"map": map_payload(data), "loops": loops_payload(data)},
         }
 
@@ -116,7 +117,7 @@ class DiscoveryView(View[Discovery, ReportData]):
         return {"model.json": result.model.to_json() + "\n", "terms.csv": terms_csv(result.model)}
 
     def show(self, result: Discovery) -> None:
-        """Print equation, terms, fit, verdict and cautions."""
+        """Print equation, terms, fit, verdict and warnings."""
         from rich.markup import escape
 
         console = terminal()
@@ -131,7 +132,7 @@ class DiscoveryView(View[Discovery, ReportData]):
             console.print(f"\n  {escape(model.equation())}\n")
             print_whole(_terms(self.tables(result)[0], console), console)
             what = quantities(model.joint.motion).moment.lower()
-            console.print(f"\nalone: share of the {what} that no other term can take over")
+            console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
         _show_fit(result, console)
         verdict = result.verdict
         console.print(f"\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}")
@@ -141,10 +142,11 @@ class DiscoveryView(View[Discovery, ReportData]):
     def details(self, result: Discovery) -> Iterator[str]:
         """Yield states, the path round the choice, and what each term carries."""
         model = result.model
+        load = quantities(model.joint.motion).moment.lower()
         yield from state_lines(result.states, model.joint.motion)
         if result.skew is not None:
             late, error = 1e3 * result.skew.time, 1e3 * result.skew.standard_error
-            yield f"time by which the moment lags: {late:.4f} ms ± {error:.4f} ms"
+            yield f"time by which the {load} lags: {late:.4f} ms ± {error:.4f} ms"
         path, chosen = result.selection.path, result.selection.chosen
         yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
         first, last = (
@@ -166,14 +168,14 @@ class DiscoveryView(View[Discovery, ReportData]):
         yield from aligned(rows)
         fitted = model.fitted
         yield (
-            f"moment {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
+            f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
             f"{fitted.noise_floor:.4g}"
         )
         yield from _shares(result)
 
 
 def _terms(table: TextTable, console: Console) -> Table:
-    """Return the terms for a terminal; in a narrow window without the interval: the uncertainty says as much."""
+    """Return the terms for a terminal; on a narrow screen without the interval: the uncertainty says as much."""
     whole = terminal_table(table.columns, table.rows, "llrlrr", ruled=True)
     if not sys.stdout.isatty() or natural_width(whole, console) <= console.width:
         return whole
@@ -202,7 +204,8 @@ def _show_fit(result: Discovery, console: Console) -> None:
 
 def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iterator[str]:
     """Yield a line per run: its samples, how its rate was made, how much of it moves, and its noise."""
-    angle, moment = ("rad", "N·m") if motion == "rotation" else ("m", "N")
+    q = quantities(motion)
+    angle, moment = q.angle_unit, pretty_unit(q.moment_unit)
     yield from aligned(
         [
             (
@@ -213,7 +216,7 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
                 "band",
                 "moving",
                 "noise of the motion",
-                "noise of the moment",
+                f"noise of the {q.moment.lower()}",
             ),
             *(
                 (
@@ -234,7 +237,7 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
 
 def _shares(result: Discovery) -> Iterator[str]:
     bias = {} if result.bias is None else dict(zip(result.bias.ids, result.bias.pooled, strict=True))
-    rows = [("term", "share it carries alone", "relative error", "bias taken out")]
+    rows = [("term", "unique share", "relative error", "bias taken out")]
     for term in result.model.terms:
         size = abs(term.coefficient) or 1.0
         out = f"{100 * (bias[term.id] / size):+.3f} %" if term.id in bias else "–"
@@ -259,7 +262,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
             f"{100 * explained:.2f} %" if data.model.terms else "none",
             "of the mean square, where it moves",
         ),
-        ("Left over", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
+        ("Residual", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
         (
             "Tested",
             f"{fitted.runs} run{'s' if fitted.runs != 1 else ''}",
@@ -268,7 +271,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
         (
             "Moving samples",
             f"{fitted.samples:,}".replace(",", "\u202f"),
-            f"{100 * fitted.moving_fraction:.0f} % of all; the rest sticks or reverses",
+            f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
         ),
     ]
     unit = "kg" if data.translation else "kg*m^2"

@@ -66,8 +66,8 @@ class ReproductionView(View[Reproduction, ReproductionFigures]):
         return {
             "title": "The paper's joints from virtual tests",
             "within": furthest < 1,
-            "headline": f"{every} back within the paper's own standard deviations.",
-            "reason": "Everything here is simulated from the paper's printed values: it shows that the chain from "
+            "headline": f"{every} back within the paper's standard deviations.",
+            "reason": "Everything here is simulated from the paper's printed values: it shows that the pipeline from "
             "strains to tables holds, not that a real joint is like that.",
             "facts": [
                 ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),

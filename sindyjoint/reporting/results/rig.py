@@ -39,7 +39,7 @@ class RigView(View[RigMotion, RigFigures]):
         return (
             TextTable(
                 "modes",
-                "With the joints' stiffness at rest, and with locked joints.",
+                "With the joints' stiffness at standstill, and with locked joints.",
                 ("Mode", "Joints slip", "Joints locked"),
                 modes,
             ),
@@ -82,7 +82,7 @@ class RigView(View[RigMotion, RigFigures]):
         yield f"{response.time.size} samples, steps of {1e3 * response.step:g} ms, {response.events} events of joints"
         before, after = response.energy.max(), response.energy[-1]
         heat = sum(result.heat.values())
-        yield f"largest energy {before:.4g} J, left at the end {after:.4g} J, became heat {heat:.4g} J"
+        yield f"largest energy {before:.4g} J, remaining at the end {after:.4g} J, became heat {heat:.4g} J"
 
 
 def _joint_rows(result: RigMotion) -> tuple[tuple[str, ...], ...]:

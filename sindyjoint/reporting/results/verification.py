@@ -1,4 +1,4 @@
-"""A verification: a model beside measured response, on a terminal, as a page, as files."""
+"""A verification: a model against measured response, on a terminal, as a page, as files."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from sindyjoint.reporting.text_table import (
     terminal,
     terminal_table,
 )
+from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import Verification
 from sindyjoint.text import percent
@@ -48,7 +49,7 @@ class VerificationView(View[Verification, Verification]):
         return thinned(data)
 
     def to_dict(self, result: Verification) -> dict[str, Any]:
-        """Return what ``--json`` prints, and beside it what each run shows cycle by cycle."""
+        """Return what ``--json`` prints, and what each run shows cycle by cycle."""
         record = result.to_dict()
         record["subject"] = {"kind": result.kind, "name": result.subject}
         record["reason"], record["tolerance"] = result.reason, result.tolerance
@@ -58,13 +59,13 @@ class VerificationView(View[Verification, Verification]):
                 "failure": run.failure or None,
                 "cycles": {
                     name: None
-                    if swings is None
+                    if oscillation is None
                     else {
-                        "time": swings.amplitude_time.tolist(),
-                        "amplitude": swings.amplitude.tolist(),
-                        "period": swings.period.tolist(),
+                        "time": oscillation.amplitude_time.tolist(),
+                        "amplitude": oscillation.amplitude.tolist(),
+                        "period": oscillation.period.tolist(),
                     }
-                    for name, swings in zip(("measured", "simulated"), run.oscillations, strict=True)
+                    for name, oscillation in zip(("measured", "simulated"), run.oscillations, strict=True)
                 },
                 "energy_per_cycle": None
                 if run.energy is None
@@ -74,6 +75,7 @@ class VerificationView(View[Verification, Verification]):
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
         """Return the runs and the model's terms."""
+        load = quantities(result.model.joint.motion).moment
         rows = tuple(
             (
                 run.name,
@@ -91,7 +93,7 @@ class VerificationView(View[Verification, Verification]):
             "Simulated by",
             "Response error",
             "Noise floor",
-            "Moment error",
+            f"{load} error",
             "Amplitude",
             "Period",
         )
@@ -101,6 +103,7 @@ class VerificationView(View[Verification, Verification]):
     def content(self, result: Verification, data: Verification, folder: Path | None) -> dict[str, Any]:
         """Return what the page shows."""
         passed = result.verdict == "passed"
+        load = quantities(result.model.joint.motion).moment
         return {
             "title": f"{result.model.joint.name} against {result.subject}",
             "headline": f"The model {'gives the measured' if passed else 'misses the'} response.",
@@ -111,7 +114,7 @@ class VerificationView(View[Verification, Verification]):
                     f"noise floor {percent(result.noise_floor)}",
                 ),
                 ("Tolerated", percent(result.tolerance), "beyond the noise"),
-                ("Moment error", percent(result.moment_nrmse), "relative RMS"),
+                (f"{load} error", percent(result.moment_nrmse), "relative RMS"),
                 (
                     "Amplitude",
                     percent(result.amplitude_rms_error),
@@ -129,14 +132,15 @@ class VerificationView(View[Verification, Verification]):
         return {"model.json": result.model.to_json() + "\n"}
 
     def show(self, result: Verification) -> None:
-        """Print verdict, figures and cautions."""
+        """Print verdict, figures and warnings."""
         from rich.markup import escape
 
         console = terminal()
         where = "the rig" if result.kind == "rig" else "the runs of"
         console.print(f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}\n")
         console.print(f"  {escape(result.model.equation())}\n")
-        columns = ("run", "simulated by", "response NRMSE", "noise", "moment NRMSE", "amplitude", "period")
+        load = quantities(result.model.joint.motion).moment.lower()
+        columns = ("run", "simulated by", "response NRMSE", "noise", f"{load} NRMSE", "amplitude", "period")
         rows = [(shortened(name), *others) for name, *others in self.tables(result)[0].rows]
         print_whole(terminal_table(columns, rows, "llr"), console)
         console.print(f"\n[bold]{result.verdict}[/]: {escape(result.reason)}")

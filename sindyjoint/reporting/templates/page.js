@@ -26,10 +26,10 @@ function redrawAll() {
 })();
 
 function copyText(text, button) {
-  const said = button.textContent;
+  const label = button.textContent;
   const done = (ok) => {
     button.textContent = ok ? "Copied" : "Copying is not allowed here";
-    setTimeout(() => { button.textContent = said; }, 1500);
+    setTimeout(() => { button.textContent = label; }, 1500);
   };
   const fallback = () => {
     const area = document.createElement("textarea");
