@@ -114,8 +114,8 @@ KINDS = by_name(
         "Coefficients over what the manifests declare, where a trend stands at 5 % over all that was looked for. "
         "Line: the robust fit, with the 95 % interval of its slope.",
         lambda result: [
-            partial(trend, trend=trend)
-            for trend in [t for t in result.population.trends if t.significant][:MOST_PANELS]
+            partial(trend, trend=each)
+            for each in [t for t in result.population.trends if t.significant][:MOST_PANELS]
         ],
     ),
 )
