@@ -128,7 +128,7 @@ def test_a_small_but_significant_change_is_told_in_the_table(result):
 
 
 def test_wrong_options_are_refused(campaign):
-    with pytest.raises(UnknownNameError, match="method is 'magic'; one of stlsq"):
+    with pytest.raises(UnknownNameError, match="method is 'magic'; expected one of stlsq"):
         compare(campaign, methods=["magic"])
     with pytest.raises(InputError, match="at least 10 and a positive one are wanted"):
         compare(campaign, margin=-1)
