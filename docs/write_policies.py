@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sindyjoint.policy import described
-from sindyjoint.workflows.policies import policies
+from sindyjoint.policy import described, policies
 
 PAGE = Path(__file__).parent / "guide" / "policies.md"
 

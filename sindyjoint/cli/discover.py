@@ -89,7 +89,7 @@ def discover(
             **finding.arguments(),
         )
         if refine:
-            from sindyjoint.workflows.refine import refined
+            from sindyjoint.workflows.discover import refined
 
             progress.say("refining on the simulated response")
             result = refined(result, tuple(dict.fromkeys(kind.value for kind in nuisance or ())))

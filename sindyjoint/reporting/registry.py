@@ -8,7 +8,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.policy import Limit, described
+from sindyjoint.policy import Limit, described, policies
 from sindyjoint.reporting.figures.kind import Kind, drawn
 from sindyjoint.reporting.results.batch import BatchView
 from sindyjoint.reporting.results.campaign import CampaignView
@@ -20,7 +20,6 @@ from sindyjoint.reporting.results.rig import RigView
 from sindyjoint.reporting.results.verification import VerificationView
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
-from sindyjoint.workflows.policies import policies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

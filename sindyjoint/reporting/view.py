@@ -43,7 +43,7 @@ class View(Generic[R, D]):
     record_file : str
         The file that :meth:`to_dict` is written to; empty: none.
     judged_by : tuple of str
-        The policies that decided it, by their names in :func:`sindyjoint.workflows.policies.policies`.
+        The policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
     unsaved : mapping of str to object
         Fields of the data that no figure needs, and what stands for each when they are read again.
     renamed : mapping of str to str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.selection import Selection
     from sindyjoint.discovery.sindy import JointSINDy
+    from sindyjoint.response.output_error_parts import Nuisance
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +252,22 @@ def _correct_model(
         before = fit_columns(measured.evidence_, columns).coefficients
         moved = np.array([model[term.id].coefficient for term in fitted]) - before
     return corrected_model(model, fitted, campaign, states, known=known, moved=moved)
+
+
+def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: object) -> Discovery:
+    """Return a discovery whose coefficients are refined on the simulated response, with the notes of that."""
+    from sindyjoint.response.refine import refine
+
+    if not result.found:
+        return result
+    refinement = refine(
+        result.model,
+        result.campaign,
+        states=result.states,
+        nuisance=nuisance,
+        **options,  # type: ignore[arg-type]
+    )
+    return replace(result, model=refinement.model, warnings=(*result.warnings, *refinement.notes))
 
 
 def the_campaign(

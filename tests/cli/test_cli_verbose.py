@@ -10,8 +10,8 @@ from test_cli_help import EVERY
 import sindyjoint
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.policy import policies
 from sindyjoint.reporting.registry import VIEWS, details
-from sindyjoint.workflows.policies import policies
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
 from handmade_results import comparison, diagnosis, structure, verification  # noqa: E402

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sindyjoint.policy import described
-from sindyjoint.workflows.policies import policies
+from sindyjoint.policy import described, policies
 
 ROOT = Path(__file__).resolve().parents[2]
 
