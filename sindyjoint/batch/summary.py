@@ -287,7 +287,7 @@ def _list_differences(
                 pretty = units[term].replace("*", "·")
                 about = f", the trend with {scatter.covariate} taken out" if scatter.covariate else ""
                 text = (
-                    f"{term.replace('_', ' ')} of {values[term][i]:.4g} {pretty} is {abs(score):.1f} standard "
+                    f"{spelled(term)} of {values[term][i]:.4g} {pretty} is {abs(score):.1f} standard "
                     f"deviations {'above' if score > 0 else 'below'} the other joints{about}"
                 )
                 found.append(Difference(record.id, "outlier", text))

@@ -16,7 +16,7 @@ from sindyjoint.record import Campaign, Run, Source
 from sindyjoint.reporting.figures.verification import KEPT_SAMPLES, thinned
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.provenance import provenance
-from sindyjoint.reporting.registry import draw, draw_all, drawable, kinds_of
+from sindyjoint.reporting.registry import draw, draw_all, drawable, kinds_of, view_of
 from sindyjoint.reporting.saved import load_results, saved_text
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.workflows.comparison import Comparison
@@ -142,3 +142,14 @@ def test_every_kind_has_a_caption():
     for make in MADE.values():
         for name, kind in kinds_of(make()).items():
             assert kind.name == name and kind.caption.endswith(".")
+
+
+def test_a_sliding_joint_is_reported_in_forces():
+    turned, compared = verification(), replace(comparison(), motion="translation")
+    joint = replace(turned.model.joint, motion="translation", inertia=None)
+    slid = replace(turned, model=replace(turned.model, joint=joint))
+    for result in (slid, compared):
+        words = " ".join(str(table.columns + table.rows) for table in view_of(result).tables(result)).lower()
+        assert "force" in words and "moment" not in words
+    facts = view_of(slid).content(slid, slid, None)["facts"]
+    assert "Force error" in [label for label, *_ in facts]

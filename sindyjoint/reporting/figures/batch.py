@@ -24,7 +24,7 @@ KELVIN = 273.15
 NORMAL95 = 1.96
 
 
-def joints(result: Batch, ax: Axes, term: str) -> Axes:
+def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
     """Draw one coefficient of every joint."""
     (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     values, errors = result.values[term], result.errors[term]
@@ -70,7 +70,7 @@ def _distribution(ax: Axes, scatter: Scatter, factor: float) -> None:
         ax.axhspan(factor * (scatter.mean - half), factor * (scatter.mean + half), color=RULE, linewidth=0)
 
 
-def trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
+def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     """Draw one coefficient over a covariate with its line."""
     term = trend.coefficient
     values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
@@ -106,7 +106,7 @@ KINDS = by_name(
         "Coefficients of every joint",
         "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie. "
         "Diamonds: joints that stand out.",
-        lambda result: [partial(joints, term=term) for term in result.common[:MOST_PANELS]],
+        lambda result: [partial(draw_joints, term=term) for term in result.common[:MOST_PANELS]],
     ),
     Kind(
         "trends",
@@ -114,8 +114,8 @@ KINDS = by_name(
         "Coefficients over what the manifests declare, where a trend stands at 5 % over all that was looked for. "
         "Line: the robust fit, with the 95 % interval of its slope.",
         lambda result: [
-            partial(trend, trend=each)
-            for each in [t for t in result.population.trends if t.significant][:MOST_PANELS]
+            partial(draw_trend, trend=trend)
+            for trend in [t for t in result.population.trends if t.significant][:MOST_PANELS]
         ],
     ),
 )

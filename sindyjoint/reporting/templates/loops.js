@@ -11,7 +11,7 @@
   const DASHES = [[], [7, 3], [2, 2], [7, 2, 2, 2], [4, 2], [10, 2, 2, 2, 2, 2]];
   let shown = [];
   let box = null;
-  let place = null;
+  let scales = null;
 
   const select = control("group");
   groups.forEach((group, index) => select.append(new Option(group, String(index))));
@@ -55,14 +55,14 @@
   }
 
   function paint(context, width, height) {
-    const inner = { width: width - EDGE.left - EDGE.right, height: height - EDGE.top - EDGE.bottom };
-    const toX = (value) => EDGE.left + ((value - box.x[0]) / (box.x[1] - box.x[0])) * inner.width;
-    const toY = (value) => EDGE.top + (1 - (value - box.y[0]) / (box.y[1] - box.y[0])) * inner.height;
-    place = { toX, toY, inner };
-    drawAxes(context, width, height, toX, toY, inner);
+    const plot = { width: width - EDGE.left - EDGE.right, height: height - EDGE.top - EDGE.bottom };
+    const toX = (value) => EDGE.left + ((value - box.x[0]) / (box.x[1] - box.x[0])) * plot.width;
+    const toY = (value) => EDGE.top + (1 - (value - box.y[0]) / (box.y[1] - box.y[0])) * plot.height;
+    scales = { toX, toY, plot };
+    drawAxes(context, width, height, toX, toY, plot);
     context.save();
     context.beginPath();
-    context.rect(EDGE.left, EDGE.top, inner.width, inner.height);
+    context.rect(EDGE.left, EDGE.top, plot.width, plot.height);
     context.clip();
     for (const item of shown) {
       if (!item.on) continue;
@@ -91,7 +91,7 @@
     canvas.dataset.box = [...box.x, ...box.y].map((value) => value.toPrecision(4)).join(" ");
   }
 
-  function drawAxes(context, width, height, toX, toY, inner) {
+  function drawAxes(context, width, height, toX, toY, plot) {
     context.font = "12px system-ui, sans-serif";
     context.lineWidth = 1;
     context.strokeStyle = colour("--rule");
@@ -100,19 +100,19 @@
     context.textAlign = "center";
     const line = (x0, y0, x1, y1) => { context.beginPath(); context.moveTo(x0, y0); context.lineTo(x1, y1); context.stroke(); };
     for (const value of ticks(box.x[0], box.x[1], 7)) {
-      line(toX(value), EDGE.top, toX(value), EDGE.top + inner.height);
-      context.fillText(tickText(value), toX(value), EDGE.top + inner.height + 12);
+      line(toX(value), EDGE.top, toX(value), EDGE.top + plot.height);
+      context.fillText(tickText(value), toX(value), EDGE.top + plot.height + 12);
     }
     context.textAlign = "right";
     for (const value of ticks(box.y[0], box.y[1], 6)) {
-      line(EDGE.left, toY(value), EDGE.left + inner.width, toY(value));
+      line(EDGE.left, toY(value), EDGE.left + plot.width, toY(value));
       context.fillText(tickText(value), EDGE.left - 6, toY(value));
     }
     context.fillStyle = colour("--ink");
     context.textAlign = "center";
-    context.fillText(`${data.x.name} (${data.x.unit})`, EDGE.left + inner.width / 2, height - 12);
+    context.fillText(`${data.x.name} (${data.x.unit})`, EDGE.left + plot.width / 2, height - 12);
     context.save();
-    context.translate(12, EDGE.top + inner.height / 2);
+    context.translate(12, EDGE.top + plot.height / 2);
     context.rotate(-Math.PI / 2);
     const { name, unit } = vertical();
     context.fillText(`${name} (${unit})`, 0, 0);
@@ -142,7 +142,7 @@
     for (const item of shown) {
       if (!item.on) continue;
       item.run.x.forEach((value, index) => {
-        const distance = (place.toX(value) - x) ** 2 + (place.toY(item.run.y[index]) - y) ** 2;
+        const distance = (scales.toX(value) - x) ** 2 + (scales.toY(item.run.y[index]) - y) ** 2;
         if (distance < 400 && (!best || distance < best.distance)) best = { distance, item, index };
       });
     }
@@ -160,16 +160,16 @@
     canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", (event) => {
-    if (!last) { if (place) read(event.offsetX, event.offsetY); return; }
-    move((event.clientX - last[0]) / place.inner.width, (event.clientY - last[1]) / place.inner.height);
+    if (!last) { if (scales) read(event.offsetX, event.offsetY); return; }
+    move((event.clientX - last[0]) / scales.plot.width, (event.clientY - last[1]) / scales.plot.height);
     last = [event.clientX, event.clientY];
   });
   for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { last = null; });
   canvas.addEventListener("wheel", (event) => {
     if (document.activeElement !== canvas) return;
     event.preventDefault();
-    const across = (event.offsetX - EDGE.left) / place.inner.width;
-    zoom(Math.exp(-event.deltaY * 0.001), across, 1 - (event.offsetY - EDGE.top) / place.inner.height);
+    const across = (event.offsetX - EDGE.left) / scales.plot.width;
+    zoom(Math.exp(-event.deltaY * 0.001), across, 1 - (event.offsetY - EDGE.top) / scales.plot.height);
   }, { passive: false });
   canvas.addEventListener("dblclick", reset);
   canvas.addEventListener("keydown", (event) => {
