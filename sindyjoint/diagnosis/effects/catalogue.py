@@ -280,7 +280,7 @@ def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
 def read_effects(path: Path) -> tuple[Effect, ...]:
     """Return the effects of one file."""
     if not path.is_file():
-        raise MissingInputError(f"{str(path)!r} does not exist; a .toml file of effects is wanted")
+        raise MissingInputError(f"{str(path)!r} does not exist; expected a .toml file of effects")
     try:
         entry = _EffectFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -336,7 +336,7 @@ def _variant(entry: Any) -> Variant:
         expression = parse_formula(column.formula, names, [*states, *SIGNALS])
         wanted = dimensions.coefficient_unit(expression, {**units, **SIGNALS}, "rotation")
         if not dimensions.same_dimension(column.unit, wanted):
-            raise UnitError(f"unit {column.unit!r} times {column.formula} is not N*m; {wanted} is wanted")
+            raise UnitError(f"unit {column.unit!r} times {column.formula} is not N*m; expected {wanted}")
         columns.append(Column(column.symbol, column.formula, column.unit, column.positive, expression))
     parameters = []
     for p in entry.parameters:

@@ -162,7 +162,7 @@ def load_structure_effects(path: Path | None = None) -> tuple[StructureEffect, .
     """
     path = library_folder() / "structure" / "effects.toml" if path is None else path
     if not path.is_file():
-        raise MissingInputError(f"{str(path)!r} does not exist; a .toml file of effects is wanted")
+        raise MissingInputError(f"{str(path)!r} does not exist; expected a .toml file of effects")
     try:
         entry = _File.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

@@ -119,4 +119,4 @@ def hide(rig: Rig, name: str, size: float = 1.0) -> Rig:
                 presliding_law(hinge.law, 20e-6 * size) if isinstance(hinge.law, PaperLaw) else hinge.law
             ),
         )
-    raise InputError(f"nothing called {name!r} can be hidden; one of {', '.join(CHOICES)} is wanted")
+    raise InputError(f"nothing called {name!r} can be hidden; expected one of {', '.join(CHOICES)}")
