@@ -240,7 +240,7 @@ CASES = {
     beta_zero: ("campaign.toml", "[rig] strain_position_factor is 0.0"),
     bandwidth: ("bandwidth is -3.0 Hz", "a positive number"),
     threshold: ("threshold is 7.0", "from 0 to below 1"),
-    method: ("--method", "'magic'", "stlsq"),
+    method: ("method is 'magic'", "expected one of stlsq"),
     option: ("No such option: --libary", "--library"),
 }
 
