@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from sindyjoint.discovery.catalogue import Reference, load_catalogue
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from sindyjoint import JointRegressor
 from sindyjoint.discovery import rows as module
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.rows import RowLabels, gather, state_columns
+from sindyjoint.equation.catalogue import Reference, load_catalogue
 from sindyjoint.errors import InputError
 
 

@@ -36,7 +36,7 @@ def test_a_share_below_the_noise_is_undecided_and_not_a_wrong_confirmed(seed):
     assert found.verdict.verdict in ("undecided", "confirmed")
     assert (found.verdict.verdict == "confirmed") == (found.model.ids == TRUE_IDS)
     if found.verdict.verdict == "undecided":
-        assert "may stand in place of quadratic stiffness" in found.verdict.reason
+        assert "may replace quadratic stiffness" in found.verdict.reason
 
 
 @pytest.mark.slow

@@ -363,7 +363,7 @@ def test_bad_input_is_refused_before_anything_is_done(joints, tmp_path):
         batch(joints, tmp_path / "out", "papr")
     with pytest.raises(UnknownNameError, match="has no term 'k9'"):
         batch(joints, tmp_path / "out", "paper", forced=("k9",))
-    with pytest.raises(InputError, match="random_state: a whole number"):
+    with pytest.raises(InputError, match="random_state: expected a whole number"):
         batch(joints, tmp_path / "out", "paper", random_state=np.random.default_rng(0))
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="is a file"):

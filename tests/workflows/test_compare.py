@@ -130,7 +130,7 @@ def test_a_small_but_significant_change_is_told_in_the_table(result):
 def test_wrong_options_are_refused(campaign):
     with pytest.raises(UnknownNameError, match="method is 'magic'; expected one of stlsq"):
         compare(campaign, methods=["magic"])
-    with pytest.raises(InputError, match="at least 10 and a positive one are wanted"):
+    with pytest.raises(InputError, match="expected at least 10 and a positive one"):
         compare(campaign, margin=-1)
 
 
@@ -187,7 +187,7 @@ def test_a_single_run_is_compared_by_its_parts(tmp_path, sindyjoint):
     for choice in data["methods"]:
         # 1 % noise of the moment, 1 % of the angle felt through the stiffness.
         assert choice["held_out"] < 0.02 and choice["response"] is None
-        assert choice["not_simulated"] == "one run only: no other one can be left out"
+        assert choice["not_simulated"] == "one run only: no other one can be held out"
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Without one part of the run" in page and "time: part 1" in page
 

@@ -120,7 +120,7 @@ def test_the_folder_is_complete(result, tmp_path):
     assert saved_text(again) == (tmp_path / "out" / "figures" / "data.json").read_text(encoding="utf-8")
     assert drawable(again) == KINDS
     lines = read((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).lines
-    assert "within Every parameter comes back within the paper's own standard deviations." in lines
+    assert "within Every parameter comes back within the paper's standard deviations." in lines
     assert any("(6.153)" in line for line in lines) and any("1, k1" in line for line in lines)
     assert len((tmp_path / "out" / "tables.csv").read_text().splitlines()) == 1 + 2 * 4 * 5
 

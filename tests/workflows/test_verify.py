@@ -339,7 +339,11 @@ def test_bad_rigs_end_in_one_line(sindyjoint, model_file, tmp_path, change, mess
 @pytest.mark.parametrize(
     ("model", "against", "message"),
     [
-        ("nothing.json", "pulse-rig", "'nothing.json': no model is here; a model.json, or a folder with one"),
+        (
+            "nothing.json",
+            "pulse-rig",
+            "'nothing.json': no model is here; expected a model.json, or a folder with one",
+        ),
         ("text.json", "pulse-rig", "text.json: not a joint model: the text is not JSON"),
         (
             "model.json",
