@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> None:
     from sindyjoint.cli.app import app
     from sindyjoint.cli.encoding import spell_output
     from sindyjoint.errors import SindyJointError
-    from sindyjoint.parallel import all_cores
+    from sindyjoint.threads import all_cores
 
     spell_output()
     # typer may bundle click: its public names lead to the classes that it raises.

@@ -21,8 +21,8 @@ from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.parallel import single_threaded
 from sindyjoint.record import Joint, Motion
+from sindyjoint.threads import single_threaded
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
-from sindyjoint.parallel import on_threads
+from sindyjoint.threads import on_threads
 
 Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]

@@ -18,8 +18,9 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.parallel import side_by_side, single_threaded, spread
+from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
+from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
 from sindyjoint.workflows.independence import frequency_tests

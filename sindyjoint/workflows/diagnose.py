@@ -17,8 +17,9 @@ from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.parallel import single_threaded, spread
+from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
+from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
 if TYPE_CHECKING:

@@ -15,10 +15,11 @@ from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_lo
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.parallel import executor, single_threaded
+from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.second_search import campaign_model, search_again, softened
 from sindyjoint.workflows.verdict import Verdict, judge
 

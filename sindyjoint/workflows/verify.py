@@ -11,12 +11,12 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
-from sindyjoint.parallel import single_threaded
 from sindyjoint.record import Campaign
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
 from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
+from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.policy import POLICY
 
 DRAWS = 20
