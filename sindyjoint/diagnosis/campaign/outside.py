@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.campaign.families import hats
 from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, stack
 from sindyjoint.diagnosis.campaign.run_rows import GapRun
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
@@ -81,16 +82,10 @@ def _apart(run: GapRun, same: Sequence[bool], runs: Sequence[GapRun], offset: bo
 def surface(run: GapRun, angle: float, rate: float) -> Array:
     """Return piecewise linear functions over (θ, θ̇): coarse cells of both, fine steps of each by side of slip."""
     x, v = run.angle / angle, run.rate / rate
-    cells = _hats(x, CELLS)[:, :, None] * _hats(v, CELLS)[:, None, :]
-    forward, fine = (v > 0).astype(float)[:, None], _hats(x, FINE)
-    return np.hstack([cells.reshape(x.size, -1), fine * forward, fine * (1 - forward), _hats(v, FINE)])
-
-
-def _hats(x: Array, count: int) -> Array:
-    """Return hat functions with ``count`` knots on [−1, 1], shape (n, count)."""
-    position = np.clip((x + 1) / 2, 0, 1) * (count - 1)
-    hats: Array = np.maximum(0.0, 1 - np.abs(position[:, None] - np.arange(count)[None, :]))
-    return hats
+    coarse, narrow = np.linspace(-1, 1, CELLS), np.linspace(-1, 1, FINE)
+    cells = hats(x, coarse)[:, :, None] * hats(v, coarse)[:, None, :]
+    forward, fine = (v > 0).astype(float)[:, None], hats(x, narrow)
+    return np.hstack([cells.reshape(x.size, -1), fine * forward, fine * (1 - forward), hats(v, narrow)])
 
 
 def _gain(problem: GapRegression, columns: Array) -> tuple[float, float]:
