@@ -58,7 +58,7 @@ def test_friction_damper_with_a_wrong_frequency(wrong, tmp_path):
         f"frequency = {wrong}\n"
     )
     with pytest.raises(
-        ValueError, match=r"is absent from the data; the largest line of the angle is at 0.25 Hz"
+        ValueError, match=r"is absent from the data; the largest line of the displacement is at 0.25 Hz"
     ):
         load_campaign(tmp_path)
 
