@@ -35,10 +35,18 @@ class ChannelDelay:
     ----------
     time, standard_error : float
         s.
+    residual_rms : float
+        What the law leaves of the moment with the delay removed, N·m.
     """
 
     time: float
     standard_error: float
+    residual_rms: float = float("nan")
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether the search ended at its longest delay: the value is then the limit's, not the data's."""
+        return abs(self.time) >= POLICY.longest_delay
 
     @property
     def significant(self) -> bool:
@@ -125,15 +133,15 @@ def estimate_delay(
     """
     states = [replace(s, replicate=None) for s in states]
     stride = max(1, sum(s.n_samples for s in states) // most_rows)
-    time, error = 0.0, float("inf")
+    time, error, residual = 0.0, float("inf"), float("nan")
     for _ in range(iterations):
         evidence = _linearise_law([shifted(s, time) for s in states], terms, inertia, stride)
         fit = fit_columns(evidence, range(len(terms) + 1))
-        step, error = float(fit.coefficients[-1]), float(fit.standard_errors[-1])
+        step, error, residual = float(fit.coefficients[-1]), float(fit.standard_errors[-1]), fit.residual_rms
         time = float(np.clip(time + step, -POLICY.longest_delay, POLICY.longest_delay))
         if abs(step) < 0.05 * error:
             break
-    return ChannelDelay(time, error)
+    return ChannelDelay(time, error, residual)
 
 
 def _linearise_law(

@@ -48,6 +48,12 @@ def _warn_of_delay(delay: ChannelDelay | None, model: JointModel, aligned: bool)
     size = f"{1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms"
     direction = "lags" if delay.time > 0 else "leads"
     moment, angle = channel_words(model)
+    if delay.at_limit:
+        yield (
+            f"the delay between {moment} and {angle} is not determined: the search ended at its limit of "
+            f"{1e3 * abs(delay.time):.0f} ms"
+        )
+        return
     if aligned:
         yield f"the {moment} {direction} the {angle} by {size}; the channels were aligned"
         return

@@ -15,13 +15,14 @@ from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_lo
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.second_search import campaign_model, search_again, softened
-from sindyjoint.workflows.verdict import Verdict, judge
+from sindyjoint.workflows.verdict import Verdict, judge, noise_alike
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias, Corrected
@@ -203,13 +204,15 @@ def discover(
         again = search_again(regressor, model, campaign, force_states, counts, say)
         regressor, model, force_states = again.regressor, again.model, again.states
         notes.append(again.note)
-    verdict = judge(regressor, model, completed=measured is not regressor)
+    left_in = _unresolved_delay(delay, regressor, model, force_states) if lag == 0.0 else None
+    verdict = judge(regressor, model, measured is not regressor, left_in)
     if correct and verdict.verdict == "refuted":
         verdict = softened(verdict, regressor, model, campaign, force_states)
     say("measuring the bias of the processing")
     fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
-    warnings = [*list_warnings(campaign, force_states, model, delay, align, regressor.indistinct_)]
+    told = delay if align else left_in
+    warnings = [*list_warnings(campaign, force_states, model, told, align, regressor.indistinct_)]
     warnings += filter(None, notes)
     if fixed is not None and fixed.reason:
         warnings.append(
@@ -286,6 +289,28 @@ def the_campaign(
     from sindyjoint.files import load_campaign
 
     return load_campaign(campaign, longest)
+
+
+def _unresolved_delay(
+    delay: ChannelDelay | None, regressor: JointRegressor, model: JointModel, states: Sequence[ForceStates]
+) -> ChannelDelay | None:
+    """Return the delay that is left in the channels, or that explains the moment as well as terms beyond the paper's.
+
+    A law that lacks a term takes a delay for it, and a delay is taken for terms: the one that leaves less is believed.
+    """
+    if delay is None or not model.terms:
+        return None
+    extra = [term for term in model.ids if term not in (*PAPER_TERMS, INERTIA)]
+    if not extra:
+        return delay if delay.significant else None
+    if delay.significant and not delay.at_limit and noise_alike(delay.residual_rms, model):
+        return delay
+    chosen = [term for term in regressor.terms_ if term.id in model]
+    try:
+        found = estimate_delay(states, chosen, model.joint.inertia)
+    except (np.linalg.LinAlgError, InputError):
+        return None
+    return found if found.significant else None
 
 
 def _find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelDelay | None:

@@ -17,6 +17,7 @@ from sindyjoint.text import spelled
 from sindyjoint.workflows.policy import POLICY
 
 if TYPE_CHECKING:
+    from sindyjoint.discovery.delay import ChannelDelay
     from sindyjoint.discovery.estimator import JointRegressor
 
 
@@ -39,8 +40,16 @@ class Verdict:
     reason: str
 
 
-def judge(regressor: JointRegressor, model: JointModel, completed: bool = False) -> Verdict:
+def judge(
+    regressor: JointRegressor,
+    model: JointModel,
+    completed: bool = False,
+    unresolved: ChannelDelay | None = None,
+) -> Verdict:
     """Say whether the campaign confirms the paper's five terms.
+
+    The misfit comes before the terms: where more of the moment is neither model nor noise than the weakest term
+    carries, or where a delay is left in the channels, the terms found may stand for what is not understood.
 
     Parameters
     ----------
@@ -51,6 +60,8 @@ def judge(regressor: JointRegressor, model: JointModel, completed: bool = False)
     completed : bool
         Whether weak harmonics of the motion are a model's: the scatter of blocks then lacks their noise, and terms look
         surer than they are.
+    unresolved : ChannelDelay, optional
+        Delay between the channels that was found and not removed.
     """
     found = [term for term in model.ids if term != INERTIA]
     missing = tuple(term for term in PAPER_TERMS if term not in found)
@@ -63,10 +74,22 @@ def judge(regressor: JointRegressor, model: JointModel, completed: bool = False)
                 f"{_spell_terms(extra)} fits best, yet the paper's five terms do as well within the noise's uncertainty"
             ),
         )
-    gap, (word, _) = model.fitted.misfit, channel_words(model)
-    if found and gap > EQUATION.tolerated_misfit and "nor noise" not in reason:
-        reason += f"; {100 * gap:.1f} % of the {word} is neither model nor noise"
+    if verdict != "undecided" and unresolved is not None:
+        verdict, reason = "undecided", _spell_delay(unresolved)
     return Verdict(verdict, missing, extra, reason)
+
+
+def _spell_delay(delay: ChannelDelay) -> str:
+    """Return why a delay between the channels leaves the terms open."""
+    if delay.at_limit:
+        return (
+            f"the delay between the channels is not determined within {1e3 * abs(delay.time):.0f} ms, the longest that "
+            "is looked for: mend the trigger, or the law is another"
+        )
+    return (
+        f"a delay between the channels of {1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms is not "
+        "resolved, and other terms may stand for it: run again with --align, or mend the trigger"
+    )
 
 
 def _reach_verdict(
@@ -80,6 +103,14 @@ def _reach_verdict(
     withheld = [term for term in PAPER_TERMS if term not in offered]
     if withheld:
         return "undecided", f"{_spell_terms(withheld)} was not among the candidates: others may replace it"
+    gap, least = model.fitted.misfit, min(term.unique_share for term in model.terms if term.id != INERTIA)
+    if gap > _tolerated(model, least):
+        # What is not understood is larger than the weakest term found: it may be a term, or stand behind one.
+        those = "five terms" if not (missing or extra) else "terms found"
+        return "undecided", (
+            f"the {those} are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
+            f"noise; their smallest unique share is {100 * least:.1f} %"
+        )
     if model.fitted.runs == 1 and model.fitted.frequencies:
         # On one closed curve every term is a function of the phase: sums of other terms come arbitrarily close.
         reason = "one periodic run cannot distinguish terms: add levels and frequencies"
@@ -105,23 +136,16 @@ def _reach_verdict(
         )
     if hidden:
         return "undecided", f"{_spell_terms(hidden)} was not found, and these runs could not have shown it"
-    return _judge_fit(regressor, model, word)
-
-
-def _judge_fit(regressor: JointRegressor, model: JointModel, word: str) -> tuple[str, str]:
-    """Return the verdict where exactly the five terms were found: it depends on their misfit."""
-    gap, least = model.fitted.misfit, min(term.unique_share for term in model.terms if term.id != INERTIA)
-    uncertainty = POLICY.noise_uncertainty * model.fitted.noise_floor / model.fitted.moment_rms
-    if gap > min(max(least, uncertainty), EQUATION.tolerated_misfit):
-        # What is missing is larger than the weakest of the five: it may be a term, or change that one.
-        return "undecided", (
-            f"the five terms are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
-            f"noise; the smallest unique share of the five is {100 * least:.1f} %"
-        )
     return "confirmed", (
         f"exactly the paper's five terms out of {len(regressor.terms_)} candidates; their smallest unique share "
         f"is {100 * least:.1f} % of the {word}, and the misfit beyond the noise {100 * gap:.1f} %"
     )
+
+
+def _tolerated(model: JointModel, least: float) -> float:
+    """Return the misfit up to which terms are judged, of which the weakest has the unique share ``least``."""
+    uncertainty = POLICY.noise_uncertainty * model.fitted.noise_floor / model.fitted.moment_rms
+    return min(max(least, uncertainty), EQUATION.tolerated_misfit)
 
 
 def _is_needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
@@ -140,8 +164,13 @@ def _paper_terms_suffice(regressor: JointRegressor, model: JointModel) -> bool:
     if not set(columns) <= set(ids):
         return False
     fit = fit_columns(regressor.evidence_, [ids.index(term) for term in columns])
+    return noise_alike(fit.residual_rms, model)
+
+
+def noise_alike(residual: float, model: JointModel) -> bool:
+    """Return whether a residual is that of the noise, or of a model, within the uncertainty of the noise."""
     least = max(model.fitted.noise_floor, model.fitted.residual_rms)
-    return bool(fit.residual_rms**2 < (1 + POLICY.noise_uncertainty**2) * least**2)
+    return bool(residual**2 < (1 + POLICY.noise_uncertainty**2) * least**2)
 
 
 def _spell_terms(terms: Sequence[str]) -> str:

@@ -149,7 +149,7 @@ def test_an_effect_outside_the_library_leaves_it_undecided():
     found = discover(hidden, library="paper")
     assert set(found.model.ids) == set(PAPER_TERMS)
     assert found.verdict.verdict == "undecided"
-    assert "is neither they nor noise; the smallest unique share of the five is" in found.verdict.reason
+    assert "is neither they nor noise; their smallest unique share is" in found.verdict.reason
     assert discover(campaign(drive="displacement"), library="paper").verdict.verdict == "confirmed"
 
 

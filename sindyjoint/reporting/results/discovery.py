@@ -144,9 +144,9 @@ class DiscoveryView(View[Discovery, ReportData]):
         model = result.model
         load = quantities(model.joint.motion).moment.lower()
         yield from state_lines(result.states, model.joint.motion)
-        if result.skew is not None:
+        if result.skew is not None and not result.skew.at_limit:
             late, error = 1e3 * result.skew.time, 1e3 * result.skew.standard_error
-            yield f"time by which the {load} lags: {late:.4f} ms ± {error:.4f} ms"
+            yield f"the {load} {'lags' if late >= 0 else 'leads'} by {abs(late):.4f} ms ± {error:.4f} ms"
         path, chosen = result.selection.path, result.selection.chosen
         yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
         first, last = (
@@ -195,10 +195,14 @@ def _show_fit(result: Discovery, console: Console) -> None:
         f"({100 * (fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0):.2f} %), "
         f"noise floor {fitted.noise_floor:.3g} {unit}, moving {100 * fitted.moving_fraction:.0f} % of the time"
     )
-    if result.skew is not None:
+    delay = result.skew
+    if delay is not None:
+        other = "angle" if rotation else "displacement"
+        size = rounded(1e3 * abs(delay.time), 1e3 * delay.standard_error)
         console.print(
-            f"the {what} lags the {'angle' if rotation else 'displacement'} by "
-            f"{rounded(1e3 * result.skew.time, 1e3 * result.skew.standard_error)} ms"
+            f"the delay between {what} and {other} is not determined within {1e3 * abs(delay.time):.0f} ms"
+            if delay.at_limit
+            else f"the {what} {'lags' if delay.time >= 0 else 'leads'} the {other} by {size} ms"
         )
 
 
