@@ -72,8 +72,8 @@ def diagnose(
 
     Of a rig, the effect may sit outside the joint: in beams, masses, clamp, pulse or sensor.
 
-    Exit status 0: effects were named, or nothing is missing; 1: something is missing that no effect explains; 2: the
-    input is at fault.
+    Exit status 0: effects were named, if only for a part of the gap, or nothing is missing; 1: something is missing
+    that no effect explains, or nothing could be decided; 2: the input is at fault.
 
     Example: sindyjoint diagnose tests/campaign.toml --model results/model.json --out diagnosis
     """
@@ -108,7 +108,7 @@ def diagnose(
         from sindyjoint.reporting.registry import show
 
         show(result)
-    raise typer.Exit(1 if result.verdict == "unknown" else 0)
+    raise typer.Exit(0 if result.settled else 1)
 
 
 def _diagnosed(

@@ -6,7 +6,7 @@ from sindyjoint.diagnosis.advice import advise
 from sindyjoint.diagnosis.loop import Progress, add_effects
 from sindyjoint.diagnosis.problem import P, Say
 from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.diagnosis.verdict import discount, judge
+from sindyjoint.diagnosis.verdict import Gaps, discount, judge
 
 
 def explain_gap(first: P, most: int, say: Say) -> Diagnosis:
@@ -29,14 +29,16 @@ def explain_gap(first: P, most: int, say: Say) -> Diagnosis:
     say("advice")
     residual = progress.problem.residual(straight)
     last = progress.problem.finished()
-    verdict, reason = judge(progress.steps, residual, first.policy)
-    steps = discount(progress.steps, verdict, residual.outside, first.policy)
+    final = progress.steps[-1].gap_after if progress.steps else first.gap
+    gaps = Gaps(initial, final, first.noise_floor)
+    verdict, reason = judge(progress.steps, residual, gaps, first.policy)
+    steps = discount(progress.steps, verdict, residual, gaps, first.policy)
     found = {
         "verdict": verdict,
         "reason": reason,
         "initial": initial,
-        "final": steps[-1].gap_after if steps else first.gap,
-        "noise_floor": first.noise_floor,
+        "final": final,
+        "noise_floor": gaps.floor,
         "budget": straight.budget(first, last),
         "where": first.places() if verdict != "nothing_missing" else (),
         "steps": steps,

@@ -56,6 +56,19 @@ class DiagnosisPolicy:
     )
 
     # The verdict.
+    within_floors: float = limit(
+        1.5,
+        "gap over noise floor up to which nothing, or nothing more, is called missing",
+        source="simulated campaigns with a hidden effect end at 0.8 to 1.1 once it is found, whatever the drive",
+    )
+    least_help: float = convention(
+        0.1, "share of the gap that effects must take away to be named beside a remainder"
+    )
+    partly_outside: tuple[float, float] = limit(
+        (0.25, 0.5),
+        "least and largest probability that names beside a remainder stand in for something else",
+        source="the share of the gap that remains; never so little that a name stands above 0.8",
+    )
     unexplained: float = calibrated(0.15, "share of the gap beyond noise above which the rest is unknown")
     unexplained_once: float = calibrated(0.3, "the same where nothing repeats, and that share is an estimate")
     unexplained_rms: bool = convention(False, "whether that share is of the RMS, not of the mean square")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.pictures import RunGap
 from sindyjoint.diagnosis.campaign.regression import FittedEffect
@@ -95,7 +97,10 @@ class Diagnosis:
 
     Parameters
     ----------
-    verdict : {"named", "ambiguous", "unknown", "nothing_missing"}
+    verdict : {"nothing_missing", "named", "partly_named", "ambiguous", "unknown", "undecided"}
+        Nothing missing and named (or ambiguous: a class that the data cannot separate) mean a gap within a factor of
+        the noise floor; partly named, that effects help and a stated remainder is there; unknown, a gap without a name
+        that helps; undecided, that no floor could be measured or the data are not sound.
     reason : str
         One sentence.
     initial, final, noise_floor : Gap
@@ -140,15 +145,34 @@ class Diagnosis:
             e for e in self.effects if e.effect.enters == "moment" and not is_term(e.effect, e.variant)
         )
 
+    @property
+    def remainder(self) -> Gap:
+        """What the model with its effects leaves beyond the noise floor."""
+        pairs = zip(
+            (self.final.moment, self.final.response),
+            (self.noise_floor.moment, self.noise_floor.response),
+            strict=True,
+        )
+        return Gap(
+            *(float(np.sqrt(max(gap**2 - floor**2, 0.0))) if gap == gap else gap for gap, floor in pairs)
+        )
+
+    @property
+    def settled(self) -> bool:
+        """Whether the gap has a name, if only for a part of it, or there is none: exit status 0 of the command."""
+        return self.verdict not in ("unknown", "undecided")
+
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
         return {
-            "schema": 1,
+            "schema": 2,
             "verdict": self.verdict,
+            "reason": self.reason,
             "gap": {
                 "initial": _gap(self.initial),
                 "final": _gap(self.final),
                 "noise_floor": _gap(self.noise_floor),
+                "remainder": _gap(self.remainder),
             },
             "budget": {
                 name: getattr(self.budget, name)

@@ -1,4 +1,4 @@
-"""What a diagnosis comes to: named, ambiguous, unknown or nothing missing."""
+"""What a diagnosis comes to: sound data first, then whether the model explains them, and only then names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.result import Step
+from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.text import spelled
 
 #: The name under which what is outside the catalogue stands among the rivals of a step.
@@ -54,19 +54,88 @@ def share_beyond_noise(
     return float(np.sqrt(share)) if policy.unexplained_rms else share
 
 
-def judge(steps: Sequence[Step], residual: Residual, policy: DiagnosisPolicy) -> tuple[str, str]:
-    """Return the verdict and its reason."""
-    percent = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
-    if residual.share > residual.most:
-        if steps:
-            return "unknown", f"the effects found leave {percent} of the gap beyond noise unexplained"
-        return "unknown", f"no known effect explains the gap; {percent} of it is more than noise"
+@dataclass(frozen=True)
+class Gaps:
+    """The figures that a verdict must agree with: a gap on data left out of the fit, and the noise floor.
+
+    Parameters
+    ----------
+    initial, final, floor : Gap
+        Of the model as it was given, of the model with its effects, and of what does not repeat; NaN where a figure
+        could not be had.
+    """
+
+    initial: Gap
+    final: Gap
+    floor: Gap
+
+    def figures(self) -> tuple[float, float, float]:
+        """Return initial gap, final gap and floor of the moment, or of the response where no moment is measured."""
+        name = "response" if self.of_response else "moment"
+        return getattr(self.initial, name), getattr(self.final, name), getattr(self.floor, name)
+
+    @property
+    def of_response(self) -> bool:
+        """Whether there is no moment to judge by."""
+        return bool(np.isnan(self.final.moment))
+
+    def floors(self, policy: DiagnosisPolicy) -> float:
+        """Return the final gap in units of the floor; the processing errs by a small share of the moment, too."""
+        _, final, floor = self.figures()
+        return float(final / np.hypot(floor, policy.processing_error))
+
+    def helped(self, policy: DiagnosisPolicy) -> bool:
+        """Return whether the effects make the gap smaller by a share worth naming."""
+        initial, final, _ = self.figures()
+        return not final > (1 - policy.least_help) * initial
+
+    def response_complaint(self, policy: DiagnosisPolicy) -> str:
+        """Return what is wrong with the simulated response of the model with its effects; empty if nothing is."""
+        before, after, floor = self.initial.response, self.final.response, self.floor.response
+        if np.isnan(after):
+            return "the response of the model with them could not be simulated: it diverges or snaps through"
+        if after > max(before, policy.within_floors * floor):
+            return f"the response gap grows from {_percent(before)} to {_percent(after)}"
+        return ""
+
+
+def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: DiagnosisPolicy) -> tuple[str, str]:
+    """Return the verdict and its reason: first whether the model explains the data, then what the effects are called.
+
+    Without a noise floor nothing is decided. A gap of more than ``within_floors`` floors is never called noise, and no
+    name is given as the whole answer while one remains.
+    """
+    _, final, floor = gaps.figures()
+    if np.isnan(floor):
+        return (
+            "undecided",
+            "no noise floor could be measured, so that no gap can be called noise or an effect",
+        )
+    size = f"a gap of {_percent(final)} where the noise floor is {_percent(floor)}"
+    share = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
+    beyond, excess = gaps.floors(policy) > policy.within_floors, residual.share > residual.most
     if not steps:
+        if beyond:
+            return "unknown", f"no known effect explains the gap: {size}"
+        if excess:
+            return "unknown", f"no known effect explains the gap; {share} of it is more than noise"
         return "nothing_missing", "the residual is no more than noise and the model's own uncertainty"
     if residual.outside > policy.outside:
         return "unknown", (
             "the effects found leave a residual that they would not leave if they were there, or are too many: "
             f"something outside the catalogue is there with a probability of {residual.outside:.2f}"
+        )
+    if (beyond or excess) and not gaps.helped(policy):
+        return "unknown", f"the effects found hardly help on data left out of the fit: {size} remains"
+    names = ", then ".join(" or ".join(map(spelled, s.members)) for s in steps)
+    if beyond or excess:
+        left = size if beyond else f"{share} of the gap beyond noise"
+        return "partly_named", f"{names} explains a part; {left} remains unexplained"
+    complaint = gaps.response_complaint(policy)
+    if complaint:
+        return (
+            "partly_named",
+            f"{names} explains the {'motion' if gaps.of_response else 'moment'}, yet {complaint}",
         )
     apart = [" or ".join(map(spelled, s.members)) for s in steps if len(s.members) > 1]
     if apart:
@@ -74,15 +143,25 @@ def judge(steps: Sequence[Step], residual: Residual, policy: DiagnosisPolicy) ->
     return "named", "found: " + ", then ".join(spelled(s.effect) for s in steps)
 
 
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %"
+
+
 def discount(
-    steps: Sequence[Step], verdict: str, outside: float, policy: DiagnosisPolicy
+    steps: Sequence[Step], verdict: str, residual: Residual, gaps: Gaps, policy: DiagnosisPolicy
 ) -> tuple[Step, ...]:
     """Give what is outside the catalogue its probability, taken from all names of each step.
 
-    Where something unknown remains, no name may be near certain: it may stand in for what is not known.
+    Where something unknown remains, no name may be near certain: it may stand in for what is not known. Beside a
+    remainder that is as likely as the share of the gap that remains, within ``partly_outside``.
     """
-    if verdict == "unknown":
+    outside = residual.outside
+    if verdict in ("unknown", "undecided"):
         outside = max(outside, policy.outside)
+    elif verdict == "partly_named":
+        initial, final, floor = gaps.figures()
+        remains = np.sqrt(max(final**2 - floor**2, 0.0) / max(initial**2 - floor**2, 1e-300))
+        outside = max(outside, float(np.clip(remains, *policy.partly_outside)))
     if outside < policy.least_outside:
         return tuple(steps)
     inside = 1 - outside

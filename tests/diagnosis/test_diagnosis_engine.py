@@ -4,13 +4,15 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis.strategies import booleans, floats
 
 from sindyjoint.diagnosis.loop import Outcome, Progress, add_effects, try_effect
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
 from sindyjoint.diagnosis.problem import Added, Proposal
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
 from sindyjoint.diagnosis.result import Gap
-from sindyjoint.diagnosis.verdict import Residual, discount, judge, share_beyond_noise
+from sindyjoint.diagnosis.verdict import Gaps, Residual, discount, judge, share_beyond_noise
 from sindyjoint.policy import described
 
 
@@ -129,16 +131,71 @@ def test_what_remains_is_a_share_of_the_mean_square_or_of_the_rms():
     assert share_beyond_noise(before, (1200.0, 1000.0), CAMPAIGN) == 0.0
 
 
-def test_where_something_unknown_remains_no_name_is_surer_than_it():
-    problem = Made((Effect("one", 600.0, GOOD),))
-    steps = add_effects(Progress(problem, problem.gap), 4, lambda words: None).steps
-    for policy in (CAMPAIGN, STRUCTURE):
-        verdict, reason = judge(steps, Residual(0.9, policy.unexplained), policy)
-        assert verdict == "unknown" and "90 %" in reason
-        (step,) = discount(steps, verdict, 0.0, policy)
-        assert step.probability == pytest.approx(0.5 * steps[0].probability)
+def one_step(gap=GOOD):
+    problem = Made((Effect("one", 600.0, gap),))
+    return add_effects(Progress(problem, problem.gap), 4, lambda words: None).steps
+
+
+def gaps(initial, final, floor, response=(1.0, 0.5, 0.1)):
+    pairs = zip((initial, final, floor), response, strict=True)
+    return Gaps(*(Gap(moment, response) for moment, response in pairs))
+
+
+FLOOR = 0.1
+SMALL, LARGE = Residual(0.0, 0.15), Residual(0.9, 0.15)
+
+
+@pytest.mark.parametrize(
+    ("steps", "residual", "figures", "verdict"),
+    [
+        (False, SMALL, gaps(0.11, 0.11, FLOOR), "nothing_missing"),
+        # 92 % of the moment at a floor of 4 % is no noise, whatever an estimate of what could be won says.
+        (False, SMALL, gaps(0.92, 0.92, 0.04), "unknown"),
+        (False, LARGE, gaps(0.11, 0.11, FLOOR), "unknown"),
+        (False, SMALL, gaps(0.92, 0.92, NAN), "undecided"),
+        (True, SMALL, gaps(0.5, 0.11, FLOOR), "named"),
+        (True, SMALL, gaps(0.5, 0.3, FLOOR), "partly_named"),
+        (True, SMALL, gaps(0.5, 0.48, FLOOR), "unknown"),
+        (True, LARGE, gaps(0.5, 0.12, FLOOR), "partly_named"),
+        (True, replace(SMALL, outside=0.7), gaps(0.5, 0.11, FLOOR), "unknown"),
+        (True, SMALL, gaps(0.5, 0.11, NAN), "undecided"),
+        (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, NAN, 0.1)), "partly_named"),
+        (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 1.2, 0.1)), "partly_named"),
+        # Where no moment is measured, the response is all there is.
+        (True, SMALL, gaps(NAN, NAN, NAN, (1.0, 0.12, 0.1)), "named"),
+        (False, SMALL, gaps(NAN, NAN, NAN, (1.0, 1.0, 0.1)), "unknown"),
+    ],
+)
+def test_no_verdict_is_denied_by_its_figures(steps, residual, figures, verdict):
+    said, reason = judge(one_step() if steps else (), residual, figures, CAMPAIGN)
+    assert said == verdict and reason
+
+
+def test_names_beside_a_remainder_state_it_and_are_less_sure():
+    steps, figures = one_step(), gaps(0.5, 0.3, FLOOR)
+    verdict, reason = judge(steps, SMALL, figures, CAMPAIGN)
+    assert "a gap of 30 % where the noise floor is 10 %" in reason and reason.startswith(
+        "one explains a part"
+    )
+    (step,) = discount(steps, verdict, SMALL, figures, CAMPAIGN)
+    assert step.probability == pytest.approx(0.5 * steps[0].probability)
+    # A fiftieth of the gap's mean square remains: the name loses a quarter, and never less.
+    (step,) = discount(steps, verdict, SMALL, gaps(0.8, 0.16, FLOOR), CAMPAIGN)
+    assert step.probability == pytest.approx(0.75 * steps[0].probability)
+    for word in ("unknown", "undecided"):
+        (step,) = discount(steps, word, SMALL, figures, CAMPAIGN)
         assert dict(step.rivals)["unknown"] == 0.5
-        assert discount(steps, "named", 0.0, policy) == steps
+    assert discount(steps, "named", SMALL, figures, CAMPAIGN) == steps
+
+
+@given(*[floats(0.001, 2.0)] * 4, floats(0.0, 1.0), floats(0.0, 1.0), booleans())
+def test_whole_answers_end_at_the_floor(initial, final, floor, response, share, outside, found):
+    """Whatever the figures: *nothing missing*, *named* and *ambiguous* only within the factor of the floor."""
+    figures = gaps(initial, final, floor, (response, final, floor))
+    verdict, _ = judge(one_step() if found else (), Residual(share, 0.15, outside), figures, CAMPAIGN)
+    if verdict in ("nothing_missing", "named", "ambiguous"):
+        assert final <= CAMPAIGN.within_floors * np.hypot(floor, CAMPAIGN.processing_error) * (1 + 1e-12)
+    assert (verdict == "nothing_missing") <= (not found)
 
 
 def test_a_structure_differs_from_a_campaign_in_what_is_said_and_every_limit_is_explained():

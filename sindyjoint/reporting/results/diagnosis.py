@@ -31,6 +31,11 @@ VERDICTS = {
         "undecided",
         "Something is missing, and these runs do not decide which of several effects it is.",
     ),
+    "partly_named": (
+        "undecided",
+        "A part of what was missing has a name; the rest is unexplained.",
+    ),
+    "undecided": ("undecided", "These data decide nothing: no gap could be held against a noise floor."),
     "unknown": ("refuted", "Something is missing that none of the known effects explains."),
     "nothing_missing": ("confirmed", "Nothing is missing: the residual is noise."),
 }
