@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, P, Say
-from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.ranking import Ranking, admissible_part
 from sindyjoint.diagnosis.result import Gap, Step
 
 # Of the rivals of a step so many are told, with more than this probability.
@@ -113,13 +113,19 @@ def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) 
     proposal = problem.propose(refused, len(here.steps) + 2 <= most, say)
     if proposal is None or 1 - proposal.ranking.nothing < policy.belief:
         return Round(Outcome.STOP, "nothing is believed to be missing")
-    best = proposal.ranking.fitted[0]
+    ranking, complaint = admissible_part(proposal.ranking, problem.complaint)
+    if ranking is None:
+        return Round(Outcome.STOP, f"no admissible effect comes near the best candidate: {complaint}")
+    best = ranking.fitted[0]
     say(f"adding {best.name.replace('_', ' ')}")
     added = problem.add(best)
     may_refuse = len(refused) < policy.most_refusals
     refuse_or_stop = Outcome.REFUSE if may_refuse else Outcome.STOP
     if added is None:
         return Round(refuse_or_stop, "its fit fails", best.name)
+    complaint = added.problem.complaint()
+    if complaint and not problem.complaint():
+        return Round(refuse_or_stop, complaint, best.name)
     after = added.problem.gap
     if overfits(here.gap, after, policy):
         return Round(refuse_or_stop, "runs left out are missed by far more with it", best.name)
@@ -128,7 +134,7 @@ def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) 
             return Round(Outcome.REFUSE, "it makes the simulated response worse", best.name)
         if not problem.noise_measured and no_gain(here.gap, after, policy):
             return Round(Outcome.STOP, "it wins nothing on what was left out of the fit", best.name)
-    later = _accepted(here, proposal.ranking, added, after)
+    later = _accepted(here, ranking, added, after)
     return Round(Outcome.ACCEPT, "the gap falls with it", best.name, later, proposal.paired)
 
 

@@ -55,6 +55,13 @@ class DiagnosisPolicy:
         3.0, "standard deviations of χ² within which the residual of a structure is noise and the loop stops"
     )
 
+    # Admissible effects.
+    bound_margin: float = convention(0.005, "share of a parameter's logarithmic range that counts as its end")
+    admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
+    pushing_share: float = convention(
+        0.05, "share of a run in which dry friction may push before that is refused"
+    )
+
     # The verdict.
     within_floors: float = limit(
         1.5,

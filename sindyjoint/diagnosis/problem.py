@@ -88,6 +88,10 @@ class Problem(Protocol):
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability; None where there are none."""
 
+    def complaint(self, candidate: Any = None) -> str:
+        """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
+        return ""
+
     def add(self, best: Any) -> Added[Self] | None:
         """Return the problem with an effect more, everything fitted together; None where the fit fails."""
 

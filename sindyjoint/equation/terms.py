@@ -56,6 +56,8 @@ class Parameter:
     relative_to : {"angle", "rate", "moment"}, optional
     lower, upper : float, optional
         Bounds, meant like the value.
+    open : {"lower", "upper"}, optional
+        End of the range that is a limiting form, and may be reached.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Parameter:
     relative_to: Scale | None = None
     lower: float | None = None
     upper: float | None = None
+    open: Literal["lower", "upper"] | None = None
 
     def unit_for(self, motion: Motion) -> str:
         """Return the unit for rotation or translation."""

@@ -38,6 +38,7 @@ class Made:
     needless: str = ""
     dropped: tuple = ()
     policy: object = CAMPAIGN
+    impossible: tuple = ()
 
     def propose(self, refused, pairs, say):
         open_ones = [c for c in self.candidates if c.name not in refused and c not in self.found]
@@ -46,6 +47,11 @@ class Made:
         scale = EvidenceScale(2000.0, 1000.0, 1000.0, 0.0)
         ranking = rank(open_ones, [1] * len(open_ones), scale, self.policy)
         return Proposal(ranking, pairs and ranking.fitted[0].name in self.paired)
+
+    def complaint(self, candidate=None):
+        return (
+            f"{candidate.name} pushes" if candidate is not None and candidate.name in self.impossible else ""
+        )
 
     def add(self, best):
         if np.isnan(best.gap.moment):
@@ -89,6 +95,16 @@ def test_a_round_says_what_it_came_to_and_why(gain, gap, measured, expected, rea
     tried = outcome(candidates=(Effect("one", gain, gap),), noise_measured=measured)
     assert tried.outcome is expected and reason in tried.reason
     assert (tried.progress is not None) is (expected is Outcome.ACCEPT)
+
+
+def test_an_impossible_candidate_leaves_its_place_to_one_that_is_as_good_or_ends_the_search():
+    one, two = Effect("one", 600.0, GOOD), Effect("two", 599.0, GOOD)
+    tried = outcome(candidates=(one, two), impossible=("one",))
+    (step,) = tried.progress.steps
+    assert step.effect == "two" and step.members == ("two",) and not step.rivals
+    assert step.probability == pytest.approx(1.0, abs=1e-6)
+    far = outcome(candidates=(one, replace(two, gain=400.0)), impossible=("one",))
+    assert far.outcome is Outcome.STOP and "one pushes" in far.reason
 
 
 def test_after_a_refusal_the_next_effect_has_its_turn():

@@ -11,6 +11,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.add import add_effect
+from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
 from sindyjoint.diagnosis.campaign.budget import explained_by_state, make_budget
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
@@ -162,6 +163,13 @@ class CampaignProblem(Problem):
             if beside.fitted[0].name == first.name:
                 return Proposal(beside, paired=True)
         return Proposal(rank_effects(problem, fitted))
+
+    def complaint(self, candidate: FittedEffect | None = None) -> str:
+        """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
+        if candidate is not None:
+            return number_complaint(candidate, self.regression.reference, self.policy)
+        effects = tuple(e for e in self.found if e.effect.enters == "moment")
+        return law_complaint(replace(self.repaired, effects=effects), self.work.rows, self.policy)
 
     def add(self, best: FittedEffect) -> Added[Self]:
         """Return the problem with an effect more, everything fitted together."""

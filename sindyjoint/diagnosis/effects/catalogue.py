@@ -36,6 +36,7 @@ class _ParameterEntry(StrictEntry):
     lower: Annotated[float, Field(gt=0)]
     upper: Annotated[float, Field(gt=0)]
     relative_to: Literal["angle", "rate"] | None = None
+    open: Literal["lower", "upper"] | None = None
 
 
 class _StateEntry(StrictEntry):
@@ -343,7 +344,7 @@ def _variant(entry: Any) -> Variant:
         if not p.lower < p.upper:
             raise InputError(f"parameter {p.name!r}: lower {p.lower:g} is not below upper {p.upper:g}")
         middle = float(np.sqrt(p.lower * p.upper))
-        parameters.append(Parameter(p.name, p.unit, middle, p.relative_to, p.lower, p.upper))
+        parameters.append(Parameter(p.name, p.unit, middle, p.relative_to, p.lower, p.upper, p.open))
     return Variant(
         tuple(columns),
         tuple(parameters),

@@ -1,0 +1,75 @@
+"""What physics does not admit: friction that pushes, energy from nothing, numbers at the end of their range."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
+from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+from sindyjoint.diagnosis.campaign.regression import FittedEffect
+from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis.policy import CAMPAIGN
+from sindyjoint.equation.terms import Reference
+from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.response.model_law import with_coefficients
+
+EFFECTS = {effect.id: effect for effect in load_effects()}
+REFERENCE = Reference(1.0, 1.0, 1.0)
+
+
+def fitted(name, values, coefficients=(1.0,), variant=0):
+    effect = EFFECTS[name]
+    return FittedEffect(
+        effect, effect.variants[variant], np.array(values, float), np.array(coefficients), 1.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "end"),
+    [
+        ("jenkins_element", [0.3], ""),
+        ("jenkins_element", [1.0], "upper"),  # it would yield where the motion ends
+        ("jenkins_element", [0.01], "lower"),
+        ("backlash_play", [0.2, 0.003], ""),  # a ramp that is a step is a gap with sharp edges
+        ("backlash_play", [0.2, 0.5], "upper"),
+        ("quintic_stiffness", [], ""),
+    ],
+)
+def test_a_number_at_the_end_of_its_range_is_refused(effect, values, end):
+    complaint = number_complaint(fitted(effect, values), REFERENCE, CAMPAIGN)
+    assert complaint.endswith(f"at the {end} end of its range") if end else complaint == ""
+
+
+@pytest.fixture(scope="module")
+def problem():
+    campaign = virtual_campaign(
+        "inter-panel", frequencies=[3.0, 5.0], levels=[0.8], noise=0.01, random_state=3
+    )
+    return CampaignProblem.build(campaign, None, "paper", tuple(EFFECTS.values()), CAMPAIGN)
+
+
+def complaint(problem, effects=(), **changed):
+    model = problem.repaired.model
+    numbers = np.array([changed.get(t.id, t.coefficient) for t in model.terms])
+    model = with_coefficients(model, numbers, np.eye(numbers.size))
+    return law_complaint(
+        replace(problem.repaired, model=model, effects=tuple(effects)), problem.work.rows, CAMPAIGN
+    )
+
+
+def test_the_law_of_the_joint_is_admissible(problem):
+    assert complaint(problem) == ""
+
+
+def test_friction_may_fall_with_the_angle_but_never_push(problem):
+    largest = max(np.abs(run.angle).max() for run in problem.work.rows)
+    friction = problem.repaired.model["coulomb_friction"].coefficient
+    falling = fitted("position_dependent_friction", [], [-0.5 * friction / largest])
+    pushing = fitted("position_dependent_friction", [], [-2.0 * friction / largest])
+    assert complaint(problem, [falling]) == ""
+    assert "dry friction would push along the motion" in complaint(problem, [pushing])
+
+
+def test_no_run_gives_off_energy(problem):
+    assert "give off energy" in complaint(problem, linear_damping=-2e3)
