@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.campaign.regression import (
     rank_effects,
 )
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
-from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.ranking import Ranking

@@ -9,8 +9,8 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import Repaired, is_term, refit, refit_nonlinear, whole_model
-from sindyjoint.diagnosis.campaign.rows import gap_runs
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.equation.model import JointModel

@@ -10,7 +10,7 @@ from sindyjoint.diagnosis.campaign.free_decay import continuation_gap
 from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import corrections, held_out_gap, kept_gap
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
-from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work, is_free, sample_noise
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.localisation import Place, most_telling, weigh_region
 
 # What a place is called, by kind of motion: angle and rate, several angles.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import all_columns
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.equation.model import JointModel
 
 Array = NDArray[np.float64]

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.excerpt import excerpt
-from sindyjoint.diagnosis.campaign.half_cycles import correlation
-from sindyjoint.diagnosis.campaign.rows import base_columns
-from sindyjoint.diagnosis.campaign.run_rows import GapRun, reference_scales
+from sindyjoint.diagnosis.campaign.rows.build import base_columns
+from sindyjoint.diagnosis.campaign.rows.excerpt import excerpt
+from sindyjoint.diagnosis.campaign.rows.half_cycles import correlation
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank

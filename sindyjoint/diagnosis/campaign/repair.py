@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, refine_effect, stack
-from sindyjoint.diagnosis.campaign.rows import base_columns
-from sindyjoint.diagnosis.campaign.run_rows import GapRun, row_groups
+from sindyjoint.diagnosis.campaign.rows.build import base_columns
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.dimensions import unit_for

@@ -20,8 +20,8 @@ from sindyjoint.diagnosis.campaign.regression import (
     rank_effects,
     refine_effect,
 )
-from sindyjoint.diagnosis.campaign.rows import gap_runs
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.policy import DiagnosisPolicy

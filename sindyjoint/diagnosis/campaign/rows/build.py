@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_HALF_CYCLES, HalfCycles, reversals
-from sindyjoint.diagnosis.campaign.run_rows import Band, GapRun
-from sindyjoint.diagnosis.campaign.whitening import folded_whitener, kernel_noise_factor, slopes
+from sindyjoint.diagnosis.campaign.rows.half_cycles import FEWEST_HALF_CYCLES, HalfCycles, reversals
+from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun
+from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel

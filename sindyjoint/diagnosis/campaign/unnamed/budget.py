@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget, divide_gap
-from sindyjoint.diagnosis.campaign.prediction import KINDS, Prediction
 from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.unnamed.prediction import KINDS, Prediction
 
 
 def explained_by_state(problem: GapRegression) -> float:
