@@ -8,7 +8,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, stack
+from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 
 Array = NDArray[np.float64]
 

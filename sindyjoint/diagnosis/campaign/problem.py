@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, fit_effects, rank_effects
+from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effects, rank_effects
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, whole_model
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
@@ -33,6 +33,7 @@ from sindyjoint.diagnosis.campaign.start import (
 from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget
 from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say

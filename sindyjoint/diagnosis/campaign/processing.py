@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import all_columns
 from sindyjoint.diagnosis.campaign.rows.build import along_replicate
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError

@@ -115,6 +115,13 @@ class Variant:
         return {symbol.name for column in self.columns for symbol in column.expression.free_symbols}
 
     @property
+    def symbols(self) -> set[Any]:
+        """Symbols of its columns, and of the rates and limits of its states."""
+        formulas = [c.expression for c in self.columns]
+        formulas += [f for state in self.states for f in (state.rate, state.limit) if f is not None]
+        return {symbol for formula in formulas for symbol in formula.free_symbols}
+
+    @property
     def degrees(self) -> int:
         """Numbers that a fit of the variant chooses."""
         return len(self.columns) + len(self.parameters)

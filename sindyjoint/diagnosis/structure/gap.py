@@ -3,53 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.localisation import Place, weigh_region
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.numeric import main_frequency
 from sindyjoint.response.oscillation import hilbert_envelope
 from sindyjoint.response.run import rms
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class RecordGap:
-    """A record beside its simulation before and after the effects were added.
-
-    Parameters
-    ----------
-    name : str
-        The output point, and the rig where the record is of another one.
-    time, measured : ndarray, shape (n,)
-        s, m.
-    before : ndarray, shape (n,) or None
-        Of the model as it was given; None where it could not be simulated.
-    after : ndarray, shape (n,) or None
-        With the effects, fitted to what was not held out.
-    noise : float
-        RMS, m.
-    held_from : float
-        Time from which the record was kept out of the fit of `after`, s.
-    gap_before, gap_after, noise_floor : float
-        Relative RMS over what was held out.
-    """
-
-    name: str
-    time: Array
-    measured: Array
-    before: Array | None
-    after: Array | None
-    noise: float
-    held_from: float
-    gap_before: float
-    gap_after: float
-    noise_floor: float
 
 
 def record_gaps(problem: PulseProblem, best: Fit, others: Sequence[PulseProblem]) -> tuple[RecordGap, ...]:

@@ -17,11 +17,11 @@ from sindyjoint.diagnosis.localisation import Place, most_telling
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
 from sindyjoint.diagnosis.ranking import Ranking
-from sindyjoint.diagnosis.result import Advice, Gap, Step
-from sindyjoint.diagnosis.structure.gap import RecordGap, locate_gap, record_gaps
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
+from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.diagnosis.structure.pulses import separating_pulses
-from sindyjoint.diagnosis.structure.result import StructureDiagnosis, model_after, warnings_of
+from sindyjoint.diagnosis.structure.result import model_after, warnings_of
 from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
 from sindyjoint.diagnosis.structure.start import (
     first_fit,
@@ -212,15 +212,16 @@ class StructureProblem(Problem):
         """Return the pulse that would tell the two likeliest members of a class apart."""
         return separating_pulses(self.pulse, ranking.members, self.period)
 
-    def diagnosis(self, first: Self, found: Mapping[str, Any]) -> StructureDiagnosis:
+    def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
-        return StructureDiagnosis(
+        return Diagnosis(
             **found,
             warnings=warnings_of(
                 self.pulse, self.records, self.hidden is not None, self.drawn, bool(self.others)
             ),
             model=model_after(self.pulse, self.best),
             hidden=self.hidden,
+            source="structure",
             rig=self.pulse.rig.name,
             records=self.records,
         )

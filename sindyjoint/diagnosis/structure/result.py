@@ -1,32 +1,15 @@
-"""What a diagnosis of a structure tells beyond that of a campaign: its records, its model, its warnings."""
+"""What a diagnosis of a structure ends with: its model beside the effects, and its warnings."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.diagnosis.structure.gap import RecordGap
+from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, prior_root
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.response.model_law import with_coefficients
-
-
-@dataclass(frozen=True, eq=False)
-class StructureDiagnosis(Diagnosis):
-    """The diagnosis of a structure.
-
-    Parameters
-    ----------
-    rig : str
-        Its name.
-    records : tuple of RecordGap
-    """
-
-    rig: str = ""
-    records: tuple[RecordGap, ...] = ()
 
 
 def model_after(problem: PulseProblem, best: Fit) -> JointModel:
