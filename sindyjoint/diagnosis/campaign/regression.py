@@ -124,7 +124,7 @@ class GapRegression:
             return 1.0
         ends = np.cumsum([run.white_size for run in self.runs])[:-1]
         parts = zip(self.runs, np.split(self.residual, ends), strict=True)
-        return max(correlation(part) for run, part in parts if run.half_cycles)
+        return max(correlation(part, self.policy) for run, part in parts if run.half_cycles)
 
     def choices(self, variant: Variant) -> int:
         """Numbers that a fit chooses; what repeats does not depend on the states it began with, a decay does."""

@@ -20,18 +20,18 @@ from sindyjoint.response.model_law import draw_models, model_law
 
 CHOICES = ("beam_loss", "lumped_mass", "clamp_stiffness", "dahl_friction", "nothing")
 NOISE = 0.01
-# Without a model the terms of the rig's own joint are taken as known to this share of themselves.
-KNOWN_TO = 0.005
 
 
-def model_of_law(law: PaperLaw, angle: float, rate: float) -> JointModel:
-    """Return the five terms of a joint's law as a model, each known to :data:`KNOWN_TO`.
+def model_of_law(law: PaperLaw, angle: float, rate: float, known_to: float) -> JointModel:
+    """Return the five terms of a joint's law as a model, each known to a share of itself.
 
     Parameters
     ----------
     law : PaperLaw
     angle, rate : float
         Largest ones of the motion, rad and rad/s.
+    known_to : float
+        Relative standard error of each term.
     """
     from sindyjoint.equation.catalogue import load_catalogue
 
@@ -41,7 +41,7 @@ def model_of_law(law: PaperLaw, angle: float, rate: float) -> JointModel:
         if term.id not in PAPER_PARAMETERS:
             continue
         value = float(getattr(law, PAPER_PARAMETERS[term.id]))
-        error = KNOWN_TO * abs(value)
+        error = known_to * abs(value)
         interval = (value - 1.96 * error, value + 1.96 * error)
         terms.append(
             ModelTerm(

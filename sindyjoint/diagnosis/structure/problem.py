@@ -37,9 +37,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rigs import Rig
 
-# Variance of a mean square in units of noise, times the samples: 2 of its own, 2/0.4 of the noise of the late 40 %.
-VARIANCE = 7
-
 
 @dataclass(frozen=True, eq=False)
 class StructureProblem(Problem):
@@ -90,7 +87,7 @@ class StructureProblem(Problem):
     ) -> StructureProblem:
         """Return the problem of a rig; one that names no records is tested virtually, with something hidden in it."""
         rig, kept_out = open_rig(rig), [open_rig(each) for each in hold_out]
-        model, places, drawn = model_in_place(rig, model)
+        model, places, drawn = model_in_place(rig, model, policy)
         hidden = None
         if rig.measured is None:
             if kept_out:
@@ -119,7 +116,9 @@ class StructureProblem(Problem):
     def is_noise(self) -> bool:
         """Whether the residual is noise, as surely as the noise itself is known."""
         rows = self.pulse.rows()
-        sure = self.policy.explained_sure * float(np.sqrt(VARIANCE / rows))
+        # Variance of a mean square in units of noise, times the samples: 2 of its own, the rest of the noise's.
+        variance = 2 + 2 / self.policy.late_share
+        sure = self.policy.explained_sure * float(np.sqrt(variance / rows))
         return self.best.cost / rows < 1 + sure
 
     @cached_property

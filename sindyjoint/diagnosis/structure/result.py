@@ -45,7 +45,10 @@ def warnings_of(
     if virtual:
         lines.append("the response is simulated (a virtual pulse test of the rig), not measured")
     if drawn:
-        lines.append("no model was given: the terms of the rig's own joint were taken as known to 0.5 %")
+        share = 100 * problem.policy.known_to
+        lines.append(
+            f"no model was given: the terms of the rig's own joint were taken as known to {share:.3g} %"
+        )
     if not others:
         lines.append(
             f"one pulse only: the gaps are those of a fit to the first {records[0].held_from:.3g} s, told on the rest"

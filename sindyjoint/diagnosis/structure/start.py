@@ -35,7 +35,9 @@ def open_rig(rig: Rig | str | Path) -> Rig:
     return load_rig(rig, {"model": MODEL_PLACEHOLDER})
 
 
-def model_in_place(rig: Rig, model: JointModel | None) -> tuple[JointModel, frozenset[str], bool]:
+def model_in_place(
+    rig: Rig, model: JointModel | None, policy: DiagnosisPolicy
+) -> tuple[JointModel, frozenset[str], bool]:
     """Return the model, the joints it stands for, and whether it was made of the rig's own law."""
     if model is not None:
         if model.joint.motion != "rotation":
@@ -54,9 +56,9 @@ def model_in_place(rig: Rig, model: JointModel | None) -> tuple[JointModel, froz
     except SimulationError as error:
         raise InputError(f"the rig {rig.name!r} cannot be simulated: {error}") from error
     assert isinstance(law, PaperLaw)
-    size = [float(np.abs(x).max(initial=0.0)) for x in (motion.angle, motion.rate)]
+    angle, rate = (float(np.abs(x).max(initial=0.0)) for x in (motion.angle, motion.rate))
     places = frozenset(h.name for h in hinges(rig) if h.law == law)
-    return model_of_law(law, *size), places, True
+    return model_of_law(law, angle, rate, policy.known_to), places, True
 
 
 def virtual_pulse_test(
@@ -81,7 +83,7 @@ def pulse_problem(
     """Return the problem, its candidates and the period of the main oscillation, s."""
     assert rig.measured is not None
     records = (rig.measured, *rig.also_measured)
-    noise = tuple(record_noise(r.displacement, r.sample_rate) for r in records)
+    noise = tuple(record_noise(r.displacement, r.sample_rate, policy) for r in records)
     law = model_law(model)
     laws = JointLaws(model, getattr(law, "softening_limit", (-np.inf, np.inf)))
     problem = PulseProblem(
@@ -118,7 +120,7 @@ def other_pulse(problem: PulseProblem, rig: Rig) -> PulseProblem:
     if [type(i) for i in rig.items] != [type(i) for i in problem.rig.items]:
         raise InputError(f"the rig {rig.name!r} of hold_out has another chain than {problem.rig.name!r}")
     records = (rig.measured, *rig.also_measured)
-    noise = tuple(record_noise(r.displacement, r.sample_rate) for r in records)
+    noise = tuple(record_noise(r.displacement, r.sample_rate, problem.policy) for r in records)
     return replace(problem, rig=rig, records=records, noise=noise, step_error=(), _kept={})
 
 
