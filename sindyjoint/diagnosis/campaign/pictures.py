@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.repair import all_columns
+from sindyjoint.diagnosis.campaign.repair import modelled
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.result import RunGap
@@ -27,19 +27,11 @@ def run_gaps(
 ) -> tuple[RunGap, ...]:
     """Return up to twelve runs, spread over the campaign, beside a model with effects; long ones thinned.
 
-    Parameters
-    ----------
-    rows : sequence of GapRun
-        Moments of the joint, channels put right.
-    model : JointModel
-    effects : sequence of FittedEffect
-        A time shift among them is in the rows already.
+    Rows are moments of the joint, channels put right: a time shift among the effects is in them already.
     """
-    adding = [e for e in effects if not e.shifts]
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in adding)])
     chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_RUNS)).round().astype(int))
     whole = [rows[i].whole() for i in chosen]
-    return tuple(_beside(run, all_columns(run, model, adding) @ coefficients) for run in whole)
+    return tuple(_beside(run, modelled(run, model, effects)) for run in whole)
 
 
 def _beside(run: GapRun, model: Array) -> RunGap:

@@ -101,6 +101,17 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
     return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
 
 
+def coefficients_of(model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the coefficients of those columns."""
+    return np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+
+
+def modelled(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the moment of a model with effects, time shifts aside, at the kept samples, N·m."""
+    adding = [e for e in effects if not e.shifts]
+    return all_columns(run, model, adding) @ coefficients_of(model, adding)
+
+
 def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
     columns = np.vstack([base_columns(model, run) for run in runs])
     return np.sqrt(np.mean(columns**2, axis=0))
@@ -150,7 +161,7 @@ def kept_gap(
     runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], noise: dict[str, float]
 ) -> tuple[float, float]:
     """Return the same gaps on runs that no coefficient of model and effects was fitted to."""
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    coefficients = coefficients_of(model, effects)
     target = np.concatenate([run.target for run in runs])
     residual = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
     return _relative(runs, residual, target, noise), float(np.sqrt(np.mean(whitened(runs, residual) ** 2)))
@@ -161,8 +172,7 @@ def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fi
 
     Where the model is wrong by more than the noise, weights that know of the noise alone would trust it too much.
     """
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
-    residuals = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
+    residuals = [run.target - modelled(run, model, effects) for run in runs]
     return [
         0.0 if run.folded or run.half_cycles else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
         for run, r in zip(runs, residuals, strict=True)
@@ -220,7 +230,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
             parts.append([index])
         else:
             parts[same].append(index)
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    coefficients = coefficients_of(model, effects)
     covariance = repaired.covariance
     if covariance is None:
         covariance = np.asarray(model.covariance, dtype=np.float64)
@@ -252,7 +262,7 @@ def _term_of(fitted: FittedEffect, k: int, motion: str) -> ModelTerm:
 def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Array:
     """Return the moment that no other column can take over, of each, relative to the RMS moment."""
     columns = np.vstack([all_columns(run, model, effects) for run in runs])
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    coefficients = coefficients_of(model, effects)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
     products = (columns / size).T @ (columns / size) / len(columns)
     own = np.sqrt(1 / np.maximum(np.diag(np.linalg.pinv(products)), 1.0))

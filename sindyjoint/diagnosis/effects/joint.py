@@ -112,18 +112,10 @@ def place_of(term: str) -> str:
 def joint_changes(
     laws: JointLaws, effects: Sequence[Effect], reference: Reference, moment: float
 ) -> tuple[Change, ...]:
-    """Return the ways in which a joint's law may differ from the model's.
+    """Return the ways in which a joint's law may differ from the model's; the laws learn of the additions.
 
-    Parameters
-    ----------
-    laws : JointLaws
-        Learns of the additions.
-    effects : sequence of Effect
-        Those that need more than angle, rate and states are passed over: the structure has no other channel.
-    reference : Reference
-        Largest angle and rate of the joint.
-    moment : float
-        Largest moment, N·m.
+    Effects that need more than angle, rate and states are passed over: the structure has no other channel.
+    ``reference`` holds the largest angle and rate of the joint, ``moment`` its largest moment, N·m.
     """
     own = {term.id for term in laws.terms}
     changes = [_released(term, reference, moment) for term in laws.terms]

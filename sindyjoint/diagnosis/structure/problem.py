@@ -19,6 +19,7 @@ from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
+from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.diagnosis.structure.pulses import separating_pulses
 from sindyjoint.diagnosis.structure.result import model_after, warnings_of
@@ -29,7 +30,6 @@ from sindyjoint.diagnosis.structure.start import (
     open_rig,
     other_pulse,
     pulse_problem,
-    virtual_pulse_test,
     with_step_error,
 )
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
@@ -94,7 +94,7 @@ class StructureProblem(Problem):
                 raise InputError(f"hold_out is given, but the rig {rig.name!r} names no measured response")
             say("simulating a virtual pulse test with something hidden in it")
             generator = np.random.default_rng(random_state or 0)
-            rig, hidden = virtual_pulse_test(rig, places, model, generator, drawn)
+            rig, hidden = hidden_pulse_test(rig, places, model, generator, drawn)
         say("the response of the model")
         pulse, changes, period = pulse_problem(rig, model, places, effects, policy)
         others = tuple(other_pulse(pulse, each) for each in kept_out)

@@ -34,12 +34,7 @@ def warnings_of(
 ) -> tuple[str, ...]:
     """Return what to know before believing the diagnosis.
 
-    Parameters
-    ----------
-    problem : PulseProblem
-    records : sequence of RecordGap
-    virtual, drawn, others : bool
-        Whether the records are simulated, the model is the rig's own law, and other pulses were held out.
+    Records may be simulated (``virtual``), the model be ``drawn`` from the rig's own law, and ``others`` be held out.
     """
     lines = []
     if virtual:

@@ -12,15 +12,15 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes
 from sindyjoint.diagnosis.effects.structure import Change, Scales, load_structure_effects, structure_changes
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test, model_of_law
-from sindyjoint.diagnosis.structure.noise import record_noise
+from sindyjoint.diagnosis.structure.hidden import model_of_law
+from sindyjoint.diagnosis.structure.noise import RecordNoise, record_noise
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges, with_laws
-from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig, shipped_rigs
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import main_frequency
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
@@ -61,18 +61,6 @@ def model_in_place(
     return model_of_law(law, angle, rate, policy.known_to), places, True
 
 
-def virtual_pulse_test(
-    rig: Rig, places: frozenset[str], model: JointModel, generator: np.random.Generator, drawn: bool
-) -> tuple[Rig, str]:
-    """Return a rig that names no records with those of a virtual test, and what the generator hid in it."""
-    if any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(rig)):
-        raise InputError(
-            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
-            "true law; add a [measured] table, or name a shipped joint as the law"
-        )
-    return hidden_pulse_test(rig, places, model, generator, drawn)
-
-
 def pulse_problem(
     rig: Rig,
     model: JointModel,
@@ -81,9 +69,7 @@ def pulse_problem(
     policy: DiagnosisPolicy,
 ) -> tuple[PulseProblem, tuple[Change, ...], float]:
     """Return the problem, its candidates and the period of the main oscillation, s."""
-    assert rig.measured is not None
-    records = (rig.measured, *rig.also_measured)
-    noise = tuple(record_noise(r.displacement, r.sample_rate, policy) for r in records)
+    records, noise = _measured(rig, policy)
     law = model_law(model)
     laws = JointLaws(model, getattr(law, "softening_limit", (-np.inf, np.inf)))
     problem = PulseProblem(
@@ -113,14 +99,22 @@ def with_step_error(problem: PulseProblem, x: np.ndarray) -> PulseProblem:
     return replace(problem, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
 
 
+def _measured(
+    rig: Rig, policy: DiagnosisPolicy
+) -> tuple[tuple[MeasuredResponse, ...], tuple[RecordNoise, ...]]:
+    """Return the records of a rig that names some, and the noise of each."""
+    assert rig.measured is not None
+    records = (rig.measured, *rig.also_measured)
+    return records, tuple(record_noise(r.displacement, r.sample_rate, policy) for r in records)
+
+
 def other_pulse(problem: PulseProblem, rig: Rig) -> PulseProblem:
     """Return the problem of another pulse of the same structure."""
     if rig.measured is None:
         raise InputError(f"the rig {rig.name!r} of hold_out names no measured response")
     if [type(i) for i in rig.items] != [type(i) for i in problem.rig.items]:
         raise InputError(f"the rig {rig.name!r} of hold_out has another chain than {problem.rig.name!r}")
-    records = (rig.measured, *rig.also_measured)
-    noise = tuple(record_noise(r.displacement, r.sample_rate, problem.policy) for r in records)
+    records, noise = _measured(rig, problem.policy)
     return replace(problem, rig=rig, records=records, noise=noise, step_error=(), _kept={})
 
 
