@@ -174,7 +174,9 @@ def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fi
     """
     residuals = [run.target - modelled(run, model, effects) for run in runs]
     return [
-        0.0 if run.folded or run.half_cycles else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
+        0.0
+        if run.folded or run.half_cycles
+        else float(np.sqrt(max(float(np.mean(r**2)) - run.variance, 0.0)))
         for run, r in zip(runs, residuals, strict=True)
     ]
 
