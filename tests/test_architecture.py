@@ -168,6 +168,29 @@ def test_no_file_of_a_folder_imports_another_in_a_circle():
     assert circles(graph) == []
 
 
+# The rooms of a diagnosis, each with those that it may import from. What is alike for campaign and structure (loop,
+# ranking, verdict, records) knows neither; the two never meet.
+ROOMS = {
+    "effects": set(),
+    "diagnosis": {"effects"},
+    "rows": {"effects", "diagnosis"},
+    "unnamed": {"effects", "diagnosis", "rows", "campaign"},
+    "campaign": {"effects", "diagnosis", "rows", "unnamed"},
+    "structure": {"effects", "diagnosis"},
+}
+
+
+def test_the_rooms_of_a_diagnosis_look_down():
+    folders = {path.parent for path in (PACKAGE / "diagnosis").rglob("*.py")}
+    assert {folder.name for folder in folders} == set(ROOMS)
+    for path in (PACKAGE / "diagnosis").rglob("*.py"):
+        here = path.parent.name
+        reached = {
+            name.split(".")[-2] for name in modules_of(path) if name.startswith("sindyjoint.diagnosis.")
+        }
+        assert reached <= ROOMS[here] | {here}, path
+
+
 def test_figures_know_nothing_of_pages_and_files():
     above = {"view", "registry", "results", "output", "saved", "packing", "page"}
     for path in (PACKAGE / "reporting" / "figures").glob("*.py"):

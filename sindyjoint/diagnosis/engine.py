@@ -10,17 +10,7 @@ from sindyjoint.diagnosis.verdict import Gaps, discount, judge
 
 
 def explain_gap(first: P, most: int, say: Say) -> Diagnosis:
-    """Add what is missing to a model, and return what that comes to.
-
-    Parameters
-    ----------
-    first : Problem
-        A model and its data.
-    most : int
-        Most effects that are added.
-    say : callable
-        Called with the name of each stage.
-    """
+    """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage."""
     say("the gap")
     initial = first.initial_gap
     straight, steps = first.corrected()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
+
+Span = tuple[float, float] | str
 
 
 @dataclass(frozen=True)
@@ -15,33 +18,39 @@ class Place:
     """A region that holds more of the gap than its share of the samples."""
 
     axis: str
-    range: tuple[float, float] | str
+    range: Span
     share: float
     words: str
 
 
-def weigh_region(
-    axis: str,
-    span: tuple[float, float] | str,
-    share: float,
-    samples: float,
-    words: str,
-    policy: DiagnosisPolicy,
-) -> Iterator[tuple[float, Place]]:
-    """Yield the region and how much it tells, if it tells enough: share·ln(share / samples).
+class Regions:
+    """The regions of some samples that hold more of a gap than their share of them, each with how much it tells.
 
     Parameters
     ----------
-    axis : str
-    span : (float, float) or str
-    share, samples : float
-        Of the gap, and of the samples, from 0 to 1.
-    words : str
-        What is told of it.
+    excess : ndarray, shape (n,)
+        Square of the gap beyond noise at each sample; not all zero.
+    samples : str
+        What the samples are called.
     policy : DiagnosisPolicy
     """
-    if share > policy.region_share and share > policy.region_excess * samples:
-        yield share * float(np.log(share / max(samples, 1e-3))), Place(axis, span, share, words)
+
+    def __init__(self, excess: NDArray[np.float64], samples: str, policy: DiagnosisPolicy) -> None:
+        self.found: list[tuple[float, Place]] = []
+        self._excess, self._samples, self._policy = excess, samples, policy
+        self._total = float(excess.sum())
+
+    def add(self, axis: str, span: Span, words: str, mask: NDArray[np.bool_]) -> None:
+        """Keep the region of some samples, if it tells enough."""
+        samples, share = float(mask.mean()), float(self._excess[mask].sum()) / self._total
+        text = f"{words}: {100 * share:.0f} % of the gap in {100 * samples:.0f} % of the {self._samples}"
+        self.weigh(axis, span, share, samples, text)
+
+    def weigh(self, axis: str, span: Span, share: float, samples: float, words: str) -> None:
+        """Keep a region by its shares of gap and samples, if it tells enough: share·ln(share / samples)."""
+        if share > self._policy.region_share and share > self._policy.region_excess * samples:
+            telling = share * float(np.log(share / max(samples, 1e-3)))
+            self.found.append((telling, Place(axis, span, share, words)))
 
 
 def most_telling(
@@ -56,7 +65,7 @@ def most_telling(
     return tuple(kept[: policy.most_regions])
 
 
-def _overlap(first: tuple[float, float] | str, second: tuple[float, float] | str) -> bool:
+def _overlap(first: Span, second: Span) -> bool:
     if isinstance(first, str) or isinstance(second, str):
         return False
     return max(first[0], second[0]) < min(first[1], second[1])

@@ -9,6 +9,7 @@ from sindyjoint.policy import limit
 
 calibrated = partial(limit, source="calibrated on simulated campaigns and structures with hidden effects")
 convention = partial(limit, source="convention")
+judgement = partial(limit, source="chosen by judgement")
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,9 @@ class DiagnosisPolicy:
         0.06, "share of what effects found before explained that is their own error"
     )
     price_inflated: bool = calibrated(
-        True, "whether model error, as it deflates gains, also makes the numbers of a candidate cheaper"
+        True,
+        "whether the price of a candidate's numbers is divided, as its gain is, by a scale that model error inflates; "
+        "if not, they keep their full price however wrong the model is",
     )
     cancelled: float = convention(
         2.0, "a column so many times the moment is cancelled by others, and no effect"
@@ -110,6 +113,8 @@ class DiagnosisPolicy:
     change_steady: float = convention(0.5, "... if this share of that start was steady")
 
     # Rows, gaps and simulations.
+    fewest_half_cycles: int = judgement(8, "half-cycles below which a free run is regressed sample by sample")
+    least_correlation: float = judgement(0.1, "correlation from which half-cycles say the same thing in part")
     rate_share: float = calibrated(0.02, "rates below this share of the RMS have no sign")
     processing_error: float = calibrated(5e-4, "share of the moment within which processing errs")
     training_share: float = convention(2 / 3, "share of a free run that is fitted to predict the rest")
@@ -117,6 +122,13 @@ class DiagnosisPolicy:
         1.5, "moment beside its sinusoid, over noise, from which the motion was the drive"
     )
     drive_band: float = calibrated(1.5, "bandwidth of a replicate's moment over that of its angle")
+    known_to: float = convention(
+        0.005, "relative standard error of a structure's own law where no model is given"
+    )
+    late_share: float = judgement(0.4, "share of a structure's record, its end, of which noise is measured")
+    line_ratio: float = judgement(
+        20.0, "line of that spectrum over the median beside it from which it is motion, and no noise"
+    )
     audible: float = convention(3.0, "envelope over noise at which the record of a structure ends")
     model_error: float = calibrated(
         0.003, "least relative standard error in the prior of a model in a structure"
@@ -138,8 +150,8 @@ class DiagnosisPolicy:
 
 
 CAMPAIGN = DiagnosisPolicy()
-#: A structure is simulated and not regressed: columns are nearly exact, the response is nearly proportional to what is
-#: missing, and numbers keep their price, for a long simulation fits anything.
+#: A structure is simulated and not regressed: columns are nearly exact, and the response is nearly proportional to what
+#: is missing. Numbers keep their full price on purpose: with enough of them any effect fits a long simulation.
 STRUCTURE = replace(
     CAMPAIGN,
     column_error=0.001,

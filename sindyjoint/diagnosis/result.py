@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign.pictures import RunGap
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import is_term
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -92,8 +93,82 @@ class Advice:
 
 
 @dataclass(frozen=True, eq=False)
+class RunGap:
+    """One run beside its model.
+
+    Parameters
+    ----------
+    run : str
+    level : str or None
+    frequency : float
+        Hz; zero where the run has none.
+    repeats : bool
+        Whether the rows are one mean period.
+    time, angle, rate : ndarray, shape (m,)
+        s, rad, rad/s; of moving samples.
+    measured, model : ndarray, shape (m,)
+        Transfer moment (with that of the inertia where this is identified), N·m.
+    noise : float
+        RMS of the noise of a row, N·m.
+    curve : int
+        How many rows, the first ones, belong to one stretch of the run, of which curves may be drawn.
+    """
+
+    run: str
+    level: str | None
+    frequency: float
+    repeats: bool
+    time: Array
+    angle: Array
+    rate: Array
+    measured: Array
+    model: Array
+    noise: float
+    curve: int
+
+    @property
+    def residual(self) -> Array:
+        """Measured less modelled moment, N·m, shape (m,)."""
+        return self.measured - self.model
+
+
+@dataclass(frozen=True, eq=False)
+class RecordGap:
+    """A record beside its simulation before and after the effects were added.
+
+    Parameters
+    ----------
+    name : str
+        The output point, and the rig where the record is of another one.
+    time, measured : ndarray, shape (n,)
+        s, m.
+    before : ndarray, shape (n,) or None
+        Of the model as it was given; None where it could not be simulated.
+    after : ndarray, shape (n,) or None
+        With the effects, fitted to what was not held out.
+    noise : float
+        RMS, m.
+    held_from : float
+        Time from which the record was kept out of the fit of `after`, s.
+    gap_before, gap_after, noise_floor : float
+        Relative RMS over what was held out.
+    """
+
+    name: str
+    time: Array
+    measured: Array
+    before: Array | None
+    after: Array | None
+    noise: float
+    held_from: float
+    gap_before: float
+    gap_after: float
+    noise_floor: float
+
+
+@dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The result of :func:`~sindyjoint.workflows.diagnose.diagnose`.
+    """The result of :func:`~sindyjoint.workflows.diagnose.diagnose`, of a campaign, and of ``diagnose_structure``.
 
     Parameters
     ----------
@@ -117,8 +192,15 @@ class Diagnosis:
         The model with those effects among its terms that are functions of angle and rate alone.
     hidden : str or None
         What a virtual test had hidden.
+    source : {"campaign", "structure"}
+        What it was made of: runs of a joint alone, or pulse records of a structure that holds it.
     before, after : tuple of RunGap
-        Runs beside the model as it was, and as it is with the effects; fitted to all runs that were not kept out.
+        Runs of a campaign beside the model as it was, and as it is with the effects; fitted to all runs that were not
+        kept out.
+    rig : str
+        Name of a structure's rig.
+    records : tuple of RecordGap
+        Of a structure.
     """
 
     verdict: str
@@ -135,15 +217,22 @@ class Diagnosis:
     effects: tuple[FittedEffect, ...] = field(default=(), repr=False)
     whole: JointModel | None = None
     hidden: str | None = None
+    source: str = "campaign"
     before: tuple[RunGap, ...] = field(default=(), repr=False)
     after: tuple[RunGap, ...] = field(default=(), repr=False)
+    rig: str = ""
+    records: tuple[RecordGap, ...] = field(default=(), repr=False)
+
+    @property
+    def level_unit(self) -> str:
+        """Unit of the level of an advised run: of the joint's angle, or of a displacement."""
+        turns = self.source == "campaign" and self.model.joint.motion == "rotation"
+        return "rad" if turns else "m"
 
     @property
     def moments(self) -> tuple[FittedEffect, ...]:
         """The effects that add a moment and are no term of :attr:`whole`: with an internal state, or of a run."""
-        return tuple(
-            e for e in self.effects if e.effect.enters == "moment" and not is_term(e.effect, e.variant)
-        )
+        return tuple(e for e in self.effects if e.effect.enters == "moment" and not e.is_term)
 
     @property
     def remainder(self) -> Gap:

@@ -42,11 +42,7 @@ def share_beyond_noise(
 ) -> float:
     """Return what remains of a gap beyond noise, from 0 to 1; zero where all that remains is noise.
 
-    Parameters
-    ----------
-    before, after : (float, float)
-        χ² and its degrees of freedom, before the first effect and with all of them.
-    policy : DiagnosisPolicy
+    ``before`` and ``after`` are χ² and its degrees of freedom before the first effect and with all of them.
     """
     if after[0] <= policy.significant_excess * after[1]:
         return 0.0

@@ -1,7 +1,7 @@
 """Passes over rows that are not in memory.
 
 Where nonlinear parameters of a library are shares of the largest angle or rate, a part of the rows gives these first.
-Only where the pass then meets values that are larger by more than :data:`LARGER`, a second one follows under those.
+Only where the pass then meets values that are larger by more than the policy allows, a second one follows under those.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from sindyjoint.discovery.factors import Factor
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import compile_terms
@@ -19,10 +20,6 @@ from sindyjoint.parallel import Executor, ordered_map
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.equation.terms import ResolvedTerm
-
-# Share by which values may pass the scale of nonlinear parameters (round shares of it, such as a tenth): the maxima of
-# random motion, a segment at a time, differ by less.
-LARGER = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,4 +130,5 @@ def relative(catalogue: Catalogue) -> set[str]:
 
 def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
     """Return whether values pass the scale of nonlinear parameters by more than they may."""
-    return any(getattr(largest, name) > (1 + LARGER) * getattr(scale, name) for name in relative(catalogue))
+    most = 1 + POLICY.scale_excess
+    return any(getattr(largest, name) > most * getattr(scale, name) for name in relative(catalogue))

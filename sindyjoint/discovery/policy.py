@@ -64,6 +64,12 @@ class DiscoveryPolicy:
         "share of the margin from which a significant change is called dependence; below, the answer mentions it",
         source="very sharp estimates make changes significant that do not matter",
     )
+    scale_excess: float = limit(
+        0.2,
+        "share by which values may pass the scale of nonlinear parameters that a part of the rows gave; beyond, "
+        "all rows are read once more under their own",
+        source="the maxima of random motion, a segment at a time, differ by less",
+    )
     longest_delay: float = limit(
         0.02, "largest time delay between the channels that is searched", unit="s", source=JUDGEMENT
     )

@@ -3,7 +3,7 @@
 The result is that of :class:`~sindyjoint.JointRegressor` on the same rows in memory. Where nonlinear parameters of a
 library are shares of the largest angle or rate, and these are not given, they are shares of the largest in a part of
 the rows (of Parquet files, in the statistics of the file). Only where the pass then
-meets values that are larger by more than :data:`LARGER`, a second one follows under those.
+meets values that are larger by more than the policy allows, a second one follows under those.
 """
 
 from __future__ import annotations

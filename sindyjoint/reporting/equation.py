@@ -12,7 +12,7 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 
 if TYPE_CHECKING:
-    from sindyjoint.diagnosis.campaign.regression import FittedEffect
+    from sindyjoint.diagnosis.effects.fitted import FittedEffect
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
 THIN_SPACE = '<mspace width="0.17em"/>'

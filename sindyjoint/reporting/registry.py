@@ -13,7 +13,7 @@ from sindyjoint.reporting.figures.kind import Kind, drawn
 from sindyjoint.reporting.results.batch import BatchView
 from sindyjoint.reporting.results.campaign import CampaignView
 from sindyjoint.reporting.results.comparison import ComparisonView
-from sindyjoint.reporting.results.diagnosis import DiagnosisView, StructureView
+from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.results.reproduction import ReproductionView
 from sindyjoint.reporting.results.rig import RigView
@@ -31,13 +31,12 @@ VIEWS: tuple[View[Any, Any], ...] = (
     BatchView(),
     RigView(),
     ReproductionView(),
-    StructureView(),
     ComparisonView(),
     CampaignView(),
 )
 _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
-#: Views of what is saved, by the mark in the file.
-SAVED = {view.kind: view for view in VIEWS if view.data is not None}
+#: Views of what is saved, by the mark in the file, that of an earlier version too.
+SAVED = {kind: view for view in VIEWS if view.data is not None for kind in (view.kind, *view.formerly)}
 
 
 def view_of(result: Any) -> View[Any, Any]:
@@ -125,7 +124,7 @@ def details(result: Any) -> Iterator[str]:
     view = view_of(result)
     yield from view.details(result)
     known = policies()
-    for name in view.judged_by:
+    for name in view.judges_of(result):
         if name in known:
             limits = ", ".join(f"{item.name} {_with_unit(item)}" for item in described(known[name]))
             yield from wrap(f"policy of {name}: {limits}", 110, subsequent_indent="  ")

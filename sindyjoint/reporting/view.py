@@ -36,6 +36,8 @@ class View(Generic[R, D]):
         Of the data; ``None`` where nothing is saved and drawn.
     kind : str
         What saved data of this kind are marked with.
+    formerly : mapping of str to mapping
+        Marks of earlier versions, and the fields that each of them stands for.
     kinds : mapping of str to Kind
         Its figures.
     template : str
@@ -53,6 +55,7 @@ class View(Generic[R, D]):
     results: ClassVar[tuple[type, ...]] = ()
     data: ClassVar[type | None] = None
     kind: ClassVar[str] = ""
+    formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     kinds: ClassVar[Mapping[str, Kind]] = {}
     template: ClassVar[str] = ""
     record_file: ClassVar[str] = ""
@@ -73,18 +76,26 @@ class View(Generic[R, D]):
         """Return the tables that people read, in order."""
         return ()
 
+    def kinds_of(self, data: Any) -> Mapping[str, Kind]:
+        """Return the figures that belong to some data."""
+        return self.kinds
+
+    def judges_of(self, result: R) -> tuple[str, ...]:
+        """Return which of the policies decided a result."""
+        return self.judged_by
+
     def figures(self, data: Any) -> Mapping[str, Kind]:
         """Return the kinds of figure of this kind of result, in the words of its kind of motion."""
         joint = getattr(getattr(data, "model", None), "joint", None)
         if joint is None or joint.motion == "rotation":
-            return self.kinds
+            return self.kinds_of(data)
         return {
             name: replace(
                 kind,
                 title=in_words_of(joint.motion, kind.title),
                 caption=in_words_of(joint.motion, kind.caption),
             )
-            for name, kind in self.kinds.items()
+            for name, kind in self.kinds_of(data).items()
         }
 
     def content(self, result: R, data: Any, folder: Path | None) -> dict[str, Any]:
@@ -161,6 +172,8 @@ class View(Generic[R, D]):
         InputError
             If it is something else; the message names the field.
         """
+        if isinstance(record, Mapping):
+            record = {**self.formerly.get(str(record.get("kind")), {}), **record}
         if self.renamed and isinstance(record, Mapping):
             record = {**record, **{name: record.get(saved) for name, saved in self.renamed.items()}}
         return unpack(self.data, record, self.unsaved)

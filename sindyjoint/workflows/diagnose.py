@@ -25,7 +25,6 @@ from sindyjoint.workflows.discover import the_campaign
 if TYPE_CHECKING:
     import numpy as np
 
-    from sindyjoint.diagnosis.structure.result import StructureDiagnosis
     from sindyjoint.mechanics.rigs import Rig
 
 
@@ -115,7 +114,7 @@ def diagnose_structure(
     workers: int | None = None,
     cluster: str | None = None,
     policy: DiagnosisPolicy = STRUCTURE,
-) -> StructureDiagnosis:
+) -> Diagnosis:
     """Find where a model in the joint of a rig and the rig's pulse record disagree, and name what is missing.
 
     The candidates are the effects of the joint and those outside of it: material loss, stiffness and mass of the beams,
@@ -150,7 +149,7 @@ def diagnose_structure(
 
     Returns
     -------
-    StructureDiagnosis
+    Diagnosis
 
     Raises
     ------
@@ -158,15 +157,12 @@ def diagnose_structure(
         In one line.
     """
     from sindyjoint.diagnosis.structure.problem import StructureProblem
-    from sindyjoint.diagnosis.structure.result import StructureDiagnosis
 
     say = progress or (lambda stage: None)
     known = _known_effects(library, effects, max_effects)
     with spread(jobs, workers, cluster):
         problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
-        result = explain_gap(problem, max_effects, say)
-    assert isinstance(result, StructureDiagnosis)
-    return result
+        return explain_gap(problem, max_effects, say)
 
 
 def _known_effects(

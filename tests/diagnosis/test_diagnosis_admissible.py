@@ -7,8 +7,8 @@ import pytest
 
 from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.virtual import virtual_campaign

@@ -6,10 +6,10 @@ Campaigns are those of tests/diagnosis/hidden_effects.py: an effect carries 6 % 
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.budget import explained_by_state, make_budget, shares
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
+from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget, shares
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis.campaign.change import changes, segments, steady_before
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import Instant, effect_law
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect, Instant, effect_law
 from sindyjoint.record import Run
 from sindyjoint.states import force_states
 from sindyjoint.workflows.diagnose import diagnose

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.excerpt import WARM_UP, excerpt
 from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
-from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.excerpt import WARM_UP, excerpt
 from sindyjoint.diagnosis.campaign.start import first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.catalogue import load_catalogue

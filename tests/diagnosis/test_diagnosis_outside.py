@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.outside import outside_probability, prior
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, prior
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion, load_effects, select_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 

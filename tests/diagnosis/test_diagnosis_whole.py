@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import Repaired, whole_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.dimensions import same_dimension
 from sindyjoint.equation.model import JointModel
 from sindyjoint.workflows.diagnose import diagnose

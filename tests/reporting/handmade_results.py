@@ -1,16 +1,13 @@
 """A verification, diagnoses and a comparison made by hand."""
 
-from dataclasses import fields
+from dataclasses import replace
 
 import numpy as np
 from handmade import model
 
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign.pictures import RunGap
 from sindyjoint.diagnosis.localisation import Place
-from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
-from sindyjoint.diagnosis.structure.gap import RecordGap
-from sindyjoint.diagnosis.structure.result import StructureDiagnosis
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, RunGap, Step
 from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.verification import Band, RunVerification, Verification
@@ -124,9 +121,7 @@ def structure(name="bench joint", rig="a rig", point="tip"):
     measured = 1e-3 * np.exp(-0.4 * time) * np.cos(2 * np.pi * 4 * time)
     before = 1e-3 * np.exp(-0.3 * time) * np.cos(2 * np.pi * 4.03 * time)
     record = RecordGap(point, time, measured, before, 1.01 * measured, 1e-5, 5.0, 2.71, 0.0264, 0.0267)
-    return StructureDiagnosis(
-        **{field.name: getattr(joint, field.name) for field in fields(joint)}, rig=rig, records=(record,)
-    )
+    return replace(joint, source="structure", rig=rig, records=(record,))
 
 
 def comparison(name="bench joint", method="stlsq"):

@@ -153,3 +153,17 @@ def test_a_sliding_joint_is_reported_in_forces():
         assert "force" in words and "moment" not in words
     facts = view_of(slid).content(slid, slid, None)["facts"]
     assert "Force error" in [label for label, *_ in facts]
+
+
+def test_a_structure_saved_by_an_earlier_version_is_still_one(tmp_path):
+    written(structure(), tmp_path)
+    saved = tmp_path / "figures" / "data.json"
+    old = json.loads(saved.read_text())
+    assert old["kind"] == "Diagnosis" and old.pop("source") == "structure"
+    saved.write_text(json.dumps({**old, "kind": "StructureDiagnosis"}))
+    again = load_results(tmp_path)
+    assert again.source == "structure" and again.level_unit == "m"
+    assert set(drawable(again)) == set(drawable(structure()))
+    # Marked as a diagnosis of an earlier version, it would be that of a campaign.
+    saved.write_text(json.dumps(old))
+    assert load_results(tmp_path).source == "campaign"

@@ -7,16 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.regression import (
-    FittedEffect,
-    GapRegression,
-    fit_effects,
-    rank_effects,
-)
+from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effects, rank_effects
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
-from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel

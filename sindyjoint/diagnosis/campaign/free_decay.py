@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import Repaired, is_term, refit, refit_nonlinear, whole_model
-from sindyjoint.diagnosis.campaign.rows import gap_runs
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear, whole_model
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Campaign
@@ -53,7 +53,7 @@ def refined(
 
     Half-cycles are linear in the coefficients, and a simulation over many of them is not.
     """
-    if not all(is_term(e.effect, e.variant) and len(e.variant.columns) == 1 for e in repaired.effects):
+    if not all(e.is_term and len(e.variant.columns) == 1 for e in repaired.effects):
         return repaired
     whole = whole_model(repaired, rows)
     if len(whole.terms) != len(repaired.model.terms) + len(repaired.effects):

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.free_decay import continuation_gap
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import corrections, held_out_gap, kept_gap
+from sindyjoint.diagnosis.campaign.repair import held_out_gap, kept_gap
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
-from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work, is_free, sample_noise
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
@@ -27,7 +27,7 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     adding = [e for e in effects if not e.shifts]
     kept = work.campaign.validation_runs
     if kept:
-        shift = corrections(effects)[0]
+        shift = Corrections.of(effects).shift
         states = [shifted(force_states(run, rate_share=work.policy.rate_share), shift) for run in kept]
         rows = gap_runs(states, model, [run.name for run in kept], work.policy)
         moment, weighted = kept_gap(

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import effect_law
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect, effect_law
 from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.stickslip import transfer_moment

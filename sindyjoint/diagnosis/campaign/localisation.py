@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
-from sindyjoint.diagnosis.localisation import Place, most_telling, weigh_region
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.localisation import Place, Regions, most_telling
 
 # What a place is called, by kind of motion: angle and rate, several angles.
 NAMES = {
@@ -21,52 +21,39 @@ NAMES = {
 def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place, ...]:
     """Return the regions that hold most of the gap beyond noise, compared with their share of the samples.
 
-    Of bands that overlap the one that tells most is named.
-
-    Parameters
-    ----------
-    problem : GapRegression
-    motion : {"rotation", "translation"}
-        What the words speak of; axes are named ``angle`` and ``rate`` for both.
+    Of bands that overlap the one that tells most is named; words speak of the kind of motion, axes are called ``angle``
+    and ``rate`` for both.
     """
     angle_name, rate_name, sides = NAMES[motion]
     excess = np.maximum(problem.residual**2 - 1.0, 0.0)
-    total = float(excess.sum())
-    if total <= 0:
+    if not excess.any():
         return ()
     angle, rate = (
         np.concatenate([getattr(run, name) for run in problem.runs]) / (largest or 1.0)
         for name, largest in (("angle", problem.reference.angle), ("rate", problem.reference.rate))
     )
-    places: list[tuple[float, Place]] = []
-
-    def add(axis: str, mask: NDArray[np.bool_], span: tuple[float, float] | str, words: str) -> None:
-        samples, share = float(mask.mean()), float(excess[mask].sum()) / total
-        text = f"{words}: {100 * share:.0f} % of the gap in {100 * samples:.0f} % of the samples"
-        places.extend(weigh_region(axis, span, share, samples, text, problem.policy))
-
+    regions = Regions(excess, "samples", problem.policy)
     for axis, values, what in (
         ("angle", np.abs(angle), f"|{angle_name}|"),
         ("rate", np.abs(rate), f"|{rate_name}|"),
     ):
         for low, high in ((0.0, 0.1), (0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.01)):
-            mask = (values >= low) & (values < high)
-            add(
-                axis,
-                mask,
-                (low, min(high, 1.0)),
-                f"{what} from {100 * low:.0f} % to {100 * min(high, 1.0):.0f} % of the largest",
-            )
-    add("side", angle > 0, "positive angle", f"at positive {sides}")
-    add("side", angle < 0, "negative angle", f"at negative {sides}")
-    add("direction", rate > 0, "forward", "in forward motion")
-    add("direction", rate < 0, "backward", "in backward motion")
+            top = min(high, 1.0)
+            words = f"{what} from {100 * low:.0f} % to {100 * top:.0f} % of the largest"
+            regions.add(axis, (low, top), words, (values >= low) & (values < high))
     after = angle * rate < 0
-    add("phase", after, "after reversal", "after the reversals, on the way back to zero")
-    add("phase", ~after, "before reversal", "before the reversals, on the way out")
+    for axis, span, words, mask in (
+        ("side", "positive angle", f"at positive {sides}", angle > 0),
+        ("side", "negative angle", f"at negative {sides}", angle < 0),
+        ("direction", "forward", "in forward motion", rate > 0),
+        ("direction", "backward", "in backward motion", rate < 0),
+        ("phase", "after reversal", "after the reversals, on the way back to zero", after),
+        ("phase", "before reversal", "before the reversals, on the way out", ~after),
+    ):
+        regions.add(axis, span, words, mask)
     for axis, label, rows in _labelled(problem.runs):
-        add(axis, rows, label, f"{axis} {label}")
-    return most_telling(places, problem.policy)
+        regions.add(axis, label, f"{axis} {label}", rows)
+    return most_telling(regions.found, problem.policy)
 
 
 def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:

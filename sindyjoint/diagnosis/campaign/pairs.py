@@ -8,7 +8,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, stack
+from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 
 Array = NDArray[np.float64]
 
@@ -19,14 +20,7 @@ def hidden_pair(
     """Return the two effects that together win clearly more than the best one and any companion, or None.
 
     Nonlinear parameters stay as each effect alone has them. The first of the two is the one that wins more alone.
-
-    Parameters
-    ----------
-    problem : GapRegression
-    fitted : sequence of FittedEffect
-        Candidates, each fitted alone.
-    columns : sequence of ndarray, optional
-        Whitened columns of each, where they are not those of the moment.
+    ``columns`` are the whitened ones of each effect, where they are not those of the moment.
     """
     if columns is None:
         fitted = [f for f in fitted if f.effect.enters == "moment"]

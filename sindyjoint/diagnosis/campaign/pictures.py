@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import all_columns
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.repair import modelled
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.result import RunGap
 from sindyjoint.equation.model import JointModel
 
 Array = NDArray[np.float64]
@@ -22,64 +22,16 @@ CURVE_PERIODS = 2
 MOST_ROWS = 1500
 
 
-@dataclass(frozen=True, eq=False)
-class RunGap:
-    """One run beside its model.
-
-    Parameters
-    ----------
-    run : str
-    level : str or None
-    frequency : float
-        Hz; zero where the run has none.
-    repeats : bool
-        Whether the rows are one mean period.
-    time, angle, rate : ndarray, shape (m,)
-        s, rad, rad/s; of moving samples.
-    measured, model : ndarray, shape (m,)
-        Transfer moment (with that of the inertia where this is identified), N·m.
-    noise : float
-        RMS of the noise of a row, N·m.
-    curve : int
-        How many rows, the first ones, belong to one stretch of the run, of which curves may be drawn.
-    """
-
-    run: str
-    level: str | None
-    frequency: float
-    repeats: bool
-    time: Array
-    angle: Array
-    rate: Array
-    measured: Array
-    model: Array
-    noise: float
-    curve: int
-
-    @property
-    def residual(self) -> Array:
-        """Measured less modelled moment, N·m, shape (m,)."""
-        return self.measured - self.model
-
-
 def run_gaps(
     rows: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()
 ) -> tuple[RunGap, ...]:
     """Return up to twelve runs, spread over the campaign, beside a model with effects; long ones thinned.
 
-    Parameters
-    ----------
-    rows : sequence of GapRun
-        Moments of the joint, channels put right.
-    model : JointModel
-    effects : sequence of FittedEffect
-        A time shift among them is in the rows already.
+    Rows are moments of the joint, channels put right: a time shift among the effects is in them already.
     """
-    adding = [e for e in effects if not e.shifts]
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in adding)])
     chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_RUNS)).round().astype(int))
     whole = [rows[i].whole() for i in chosen]
-    return tuple(_beside(run, all_columns(run, model, adding) @ coefficients) for run in whole)
+    return tuple(_beside(run, modelled(run, model, effects)) for run in whole)
 
 
 def _beside(run: GapRun, model: Array) -> RunGap:

@@ -12,19 +12,17 @@ import numpy as np
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.add import add_effect
 from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
-from sindyjoint.diagnosis.campaign.budget import explained_by_state, make_budget
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
-from sindyjoint.diagnosis.campaign.outside import outside_probability
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, fit_effects, rank_effects
+from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effects, rank_effects
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, whole_model
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
-from sindyjoint.diagnosis.campaign.rows import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import (
     Work,
     applicable,
@@ -33,7 +31,10 @@ from sindyjoint.diagnosis.campaign.start import (
     is_free,
     one_after_another,
 )
+from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget
+from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import all_columns
-from sindyjoint.diagnosis.campaign.rows import along_replicate
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.repair import modelled
+from sindyjoint.diagnosis.campaign.rows.build import along_replicate
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
@@ -66,10 +66,8 @@ def _error(
     replicate = _replicate(run, states, model, effects, policy)
     if replicate is None:
         return None
-    adding = [e for e in effects if not e.shifts]
     there = along_replicate(row, states, replicate, model)
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in adding)])
-    error = there.target - all_columns(there, model, adding) @ coefficients
+    error = there.target - modelled(there, model, effects)
     # Where the replicate sticks its friction is not determined.
     places = np.round((row.motion.time[row.motion.keep] - states.time[0]) * states.sample_rate).astype(int)
     return np.where(replicate.moving[places], error, 0.0)

@@ -14,11 +14,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.excerpt import excerpt
-from sindyjoint.diagnosis.campaign.half_cycles import correlation
-from sindyjoint.diagnosis.campaign.rows import base_columns
-from sindyjoint.diagnosis.campaign.run_rows import GapRun, reference_scales
+from sindyjoint.diagnosis.campaign.rows.build import base_columns
+from sindyjoint.diagnosis.campaign.rows.excerpt import excerpt
+from sindyjoint.diagnosis.campaign.rows.half_cycles import correlation
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.equation.model import JointModel
@@ -123,7 +124,7 @@ class GapRegression:
             return 1.0
         ends = np.cumsum([run.white_size for run in self.runs])[:-1]
         parts = zip(self.runs, np.split(self.residual, ends), strict=True)
-        return max(correlation(part) for run, part in parts if run.half_cycles)
+        return max(correlation(part, self.policy) for run, part in parts if run.half_cycles)
 
     def choices(self, variant: Variant) -> int:
         """Numbers that a fit chooses; what repeats does not depend on the states it began with, a decay does."""
@@ -175,53 +176,6 @@ class GapRegression:
         if np.any(np.abs(coefficients) * size > self.policy.cancelled * np.linalg.norm(self.target)):
             return 0.0, coefficients
         return float(2 * explained @ self.residual - explained @ explained), coefficients
-
-
-@dataclass(frozen=True, eq=False)
-class FittedEffect:
-    """An effect with its best nonlinear parameters.
-
-    Parameters
-    ----------
-    effect : Effect
-    variant : Variant
-    values : ndarray
-        Nonlinear parameters, SI.
-    coefficients : ndarray
-        Of the variant's columns beside the model's terms, SI.
-    gain : float
-        Fall of χ².
-    """
-
-    effect: Effect
-    variant: Variant
-    values: Array
-    coefficients: Array
-    gain: float
-
-    @property
-    def name(self) -> str:
-        """Id of the effect."""
-        return self.effect.id
-
-    @property
-    def family(self) -> str:
-        """Of the effect."""
-        return self.effect.family
-
-    @property
-    def shifts(self) -> bool:
-        """Whether it is a time delay between the channels, which is removed from the states."""
-        return self.effect.enters == "time shift"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Nonlinear parameters and coefficients by name."""
-        inner = dict(zip(self.variant.names, map(float, self.values), strict=True))
-        return {
-            **{c.symbol: float(v) for c, v in zip(self.variant.columns, self.coefficients, strict=True)},
-            **inner,
-        }
 
 
 def fit_effect(problem: GapRegression, effect: Effect) -> FittedEffect:

@@ -2,38 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, refine_effect, stack
-from sindyjoint.diagnosis.campaign.rows import base_columns
-from sindyjoint.diagnosis.campaign.run_rows import GapRun, row_groups
-from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.campaign.regression import GapRegression, refine_effect, stack
+from sindyjoint.diagnosis.campaign.rows.build import base_columns
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.dimensions import unit_for
-from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.response.model_law import with_coefficients
 
 if TYPE_CHECKING:
-    from sindyjoint.mechanics.laws import Law
+    pass
 
 Array = NDArray[np.float64]
-
-CLOCK = "clock"  # the state that tells a law the time
-
-
-@dataclass(frozen=True)
-class Instant:
-    """When a law is asked: ``time`` s into a run that ``began`` s after the first; whether time ``runs`` on."""
-
-    time: float = 0.0
-    began: float = 0.0
-    runs: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +101,17 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
     return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
 
 
+def coefficients_of(model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the coefficients of those columns."""
+    return np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+
+
+def modelled(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the moment of a model with effects, time shifts aside, at the kept samples, N·m."""
+    adding = [e for e in effects if not e.shifts]
+    return all_columns(run, model, adding) @ coefficients_of(model, adding)
+
+
 def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
     columns = np.vstack([base_columns(model, run) for run in runs])
     return np.sqrt(np.mean(columns**2, axis=0))
@@ -162,7 +161,7 @@ def kept_gap(
     runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], noise: dict[str, float]
 ) -> tuple[float, float]:
     """Return the same gaps on runs that no coefficient of model and effects was fitted to."""
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    coefficients = coefficients_of(model, effects)
     target = np.concatenate([run.target for run in runs])
     residual = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
     return _relative(runs, residual, target, noise), float(np.sqrt(np.mean(whitened(runs, residual) ** 2)))
@@ -173,10 +172,11 @@ def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fi
 
     Where the model is wrong by more than the noise, weights that know of the noise alone would trust it too much.
     """
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
-    residuals = [run.target - all_columns(run, model, effects) @ coefficients for run in runs]
+    residuals = [run.target - modelled(run, model, effects) for run in runs]
     return [
-        0.0 if run.folded or run.half_cycles else float(np.sqrt(max(np.mean(r**2) - run.variance, 0.0)))
+        0.0
+        if run.folded or run.half_cycles
+        else float(np.sqrt(max(float(np.mean(r**2)) - run.variance, 0.0)))
         for run, r in zip(runs, residuals, strict=True)
     ]
 
@@ -212,75 +212,6 @@ def refit_nonlinear(
     return later
 
 
-def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:
-    """Return the moment that effects add as a law of :mod:`sindyjoint.mechanics`, or None where none adds one.
-
-    Effects of channels and of the inertia are no part of the law; a state that has a limit stops there. Time that
-    runs is a state with the rate one.
-    """
-    from sympy import Abs, Float, Heaviside, Symbol
-
-    from sindyjoint.mechanics.laws import FormulaLaw
-
-    _, omega, _ = variable_symbols()
-    instant, clock = instant or Instant(), Symbol(CLOCK, real=True)
-    expression: Any = Float(0)
-    rates: dict[str, Any] = {}
-    values: dict[str, float] = {}
-    for index, each in enumerate(effects):
-        if each.effect.enters != "moment" or each.effect.id == "inertia_error":
-            continue
-        names: dict[Any, Any] = {}
-        numbers = dict(zip(each.variant.names, map(float, each.values), strict=True))
-        states = {s.name: Symbol(f"state{index}_{s.name}", real=True) for s in each.variant.states}
-        for symbol in _symbols(each):
-            if symbol.name in numbers:
-                values[f"p{index}_{symbol.name}"] = numbers[symbol.name]
-                names[symbol] = Symbol(f"p{index}_{symbol.name}", positive=True)
-            elif symbol.name in states:
-                names[symbol] = states[symbol.name]
-            elif symbol.name == "frequency":
-                names[symbol] = Float(frequency)
-            elif symbol.name in ("time", "elapsed"):
-                # The instant is a parameter: another segment of a run needs no compilation of its own.
-                at = f"at_{symbol.name}"
-                values[at] = instant.time + (instant.began if symbol.name == "elapsed" else 0.0)
-                names[symbol] = Symbol(at, real=True)
-                if instant.runs:
-                    names[symbol] += clock
-                    rates[CLOCK] = Float(1)
-        for place, (column, value) in enumerate(zip(each.variant.columns, each.coefficients, strict=True)):
-            values[f"c{index}_{place}"] = float(value)
-            expression += Symbol(f"c{index}_{place}", real=True) * column.expression.xreplace(names)
-        for state in each.variant.states:
-            rate = state.rate.xreplace(names)
-            if state.limit is not None:
-                z = states[state.name]
-                full = Heaviside(Abs(z) - state.limit.xreplace(names), 1) * Heaviside(z * omega, 0)
-                rate = rate * (1 - full)
-            rates[states[state.name].name] = rate
-    if expression == 0:
-        return None
-    return FormulaLaw(expression, values, rates)
-
-
-def _symbols(fitted: FittedEffect) -> set[Any]:
-    expressions = [c.expression for c in fitted.variant.columns]
-    for state in fitted.variant.states:
-        expressions += [state.rate] + ([] if state.limit is None else [state.limit])
-    return {symbol for e in expressions for symbol in e.free_symbols}
-
-
-def is_term(effect: Effect, variant: Variant) -> bool:
-    """Return whether a variant of an effect is a term of angle and rate alone, as a model's own terms are."""
-    if effect.enters != "moment" or variant.states:
-        return False
-    known = {*variant.names, *(symbol.name for symbol in variable_symbols()[:2])}
-    return all(
-        symbol.name in known for column in variant.columns for symbol in column.expression.free_symbols
-    )
-
-
 def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     """Return the model with those effects among its terms that are functions of angle and rate alone.
 
@@ -292,7 +223,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     parts = [[i] for i in range(len(terms))]  # which coefficients each term is the sum of
     columns = [(each, k) for each in effects for k in range(len(each.variant.columns))]
     for index, (each, k) in enumerate(columns, start=len(terms)):
-        if not is_term(each.effect, each.variant):
+        if not each.is_term:
             continue
         new = _term_of(each, k, model.joint.motion)
         same = next((i for i, term in enumerate(terms) if term.id == new.id), None)
@@ -301,7 +232,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
             parts.append([index])
         else:
             parts[same].append(index)
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    coefficients = coefficients_of(model, effects)
     covariance = repaired.covariance
     if covariance is None:
         covariance = np.asarray(model.covariance, dtype=np.float64)
@@ -333,42 +264,8 @@ def _term_of(fitted: FittedEffect, k: int, motion: str) -> ModelTerm:
 def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Array:
     """Return the moment that no other column can take over, of each, relative to the RMS moment."""
     columns = np.vstack([all_columns(run, model, effects) for run in runs])
-    coefficients = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
+    coefficients = coefficients_of(model, effects)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
     products = (columns / size).T @ (columns / size) / len(columns)
     own = np.sqrt(1 / np.maximum(np.diag(np.linalg.pinv(products)), 1.0))
     return np.abs(coefficients) * size * own / model.fitted.moment_rms
-
-
-def corrections(effects: Sequence[FittedEffect]) -> tuple[float, float, float]:
-    """Return time shift of the moment (s), zero of the angle (rad) and error of the inertia that effects hold."""
-    shift = sum(float(e.coefficients[0]) for e in effects if e.shifts)
-    zero = sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "angle zero")
-    inertia = sum(float(e.coefficients[0]) for e in effects if e.effect.id == "inertia_error")
-    return shift, zero, inertia
-
-
-def angle_drift(effects: Sequence[FittedEffect]) -> float:
-    """Return the rate at which effects let the zero of the angle move, rad/s."""
-    return sum(float(e.coefficients[0]) for e in effects if e.effect.enters == "angle drift")
-
-
-def law_of(
-    model: JointModel,
-    effects: Sequence[FittedEffect],
-    base: Callable[[JointModel], Law],
-    frequency: float,
-    instant: Instant | None = None,
-) -> Law:
-    """Return the law of a model with effects, for runs of one frequency at one instant.
-
-    ``base`` turns a model into a law (``workflows.model_law``).
-    """
-    from sindyjoint.mechanics.laws import SumLaw
-
-    inertia = corrections(effects)[2]
-    if inertia and model.joint.inertia is not None:
-        model = replace(model, joint=replace(model.joint, inertia=max(model.joint.inertia + inertia, 0.0)))
-    added = effect_law(effects, frequency, instant)
-    law = base(model)
-    return law if added is None else SumLaw(law, added)

@@ -13,17 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, Design, designs, expected_states
-from sindyjoint.diagnosis.campaign.regression import (
-    FittedEffect,
-    GapRegression,
-    fit_effect,
-    rank_effects,
-    refine_effect,
-)
-from sindyjoint.diagnosis.campaign.rows import gap_runs
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect, rank_effects, refine_effect
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.equation.model import JointModel

@@ -7,14 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.regression import FittedEffect
-from sindyjoint.diagnosis.campaign.repair import Instant, angle_drift, corrections, law_of
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, Instant, law_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
-from sindyjoint.response.model_law import model_law
 from sindyjoint.response.run import SimulatedRun, simulate_run
 from sindyjoint.states import ForceStates
 
@@ -27,7 +25,8 @@ def simulated(
     policy: DiagnosisPolicy = CAMPAIGN,
 ) -> SimulatedRun | None:
     """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
-    shift, zero, _ = corrections(effects)
+    found = Corrections.of(effects)
+    shift, zero, drift = found.shift, found.zero, found.drift
     motion = prescribed(states, policy)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
@@ -38,11 +37,11 @@ def simulated(
         states = replace(states, angle=states.angle - zero)
     # What repeats is as it is in its middle; elsewhere time runs on.
     steady, middle = states.method == "periodic", float(np.mean(states.time))
-    if drift := angle_drift(effects):
+    if drift:
         run = replace(run, angle=run.angle - drift * (middle if steady else run.time), source=None)
         states = replace(states, angle=states.angle - drift * (middle if steady else states.time))
     instant = Instant(middle if steady else float(states.time[0]), states.began, not steady)
-    law = law_of(model, effects, model_law, states.frequency or 0.0, instant)
+    law = law_of(model, effects, states.frequency or 0.0, instant)
     try:
         return simulate_run(law, run, states, drive="motion" if motion else None)
     except SindyJointError:

@@ -10,11 +10,12 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.change import MEMBER, changes, segments
 from sindyjoint.diagnosis.campaign.processing import processing_errors, without_processing
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import model_errors, refit
-from sindyjoint.diagnosis.campaign.rows import gap_runs
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel

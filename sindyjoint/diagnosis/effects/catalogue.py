@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ Enters = Literal["moment", "time shift", "angle zero", "angle drift"]
 #: Signals that a column may use beside θ, θ̇ and θ̈, with their units.
 SIGNALS = {"frequency": "1/s", "time": "s", "elapsed": "s", "moment_rate": "N*m/s", "moment_slope": "N*m/rad"}
 ARGUMENTS = ("theta", "omega", "alpha", *SIGNALS)
+
+S = TypeVar("S", bound=StrictEntry)
 
 
 class _ParameterEntry(StrictEntry):
@@ -114,6 +116,13 @@ class Variant:
     def uses(self) -> set[str]:
         """Names of all that its columns are made of."""
         return {symbol.name for column in self.columns for symbol in column.expression.free_symbols}
+
+    @property
+    def symbols(self) -> set[Any]:
+        """Symbols of its columns, and of the rates and limits of its states."""
+        formulas = [c.expression for c in self.columns]
+        formulas += [f for state in self.states for f in (state.rate, state.limit) if f is not None]
+        return {symbol for formula in formulas for symbol in formula.free_symbols}
 
     @property
     def degrees(self) -> int:
@@ -280,18 +289,22 @@ def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
 
 def read_effects(path: Path) -> tuple[Effect, ...]:
     """Return the effects of one file."""
+    return tuple(_effect(path, each) for each in read_entries(path, _EffectFile).effect)
+
+
+def read_entries(path: Path, schema: type[S]) -> S:
+    """Return a file of effects as its schema has it."""
     if not path.is_file():
         raise MissingInputError(f"{str(path)!r} does not exist; expected a .toml file of effects")
     try:
-        entry = _EffectFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return schema.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path.name}: not a TOML file: {error}") from None
     except ValidationError as error:
-        raise InputError(f"{path.name}: {fault_line(error)}") from None
-    return tuple(_effect(path, each) for each in entry.effect)
+        raise InputError(f"{path.name}: {_fault_line(error)}") from None
 
 
-def fault_line(error: ValidationError) -> str:
+def _fault_line(error: ValidationError) -> str:
     """Return the first fault of a file in one line that names the place."""
     fault = sorted(error.errors(), key=lambda each: each["type"] != "extra_forbidden")[0]
     place = ".".join(str(step + 1) if isinstance(step, int) else str(step) for step in fault["loc"])

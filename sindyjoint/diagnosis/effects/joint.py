@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.law import ProgramLaw
 from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.written import written
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
 
@@ -48,6 +49,12 @@ class Addition:
         """Return the name of a parameter or state in the law."""
         return f"{self.key}_{inner}"
 
+    @property
+    def names(self) -> dict[str, str]:
+        """What the variant's parameters and states are called in the law."""
+        own = (*self.variant.names, *(state.name for state in self.variant.states))
+        return {inner: self.name(inner) for inner in own}
+
 
 class JointLaws:
     """The laws of a model with additions, each built once and given other numbers afterwards.
@@ -78,27 +85,22 @@ class JointLaws:
     def _build(self, keys: tuple[str, ...], numbers: dict[str, float]) -> ProgramLaw:
         from sympy import Float, Symbol
 
-        added = [self.additions[key] for key in keys]
-        replacing = [each for each in added if each.replaces]
+        added = [(a, *written(a.variant, a.names)) for a in (self.additions[key] for key in keys)]
+        replacing = [(each, columns[0]) for each, columns, _ in added if each.replaces]
         expression: Any = Float(0)
         for term in self.terms:
             column = term.expression
             if term.id == FRICTION and replacing:
                 # Two sliders in series make no sense: each takes an equal part of the friction.
-                column = sum(
-                    each.variant.columns[0].expression.xreplace(_renamed(each))
-                    / Symbol(each.name("level"), positive=True)
-                    for each in replacing
-                ) / len(replacing)
+                parts = [own / Symbol(each.name("level"), positive=True) for each, own in replacing]
+                column = sum(parts) / len(parts)
             expression += Symbol(place_of(term.id), real=True) * column
         rates: dict[str, Any] = {}
-        for each in added:
-            names = _renamed(each)
+        for each, columns, own_rates in added:
             if not each.replaces:
-                for place, column in enumerate(each.variant.columns):
-                    coefficient = Symbol(each.name(f"c{place}"), real=True)
-                    expression += coefficient * column.expression.xreplace(names)
-            rates |= {each.name(s.name): _rate(s, names) for s in each.variant.states}
+                for place, column in enumerate(columns):
+                    expression += Symbol(each.name(f"c{place}"), real=True) * column
+            rates |= own_rates
         return ProgramLaw(expression, dict(numbers), rates, self.limit)
 
 
@@ -107,55 +109,13 @@ def place_of(term: str) -> str:
     return f"model_{term}"
 
 
-def _renamed(addition: Addition) -> dict[Any, Any]:
-    """Return the symbols of a variant's nonlinear parameters and states with the names they have in the law."""
-    from sympy import Symbol
-
-    variant = addition.variant
-    own = {*variant.names, *(s.name for s in variant.states)}
-    expressions = [c.expression for c in variant.columns]
-    for state in variant.states:
-        expressions += [state.rate] + ([] if state.limit is None else [state.limit])
-    return {
-        s: Symbol(addition.name(s.name), real=True, positive=s.is_positive)
-        for e in expressions
-        for s in e.free_symbols
-        if s.name in own
-    }
-
-
-def _rate(state: Any, names: dict[Any, Any]) -> Any:
-    """Return the rate of a state; one that has a limit stops there."""
-    from sympy import Abs, Heaviside
-
-    from sindyjoint.equation.formula import variable_symbols
-
-    rate = state.rate.xreplace(names)
-    if state.limit is None:
-        return rate
-    z = next((new for old, new in names.items() if old.name == state.name), None)
-    if z is None:
-        return rate
-    _, omega, _ = variable_symbols()
-    full = Heaviside(Abs(z) - state.limit.xreplace(names), 1) * Heaviside(z * omega, 0)
-    return rate * (1 - full)
-
-
 def joint_changes(
     laws: JointLaws, effects: Sequence[Effect], reference: Reference, moment: float
 ) -> tuple[Change, ...]:
-    """Return the ways in which a joint's law may differ from the model's.
+    """Return the ways in which a joint's law may differ from the model's; the laws learn of the additions.
 
-    Parameters
-    ----------
-    laws : JointLaws
-        Learns of the additions.
-    effects : sequence of Effect
-        Those that need more than angle, rate and states are passed over: the structure has no other channel.
-    reference : Reference
-        Largest angle and rate of the joint.
-    moment : float
-        Largest moment, N·m.
+    Effects that need more than angle, rate and states are passed over: the structure has no other channel.
+    ``reference`` holds the largest angle and rate of the joint, ``moment`` its largest moment, N·m.
     """
     own = {term.id for term in laws.terms}
     changes = [_released(term, reference, moment) for term in laws.terms]
@@ -163,7 +123,7 @@ def joint_changes(
         if effect.enters != "moment" or effect.id in own:
             continue
         for index, variant in enumerate(effect.variants):
-            if not _knows_only_the_state(variant):
+            if not variant.uses <= {"theta", "omega", *variant.names, *(s.name for s in variant.states)}:
                 continue
             stands_in = FRICTION in own and _is_friction(variant, reference)
             for replaces in (True, False) if stands_in else (False,):
@@ -174,11 +134,6 @@ def joint_changes(
                 # Beside a friction that is there already, a second one is the less likely variant, and costs more.
                 changes.append(replace(change, fallback=stands_in and not replaces))
     return tuple(changes)
-
-
-def _knows_only_the_state(variant: Variant) -> bool:
-    known = {"theta", "omega", *variant.names, *(s.name for s in variant.states)}
-    return all(s.name in known for c in variant.columns for s in c.expression.free_symbols)
 
 
 def _released(term: Any, reference: Reference, moment: float) -> Change:

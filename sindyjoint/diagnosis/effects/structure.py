@@ -6,7 +6,6 @@ may act on it, with scaled numbers of order one that a fit can move.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -15,11 +14,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
-from sindyjoint.diagnosis.effects.catalogue import fault_line
+from sindyjoint.diagnosis.effects.catalogue import read_entries
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
-from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.errors import InputError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.structure import Item, LumpedMass
 
@@ -161,14 +159,7 @@ def load_structure_effects(path: Path | None = None) -> tuple[StructureEffect, .
         The message names file, effect and field.
     """
     path = library_folder() / "structure" / "effects.toml" if path is None else path
-    if not path.is_file():
-        raise MissingInputError(f"{str(path)!r} does not exist; expected a .toml file of effects")
-    try:
-        entry = _File.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name}: not a TOML file: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"{path.name}: {fault_line(error)}") from None
+    entry = read_entries(path, _File)
     for each in entry.effect:
         if not each.lower < each.upper:
             raise InputError(

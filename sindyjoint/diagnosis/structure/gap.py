@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.localisation import Place, weigh_region
+from sindyjoint.diagnosis.localisation import Place, Regions
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.numeric import main_frequency
 from sindyjoint.response.oscillation import hilbert_envelope
@@ -18,52 +19,8 @@ from sindyjoint.response.run import rms
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class RecordGap:
-    """A record beside its simulation before and after the effects were added.
-
-    Parameters
-    ----------
-    name : str
-        The output point, and the rig where the record is of another one.
-    time, measured : ndarray, shape (n,)
-        s, m.
-    before : ndarray, shape (n,) or None
-        Of the model as it was given; None where it could not be simulated.
-    after : ndarray, shape (n,) or None
-        With the effects, fitted to what was not held out.
-    noise : float
-        RMS, m.
-    held_from : float
-        Time from which the record was kept out of the fit of `after`, s.
-    gap_before, gap_after, noise_floor : float
-        Relative RMS over what was held out.
-    """
-
-    name: str
-    time: Array
-    measured: Array
-    before: Array | None
-    after: Array | None
-    noise: float
-    held_from: float
-    gap_before: float
-    gap_after: float
-    noise_floor: float
-
-
 def record_gaps(problem: PulseProblem, best: Fit, others: Sequence[PulseProblem]) -> tuple[RecordGap, ...]:
-    """Return the records that were held out, whole or in their second half, beside the simulations.
-
-    Parameters
-    ----------
-    problem : PulseProblem
-        With the effects added so far.
-    best : Fit
-        Of its numbers.
-    others : sequence of PulseProblem
-        Other pulses; without any, the second half of the problem's own records.
-    """
+    """Return what was held out beside the simulations: other pulses, or the second half of these."""
     if others:
         return tuple(gap for each in others for gap in _beside(each, problem, best.x, 0.0, each.rig.name))
     ends = [_audible_end(problem, i) for i in range(len(problem.records))]
@@ -135,61 +92,40 @@ def regions_of(
     several: bool = False,
     policy: DiagnosisPolicy = STRUCTURE,
 ) -> list[tuple[float, Place]]:
-    """Return the regions that hold more of a record's gap than their share of it, each with its weight.
+    """Return the regions that hold more of a record's gap than their share of it, each with how much it tells.
 
-    Parameters
-    ----------
-    name : str
-        Output point.
-    measured, simulated : ndarray, shape (n,)
-        m.
-    sample_rate : float
-        Hz.
-    noise : float
-        RMS, m.
-    several : bool
-        Whether there are other records, so that the words name the point.
-    policy : DiagnosisPolicy
+    Signals and the RMS of the noise are in m; where there are ``several`` records the words name the point.
     """
     residual = simulated - measured
     power = np.maximum(residual**2 - noise**2, 0.0)
-    total = float(power.sum())
-    if total <= 0:
+    if not power.any():
         return []
     at = f" at {name}" if several else ""
     time = np.arange(measured.size) / sample_rate
     end = audible_end(measured, sample_rate, policy.audible * noise)
     envelope, _ = hilbert_envelope(measured, sample_rate)
     height = envelope / float(envelope.max())
-    places: list[tuple[float, Place]] = []
-
-    def add(axis: str, span: tuple[float, float], words: str, mask: NDArray[np.bool_]) -> None:
-        share, samples = float(power[mask].sum()) / total, float(mask.mean())
-        text = f"{words}{at}: {100 * share:.0f} % of the gap in {100 * samples:.0f} % of the record"
-        places.extend(weigh_region(axis, span, share, samples, text, policy))
-
+    regions = Regions(power, "record", policy)
     for low, high in zip((0.0, 0.05, 0.25, 0.5, 0.75), (0.05, 0.25, 0.5, 0.75, 1.0), strict=True):
-        mask = (time >= low * end) & (time < high * end)
-        add("time", (low * end, high * end), f"from {low * end:.3g} s to {high * end:.3g} s", mask)
+        words = f"from {low * end:.3g} s to {high * end:.3g} s{at}"
+        regions.add("time", (low * end, high * end), words, (time >= low * end) & (time < high * end))
     for low, high in ((0.0, 0.1), (0.1, 0.3), (0.3, 0.6), (0.6, 1.01)):
-        mask = (height >= low) & (height < high)
         top = min(high, 1.0)
-        words = f"while the swing is {100 * low:.0f} % to {100 * top:.0f} % of the largest"
-        add("amplitude", (low, top), words, mask)
-    places += _frequencies(residual, measured, sample_rate, noise, at, policy)
-    return places + _phase(simulated, measured, sample_rate, at, policy)
+        words = f"while the swing is {100 * low:.0f} % to {100 * top:.0f} % of the largest{at}"
+        regions.add("amplitude", (low, top), words, (height >= low) & (height < high))
+    _add_frequencies(regions, residual, measured, sample_rate, noise, at)
+    return regions.found + _phase(simulated, measured, sample_rate, at, policy)
 
 
-def _frequencies(
-    residual: Array, measured: Array, sample_rate: float, noise: float, at: str, policy: DiagnosisPolicy
-) -> list[tuple[float, Place]]:
-    """Return frequency bands whose share of the gap is larger than their share of the response."""
+def _add_frequencies(
+    regions: Regions, residual: Array, measured: Array, sample_rate: float, noise: float, at: str
+) -> None:
+    """Add frequency bands whose share of the gap is larger than their share of the response."""
     main = main_frequency(measured, sample_rate)
     frequency = np.fft.rfftfreq(residual.size, 1 / sample_rate)
     window = np.hanning(residual.size)
     gap = np.maximum(np.abs(np.fft.rfft(residual * window)) ** 2 - noise**2 * float(np.sum(window**2)), 0.0)
     own = np.abs(np.fft.rfft((measured - measured.mean()) * window)) ** 2
-    found: list[tuple[float, Place]] = []
     for low, high, words in (
         (0.0, 0.5, f"below {0.5 * main:.3g} Hz, under the main line"),
         (1.5, np.inf, f"above {1.5 * main:.3g} Hz, over the main line"),
@@ -198,8 +134,7 @@ def _frequencies(
         share, samples = float(gap[mask].sum() / gap.sum()), float(own[mask].sum() / own.sum())
         text = f"{words}{at}: {100 * share:.0f} % of the gap, {100 * samples:.0f} % of the response"
         span = (low * main, min(high * main, sample_rate / 2))
-        found.extend(weigh_region("frequency", span, share, samples, text, policy))
-    return found
+        regions.weigh("frequency", span, share, samples, text)
 
 
 def _phase(

@@ -17,21 +17,16 @@ from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
 from sindyjoint.response.model_law import draw_models, model_law
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
 
 CHOICES = ("beam_loss", "lumped_mass", "clamp_stiffness", "dahl_friction", "nothing")
 NOISE = 0.01
-# Without a model the terms of the rig's own joint are taken as known to this share of themselves.
-KNOWN_TO = 0.005
 
 
-def model_of_law(law: PaperLaw, angle: float, rate: float) -> JointModel:
-    """Return the five terms of a joint's law as a model, each known to :data:`KNOWN_TO`.
+def model_of_law(law: PaperLaw, angle: float, rate: float, known_to: float) -> JointModel:
+    """Return the five terms of a joint's law as a model, each known to a share of itself.
 
-    Parameters
-    ----------
-    law : PaperLaw
-    angle, rate : float
-        Largest ones of the motion, rad and rad/s.
+    ``angle`` (rad) and ``rate`` (rad/s) are the largest ones of its motion.
     """
     from sindyjoint.equation.catalogue import load_catalogue
 
@@ -41,7 +36,7 @@ def model_of_law(law: PaperLaw, angle: float, rate: float) -> JointModel:
         if term.id not in PAPER_PARAMETERS:
             continue
         value = float(getattr(law, PAPER_PARAMETERS[term.id]))
-        error = KNOWN_TO * abs(value)
+        error = known_to * abs(value)
         interval = (value - 1.96 * error, value + 1.96 * error)
         terms.append(
             ModelTerm(
@@ -59,18 +54,16 @@ def model_of_law(law: PaperLaw, angle: float, rate: float) -> JointModel:
 def hidden_pulse_test(
     rig: Rig, places: frozenset[str], model: JointModel, generator: np.random.Generator, drawn: bool
 ) -> tuple[Rig, str]:
-    """Return the rig with records of a virtual pulse test, and what the seed hid in it.
+    """Return the rig with records of a virtual pulse test, and what the generator hid in it.
 
-    Parameters
-    ----------
-    rig : Rig
-    places : frozenset of str
-        Joints that the model stands for.
-    model : JointModel
-    generator : Generator
-    drawn : bool
-        Whether the true joint is drawn from the model's covariance; otherwise it is the rig's own.
+    The true joint is ``drawn`` from the covariance of the model, which stands for the joints at ``places``, or is the
+    rig's own.
     """
+    if any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(rig)):
+        raise InputError(
+            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
+            "true law; add a [measured] table, or name a shipped joint as the law"
+        )
     truth = rig
     if drawn:
         law = model_law(draw_models(model, 1, generator)[0])

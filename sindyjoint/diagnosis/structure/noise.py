@@ -7,18 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.numeric import main_frequency
 from sindyjoint.response.oscillation import white_noise
 
 Array = NDArray[np.float64]
 
-# The late part of a record is explained window by window, each of so many main periods.
-LATE_SHARE = 0.4
+# The late part of a record is explained window by window, each of so many main periods, by so many lines.
 WINDOW_PERIODS = 3.0
 MOST_LINES = 5
-# A line of the spectrum that stands so far above the median of its neighbourhood is motion.
-LINE_RATIO = 20.0
-LONGEST = 200
+LONGEST = 200  # lags of the correlation
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,9 @@ class RecordNoise:
         return self.sigma * float(np.sqrt(self.length))
 
 
-def record_noise(displacement: ArrayLike, sample_rate: float) -> RecordNoise:
+def record_noise(
+    displacement: ArrayLike, sample_rate: float, policy: DiagnosisPolicy = STRUCTURE
+) -> RecordNoise:
     """Return the noise of a record of free decay.
 
     In the late part of the record, window by window, a constant, a trend and the lines of the spectrum, with amplitudes
@@ -54,6 +54,7 @@ def record_noise(displacement: ArrayLike, sample_rate: float) -> RecordNoise:
     displacement : array_like, shape (n,)
     sample_rate : float
         Hz.
+    policy : DiagnosisPolicy
 
     Examples
     --------
@@ -66,7 +67,7 @@ def record_noise(displacement: ArrayLike, sample_rate: float) -> RecordNoise:
     values = np.asarray(displacement, dtype=np.float64)
     white = white_noise(values)
     frequency = main_frequency(values, sample_rate)
-    late = values[-max(int(LATE_SHARE * values.size), min(values.size, 64)) :]
+    late = values[-max(int(policy.late_share * values.size), min(values.size, 64)) :]
     width = int(WINDOW_PERIODS * sample_rate / frequency)
     count = late.size // max(width, 1)
     if count < 1 or width < 24:
@@ -76,7 +77,11 @@ def record_noise(displacement: ArrayLike, sample_rate: float) -> RecordNoise:
     lines = [_refined(windows, sample_rate, [], frequency, sample_rate / values.size)]
     while True:
         residual, used = _explained(windows, sample_rate, lines)
-        extra = _line(residual, sample_rate) if len(lines) < MOST_LINES and used + 4 < width // 2 else None
+        extra = (
+            _line(residual, sample_rate, policy)
+            if len(lines) < MOST_LINES and used + 4 < width // 2
+            else None
+        )
         if extra is None or min(abs(extra - f) for f in lines) < 0.5 * sample_rate / width:
             break
         lines.append(_refined(windows, sample_rate, lines, extra, sample_rate / width))
@@ -112,14 +117,14 @@ def _refined(windows: Array, sample_rate: float, lines: list[float], guess: floa
     return float(found.x) if residual(float(found.x)) < residual(guess) else guess
 
 
-def _line(windows: Array, sample_rate: float) -> float | None:
+def _line(windows: Array, sample_rate: float, policy: DiagnosisPolicy) -> float | None:
     """Return the frequency of a line that stands out of the windows' mean spectrum, Hz."""
     from scipy.ndimage import median_filter
 
     power = np.mean(np.abs(np.fft.rfft(windows * np.hanning(windows.shape[1]), axis=1)) ** 2, axis=0)[1:]
     ground = median_filter(power, size=min(31, power.size | 1), mode="nearest")
     place = int(np.argmax(power / np.maximum(ground, 1e-300)))
-    if power[place] < LINE_RATIO * ground[place] or power[place] <= 1e-20 * power.max():
+    if power[place] < policy.line_ratio * ground[place] or power[place] <= 1e-20 * power.max():
         return None
     return float((place + 1) * sample_rate / windows.shape[1])
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,7 @@ class PulseProblem:
         """Return the base without anything added."""
         return np.concatenate([np.zeros(self.priors), *(change.start for change in self.found)])
 
-    @property
+    @cached_property
     def _root(self) -> Array:
         return prior_root(self.model, self.policy.model_error)
 

@@ -17,11 +17,12 @@ from sindyjoint.diagnosis.localisation import Place, most_telling
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
 from sindyjoint.diagnosis.ranking import Ranking
-from sindyjoint.diagnosis.result import Advice, Gap, Step
-from sindyjoint.diagnosis.structure.gap import RecordGap, locate_gap, record_gaps
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
+from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
+from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.diagnosis.structure.pulses import separating_pulses
-from sindyjoint.diagnosis.structure.result import StructureDiagnosis, model_after, warnings_of
+from sindyjoint.diagnosis.structure.result import model_after, warnings_of
 from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
 from sindyjoint.diagnosis.structure.start import (
     first_fit,
@@ -29,16 +30,12 @@ from sindyjoint.diagnosis.structure.start import (
     open_rig,
     other_pulse,
     pulse_problem,
-    virtual_pulse_test,
     with_step_error,
 )
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rigs import Rig
-
-# Variance of a mean square in units of noise, times the samples: 2 of its own, 2/0.4 of the noise of the late 40 %.
-VARIANCE = 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +87,14 @@ class StructureProblem(Problem):
     ) -> StructureProblem:
         """Return the problem of a rig; one that names no records is tested virtually, with something hidden in it."""
         rig, kept_out = open_rig(rig), [open_rig(each) for each in hold_out]
-        model, places, drawn = model_in_place(rig, model)
+        model, places, drawn = model_in_place(rig, model, policy)
         hidden = None
         if rig.measured is None:
             if kept_out:
                 raise InputError(f"hold_out is given, but the rig {rig.name!r} names no measured response")
             say("simulating a virtual pulse test with something hidden in it")
             generator = np.random.default_rng(random_state or 0)
-            rig, hidden = virtual_pulse_test(rig, places, model, generator, drawn)
+            rig, hidden = hidden_pulse_test(rig, places, model, generator, drawn)
         say("the response of the model")
         pulse, changes, period = pulse_problem(rig, model, places, effects, policy)
         others = tuple(other_pulse(pulse, each) for each in kept_out)
@@ -119,7 +116,9 @@ class StructureProblem(Problem):
     def is_noise(self) -> bool:
         """Whether the residual is noise, as surely as the noise itself is known."""
         rows = self.pulse.rows()
-        sure = self.policy.explained_sure * float(np.sqrt(VARIANCE / rows))
+        # Variance of a mean square in units of noise, times the samples: 2 of its own, the rest of the noise's.
+        variance = 2 + 2 / self.policy.late_share
+        sure = self.policy.explained_sure * float(np.sqrt(variance / rows))
         return self.best.cost / rows < 1 + sure
 
     @cached_property
@@ -212,15 +211,16 @@ class StructureProblem(Problem):
         """Return the pulse that would tell the two likeliest members of a class apart."""
         return separating_pulses(self.pulse, ranking.members, self.period)
 
-    def diagnosis(self, first: Self, found: Mapping[str, Any]) -> StructureDiagnosis:
+    def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
-        return StructureDiagnosis(
+        return Diagnosis(
             **found,
             warnings=warnings_of(
                 self.pulse, self.records, self.hidden is not None, self.drawn, bool(self.others)
             ),
             model=model_after(self.pulse, self.best),
             hidden=self.hidden,
+            source="structure",
             rig=self.pulse.rig.name,
             records=self.records,
         )

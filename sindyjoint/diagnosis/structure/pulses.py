@@ -24,19 +24,8 @@ def separating_pulses(
 ) -> tuple[Advice, ...]:
     """Return the pulse and the output point that separate the two likeliest members of a class best, if any does.
 
-    Parameters
-    ----------
-    problem : PulseProblem
-        With everything that was named.
-    members : sequence of FittedChange
-        Of the class, the named effect itself first.
-    period : float
-        Of the main oscillation, s.
-
-    Returns
-    -------
-    tuple of Advice
-        The level is the peak displacement at the point, m.
+    The problem holds everything that was named, ``members`` the named effect first; the level that is advised is the
+    peak displacement at the point, m.
     """
     found = _best_pulse(problem, members[0], members[1])
     if found is None or found[2] < problem.policy.least_confidence:

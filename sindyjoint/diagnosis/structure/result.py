@@ -1,32 +1,15 @@
-"""What a diagnosis of a structure tells beyond that of a campaign: its records, its model, its warnings."""
+"""What a diagnosis of a structure ends with: its model beside the effects, and its warnings."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.diagnosis.structure.gap import RecordGap
+from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, prior_root
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.response.model_law import with_coefficients
-
-
-@dataclass(frozen=True, eq=False)
-class StructureDiagnosis(Diagnosis):
-    """The diagnosis of a structure.
-
-    Parameters
-    ----------
-    rig : str
-        Its name.
-    records : tuple of RecordGap
-    """
-
-    rig: str = ""
-    records: tuple[RecordGap, ...] = ()
 
 
 def model_after(problem: PulseProblem, best: Fit) -> JointModel:
@@ -51,18 +34,16 @@ def warnings_of(
 ) -> tuple[str, ...]:
     """Return what to know before believing the diagnosis.
 
-    Parameters
-    ----------
-    problem : PulseProblem
-    records : sequence of RecordGap
-    virtual, drawn, others : bool
-        Whether the records are simulated, the model is the rig's own law, and other pulses were held out.
+    Records may be simulated (``virtual``), the model be ``drawn`` from the rig's own law, and ``others`` be held out.
     """
     lines = []
     if virtual:
         lines.append("the response is simulated (a virtual pulse test of the rig), not measured")
     if drawn:
-        lines.append("no model was given: the terms of the rig's own joint were taken as known to 0.5 %")
+        share = 100 * problem.policy.known_to
+        lines.append(
+            f"no model was given: the terms of the rig's own joint were taken as known to {share:.3g} %"
+        )
     if not others:
         lines.append(
             f"one pulse only: the gaps are those of a fit to the first {records[0].held_from:.3g} s, told on the rest"

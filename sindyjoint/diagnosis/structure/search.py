@@ -64,14 +64,7 @@ def rank_changes(
 ) -> Ranking[FittedChange]:
     """Return the candidates with their probabilities, the best variant of each effect alone.
 
-    Parameters
-    ----------
-    problem : PulseProblem
-    fitted : sequence of FittedChange
-    base_cost : float
-        χ² without any of them.
-    explained : float
-        Fall of χ² that effects found before have brought.
+    ``base_cost`` is χ² without any of them, ``explained`` the fall that effects found before have brought.
     """
     rows = problem.rows()
     scale = EvidenceScale(base_cost, rows, rows, problem.policy.column_error, explained)
@@ -95,17 +88,7 @@ def search(
 ) -> list[FittedChange]:
     """Fit every candidate beside the base, and return those that were followed to the whole record.
 
-    Fallback variants are tried only where the others leave more than noise.
-
-    Parameters
-    ----------
-    problem : PulseProblem
-    base : Fit
-        Over the whole record.
-    changes : sequence of Change
-    period : float
-        Of the main oscillation, s.
-    say : callable
+    Fallback variants are tried only where the others leave more than noise. ``period``: of the main oscillation, s.
     """
     found = _search(problem, base, [change for change in changes if not change.fallback], period, say)
     fallback = [change for change in changes if change.fallback]

@@ -12,15 +12,15 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes
 from sindyjoint.diagnosis.effects.structure import Change, Scales, load_structure_effects, structure_changes
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test, model_of_law
-from sindyjoint.diagnosis.structure.noise import record_noise
+from sindyjoint.diagnosis.structure.hidden import model_of_law
+from sindyjoint.diagnosis.structure.noise import RecordNoise, record_noise
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges, with_laws
-from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig, shipped_rigs
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import main_frequency
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
@@ -35,7 +35,9 @@ def open_rig(rig: Rig | str | Path) -> Rig:
     return load_rig(rig, {"model": MODEL_PLACEHOLDER})
 
 
-def model_in_place(rig: Rig, model: JointModel | None) -> tuple[JointModel, frozenset[str], bool]:
+def model_in_place(
+    rig: Rig, model: JointModel | None, policy: DiagnosisPolicy
+) -> tuple[JointModel, frozenset[str], bool]:
     """Return the model, the joints it stands for, and whether it was made of the rig's own law."""
     if model is not None:
         if model.joint.motion != "rotation":
@@ -54,21 +56,9 @@ def model_in_place(rig: Rig, model: JointModel | None) -> tuple[JointModel, froz
     except SimulationError as error:
         raise InputError(f"the rig {rig.name!r} cannot be simulated: {error}") from error
     assert isinstance(law, PaperLaw)
-    size = [float(np.abs(x).max(initial=0.0)) for x in (motion.angle, motion.rate)]
+    angle, rate = (float(np.abs(x).max(initial=0.0)) for x in (motion.angle, motion.rate))
     places = frozenset(h.name for h in hinges(rig) if h.law == law)
-    return model_of_law(law, *size), places, True
-
-
-def virtual_pulse_test(
-    rig: Rig, places: frozenset[str], model: JointModel, generator: np.random.Generator, drawn: bool
-) -> tuple[Rig, str]:
-    """Return a rig that names no records with those of a virtual test, and what the generator hid in it."""
-    if any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(rig)):
-        raise InputError(
-            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
-            "true law; add a [measured] table, or name a shipped joint as the law"
-        )
-    return hidden_pulse_test(rig, places, model, generator, drawn)
+    return model_of_law(law, angle, rate, policy.known_to), places, True
 
 
 def pulse_problem(
@@ -79,9 +69,7 @@ def pulse_problem(
     policy: DiagnosisPolicy,
 ) -> tuple[PulseProblem, tuple[Change, ...], float]:
     """Return the problem, its candidates and the period of the main oscillation, s."""
-    assert rig.measured is not None
-    records = (rig.measured, *rig.also_measured)
-    noise = tuple(record_noise(r.displacement, r.sample_rate) for r in records)
+    records, noise = _measured(rig, policy)
     law = model_law(model)
     laws = JointLaws(model, getattr(law, "softening_limit", (-np.inf, np.inf)))
     problem = PulseProblem(
@@ -111,14 +99,22 @@ def with_step_error(problem: PulseProblem, x: np.ndarray) -> PulseProblem:
     return replace(problem, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
 
 
+def _measured(
+    rig: Rig, policy: DiagnosisPolicy
+) -> tuple[tuple[MeasuredResponse, ...], tuple[RecordNoise, ...]]:
+    """Return the records of a rig that names some, and the noise of each."""
+    assert rig.measured is not None
+    records = (rig.measured, *rig.also_measured)
+    return records, tuple(record_noise(r.displacement, r.sample_rate, policy) for r in records)
+
+
 def other_pulse(problem: PulseProblem, rig: Rig) -> PulseProblem:
     """Return the problem of another pulse of the same structure."""
     if rig.measured is None:
         raise InputError(f"the rig {rig.name!r} of hold_out names no measured response")
     if [type(i) for i in rig.items] != [type(i) for i in problem.rig.items]:
         raise InputError(f"the rig {rig.name!r} of hold_out has another chain than {problem.rig.name!r}")
-    records = (rig.measured, *rig.also_measured)
-    noise = tuple(record_noise(r.displacement, r.sample_rate) for r in records)
+    records, noise = _measured(rig, problem.policy)
     return replace(problem, rig=rig, records=records, noise=noise, step_error=(), _kept={})
 
 

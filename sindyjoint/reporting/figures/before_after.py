@@ -25,8 +25,7 @@ from sindyjoint.reporting.units import quantities
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.diagnosis.campaign.pictures import RunGap
-    from sindyjoint.diagnosis.result import Diagnosis
+    from sindyjoint.diagnosis.result import Diagnosis, RunGap
 
 Array = NDArray[np.float64]
 

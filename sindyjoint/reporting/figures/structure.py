@@ -18,8 +18,7 @@ from sindyjoint.text import percent, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.diagnosis.structure.gap import RecordGap
-    from sindyjoint.diagnosis.structure.result import StructureDiagnosis
+    from sindyjoint.diagnosis.result import Diagnosis, RecordGap
 
 CYCLES_SHOWN = 6
 
@@ -85,7 +84,7 @@ def cycles(record: RecordGap, ax: Axes) -> Axes:
     return ax
 
 
-def gap_by_step(result: StructureDiagnosis, ax: Axes) -> Axes:
+def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the response gap of the model alone and after each effect, on a logarithmic scale down to the noise."""
     rows = [("model alone", result.initial), *((f"+ {spelled(s.effect)}", s.gap_after) for s in result.steps)]
     values = [100 * gap.response for _, gap in rows]
@@ -136,7 +135,7 @@ def envelope(record: RecordGap, ax: Axes) -> Axes:
     return ax
 
 
-def _records(result: StructureDiagnosis) -> tuple[RecordGap, ...]:
+def _records(result: Diagnosis) -> tuple[RecordGap, ...]:
     return result.records[:MOST_PANELS]
 
 

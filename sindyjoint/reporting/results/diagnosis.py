@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.diagnosis.structure.result import StructureDiagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml
 from sindyjoint.reporting.figures import diagnosis, structure
 from sindyjoint.reporting.page import markup, number
@@ -22,7 +21,8 @@ from sindyjoint.reporting.view import View
 from sindyjoint.text import percent, spelled
 
 if TYPE_CHECKING:
-    from sindyjoint.diagnosis.result import Advice, Gap, Step
+    from sindyjoint.diagnosis.result import Advice, Gap, RecordGap, Step
+    from sindyjoint.reporting.figures.kind import Kind
 
 PARTS = ("state", "history", "run", "processing", "noise")
 VERDICTS = {
@@ -42,24 +42,30 @@ VERDICTS = {
 
 
 class DiagnosisView(View[Diagnosis, Diagnosis]):
-    """The diagnosis of a campaign."""
+    """The diagnosis of a campaign or of a structure."""
 
     results = (Diagnosis,)
     data: ClassVar[type] = Diagnosis
     kind = "Diagnosis"
-    kinds = diagnosis.KINDS
+    formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {"StructureDiagnosis": {"source": "structure"}}
     template = "diagnosis.html.j2"
     record_file = "diagnosis.json"
-    judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign")
+    judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign", "diagnosis structure")
     unsaved = {"effects": (), "whole": None}  # noqa: RUF012
 
-    def kept(self, data: Any) -> Any:
-        """Return it with the model that ``model.json`` holds."""
-        return replace(data, model=data.whole or data.model)
+    def kinds_of(self, data: Diagnosis) -> Mapping[str, Kind]:
+        """Return the figures of a campaign, or those of a structure."""
+        return (structure if data.source == "structure" else diagnosis).KINDS
 
-    def level_unit(self, result: Diagnosis) -> str:
-        """Return the unit of the level of an advised run."""
-        return quantities(result.model.joint.motion).angle_unit
+    def judges_of(self, result: Diagnosis) -> tuple[str, ...]:
+        """Return the policies that decided it; a structure has no force states."""
+        other = {"campaign": ("diagnosis structure",), "structure": ("states", "diagnosis campaign")}
+        return tuple(name for name in self.judged_by if name not in other[result.source])
+
+    def kept(self, data: Diagnosis) -> Diagnosis:
+        """Return it with the model that ``model.json`` holds, and no more samples than a picture shows."""
+        records = tuple(map(structure.thinned, data.records))
+        return replace(data, model=data.whole or data.model, records=records)
 
     def to_dict(self, result: Diagnosis) -> dict[str, Any]:
         """Return what ``--json`` prints, with the reason and what a virtual test had hidden."""
@@ -89,7 +95,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     def content(self, result: Diagnosis, data: Diagnosis, folder: Path | None) -> dict[str, Any]:
         """Return what the page shows."""
         badge, headline = VERDICTS[result.verdict]
-        unit, motion = self.level_unit(result), result.model.joint.motion
+        unit, motion = result.level_unit, result.model.joint.motion
         names = {"moment": quantities(motion).moment, "response": "Response"}
         gaps = [
             (
@@ -141,60 +147,30 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         for region in result.where:
             console.print(f"- {escape(region.words)}")
         for advice in result.advice:
-            console.print(escape(advice_words(advice, f"{advice.level:.3g} {self.level_unit(result)}")))
+            console.print(escape(advice_words(advice, f"{advice.level:.3g} {result.level_unit}")))
         if result.hidden is not None:
             console.print(f"\nhidden in this virtual test was: [bold]{spelled(result.hidden)}[/]")
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
 
     def details(self, result: Diagnosis) -> Iterator[str]:
-        """Yield the rivals of each step, and the budget in numbers."""
+        """Yield the rivals of each step, the budget in numbers, and the gap of each record."""
         for step in result.steps:
             rows = [(f"step {step.effect}", "probability"), *((n, f"{p:.3g}") for n, p in step.rivals)]
             yield from aligned([rows[0], (step.effect, f"{step.probability:.3g}"), *rows[1:]])
         parts = ", ".join(f"{name} {getattr(result.budget, name):.3g}" for name in PARTS)
         yield f"mean square of the first gap: {parts}"
-
-
-class StructureView(DiagnosisView):
-    """The diagnosis of a structure."""
-
-    results = (StructureDiagnosis,)
-    data = StructureDiagnosis
-    kind = "StructureDiagnosis"
-    kinds = structure.KINDS
-    judged_by = ("response", "diagnosis structure")
-
-    def kept(self, data: StructureDiagnosis) -> StructureDiagnosis:
-        """Return its records with no more samples than a picture shows."""
-        kept: StructureDiagnosis = super().kept(data)
-        return replace(kept, records=tuple(map(structure.thinned, data.records)))
-
-    def level_unit(self, result: Diagnosis) -> str:
-        """Return the unit of a structure's displacement."""
-        return "m"
-
-    def details(self, result: Diagnosis) -> Iterator[str]:
-        """Yield what a campaign's has, and the gap of each record."""
-        yield from super().details(result)
-        assert isinstance(result, StructureDiagnosis)
-        yield from aligned(
-            [
-                ("record", "samples", "noise", "kept out from", "gap before", "gap after", "noise floor"),
-                *(
-                    (
-                        record.name,
-                        str(record.time.size),
-                        f"{record.noise:.2e} m",
-                        f"{record.held_from:.3g} s",
-                        percent(record.gap_before),
-                        percent(record.gap_after),
-                        percent(record.noise_floor),
-                    )
-                    for record in result.records
-                ),
-            ]
-        )
+        if result.records:
+            columns = (
+                "record",
+                "samples",
+                "noise",
+                "kept out from",
+                "gap before",
+                "gap after",
+                "noise floor",
+            )
+            yield from aligned([columns, *map(_record_row, result.records)])
 
 
 def advice_words(advice: Advice, level: str) -> str:
@@ -221,6 +197,12 @@ def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...]
         named = f"+ {spelled(step.effect)}{_dropped(step) if dropped else ''}"
         rows.append((named, *_gap(step.gap_after), f"{step.probability:.2f}", others or DASH))
     return (*rows, ("noise floor", *_gap(result.noise_floor), "", ""))
+
+
+def _record_row(record: RecordGap) -> tuple[str, ...]:
+    gaps = (record.gap_before, record.gap_after, record.noise_floor)
+    samples, noise = str(record.time.size), f"{record.noise:.2e} m"
+    return record.name, samples, noise, f"{record.held_from:.3g} s", *map(percent, gaps)
 
 
 def _dropped(step: Step) -> str:

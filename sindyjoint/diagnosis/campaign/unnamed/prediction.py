@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign import families
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
-from sindyjoint.diagnosis.campaign.run_rows import GapRun, row_groups
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
+from sindyjoint.diagnosis.campaign.unnamed import families
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.equation.terms import Reference
 
 Array = NDArray[np.float64]

@@ -13,9 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.families import hats
-from sindyjoint.diagnosis.campaign.regression import FittedEffect, GapRegression, stack
-from sindyjoint.diagnosis.campaign.run_rows import GapRun
+from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.campaign.unnamed.families import hats
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 
 Array = NDArray[np.float64]

@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+
 Array = NDArray[np.float64]
 
-FEWEST_HALF_CYCLES = 8
-LEAST_CORRELATION = 0.1
 SERIES = 1e-4  # sinh q/q by its series, which then errs by q⁴/120
 
 
@@ -44,7 +44,7 @@ class HalfCycles:
     @classmethod
     def build(
         cls, rate: Array, step: float, slopes: tuple[Array, Array], inertia: float, limit: float,
-        noise: tuple[float, float],
+        noise: tuple[float, float], policy: DiagnosisPolicy = CAMPAIGN,
     ) -> HalfCycles | None:  # fmt: skip
         """Return the rows of a run, or None where it has too few of them.
 
@@ -62,9 +62,10 @@ class HalfCycles:
             A rate below it has no sign, rad/s.
         noise : (float, float)
             Standard errors of angle, rad, and rate, rad/s, at a sample.
+        policy : DiagnosisPolicy
         """
         ends = reversals(rate, limit)
-        if ends.size < FEWEST_HALF_CYCLES:
+        if ends.size < policy.fewest_half_cycles:
             return None
         starts = np.concatenate([[0], ends])
         angular = np.pi / (step * float(np.median(np.diff(ends))))
@@ -103,7 +104,7 @@ class HalfCycles:
         return solution.reshape(rows.shape)
 
 
-def correlation(rows: Array) -> float:
+def correlation(rows: Array, policy: DiagnosisPolicy) -> float:
     """Return the integrated correlation time of rows, in half-cycles: how many of them say the same thing.
 
     An error of the model goes on from half-cycle to half-cycle, so that their number is not the number of observations.
@@ -112,10 +113,10 @@ def correlation(rows: Array) -> float:
     total, time = float(np.sum(pairs**2)), 1.0
     for lag in range(1, pairs.shape[0] // 2):
         share = abs(float(np.sum(pairs[lag:] * pairs[:-lag]))) / max(total, 1e-300)
-        if share < LEAST_CORRELATION:
+        if share < policy.least_correlation:
             break
         time += 2 * share
-    return min(time, pairs.shape[0] / FEWEST_HALF_CYCLES)
+    return min(time, pairs.shape[0] / policy.fewest_half_cycles)
 
 
 def reversals(rate: Array, limit: float) -> NDArray[np.intp]:

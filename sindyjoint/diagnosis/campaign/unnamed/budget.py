@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget, divide_gap
-from sindyjoint.diagnosis.campaign.prediction import KINDS, Prediction
 from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.unnamed.prediction import KINDS, Prediction
 
 
 def explained_by_state(problem: GapRegression) -> float:
@@ -20,13 +20,8 @@ def shares(problem: GapRegression, noise: float) -> dict[str, float]:
     """Return what each kind of law explains of the gap beyond noise, from 0 to 1, by kind; their sum is at most one.
 
     The kind that predicts the runs left out best alone is credited first, the others with what they win on top. Within
-    noise of each other a law without memory comes before one with it, and that before one of the run.
-
-    Parameters
-    ----------
-    problem : GapRegression
-    noise : float
-        Share of the mean square gap that is noise, which counts where repetition has not measured it row by row.
+    noise of each other a law without memory comes before one with it, and that before one of the run. ``noise`` is the
+    share of the mean square gap that is noise, which counts where repetition has not measured it row by row.
     """
     prediction = Prediction(problem)
     before = prediction.base

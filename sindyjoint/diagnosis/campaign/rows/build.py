@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.half_cycles import FEWEST_HALF_CYCLES, HalfCycles, reversals
-from sindyjoint.diagnosis.campaign.run_rows import Band, GapRun
-from sindyjoint.diagnosis.campaign.whitening import folded_whitener, kernel_noise_factor, slopes
+from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles, reversals
+from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun
+from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
@@ -73,7 +73,8 @@ def gap_runs(
     return tuple(
         _folded(s, model, g, phases, least)
         if s.method == "periodic"
-        else _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples, free)
+        else (free and _free_decay(s, model, g, policy))
+        or _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples)
         for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
     )
 
@@ -121,16 +122,12 @@ def _always(share: Array, seen: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.sort(np.argsort(-np.where(seen, share, -1.0), kind="stable")[:FEWEST_PHASES])
 
 
-def _strided(
-    states: ForceStates, model: JointModel, group: str, error: float, most: int, free: bool = False
-) -> GapRun:
+def _strided(states: ForceStates, model: JointModel, group: str, error: float, most: int) -> GapRun:
     """Take evenly spaced moving samples of a run that does not repeat, and whiten them.
 
     The smoothed motion holds nothing above its bandwidth; the moment, which is not filtered, holds little above twice.
     """
     every = _stride(states)
-    if free and (decay := _free_decay(states, model, group, every)) is not None:
-        return decay
     rows = _stretches(np.flatnonzero(states.moving[::every]), most)
     moments, motion = _strided_motion(states, model, rows)
     record = np.where(states.moving[::every], moments, np.nan)
@@ -192,13 +189,14 @@ def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, mo
     return replace(run, motion=motion, target=moments[rows])
 
 
-def _free_decay(states: ForceStates, model: JointModel, group: str, every: int) -> GapRun | None:
+def _free_decay(states: ForceStates, model: JointModel, group: str, policy: DiagnosisPolicy) -> GapRun | None:
     """Return a free run as half-cycles up to its last reversal; None where they are few, or no inertia is known."""
     if not model.inertia > 0:
         return None
+    every = _stride(states)
     limit = rate_limit(states.rate, states.noise.rate, 0.0)
     ends = reversals(states.rate[::every], limit)
-    if ends.size <= FEWEST_HALF_CYCLES:
+    if ends.size <= policy.fewest_half_cycles:
         return None
     size = int(ends[-1])
     angle, rate, acceleration, moment = (
@@ -211,7 +209,9 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, every: int) 
         max(states.noise.angle * float(np.linalg.norm(low)), LEAST_NOISE * float(np.abs(angle).max())),
         max(states.noise.rate, LEAST_NOISE * float(np.abs(rate).max())),
     )
-    half_cycles = HalfCycles.build(rate, step, slopes(model, angle, rate), model.inertia, limit, noise)
+    half_cycles = HalfCycles.build(
+        rate, step, slopes(model, angle, rate), model.inertia, limit, noise, policy
+    )
     if half_cycles is None:
         return None
     rows = np.arange(size)

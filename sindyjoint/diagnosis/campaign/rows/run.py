@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.half_cycles import HalfCycles
+from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles
 from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
 from sindyjoint.equation.terms import Reference
 
