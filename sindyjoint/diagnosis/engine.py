@@ -2,36 +2,125 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Generic
+
+import numpy as np
+
 from sindyjoint.diagnosis.advice import advise
 from sindyjoint.diagnosis.loop import Progress, add_effects
-from sindyjoint.diagnosis.problem import P, Say
-from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.diagnosis.verdict import Gaps, discount, judge
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.problem import P, Say, Start
+from sindyjoint.diagnosis.result import Diagnosis, Step
+from sindyjoint.diagnosis.verdict import UNKNOWN, Gaps, Residual, discount, judge
+from sindyjoint.text import percent, spelled
 
 
-def explain_gap(first: P, most: int, say: Say) -> Diagnosis:
-    """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage."""
+@dataclass(frozen=True, eq=False)
+class Explained(Generic[P]):
+    """What the search from one start came to.
+
+    Parameters
+    ----------
+    straight : Problem
+        The problem of that start, its channels put right.
+    progress : Progress
+    residual : Residual
+    gaps : Gaps
+    verdict, reason : str
+    start : str
+        What it began with, beside the model as it was given; empty where that was all.
+    """
+
+    straight: P
+    progress: Progress[P]
+    residual: Residual
+    gaps: Gaps
+    verdict: str
+    reason: str
+    start: str = ""
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing remains to be explained."""
+        return self.verdict in ("nothing_missing", "named", "ambiguous")
+
+    def cost(self, policy: DiagnosisPolicy) -> float:
+        """Return the logarithm of the final gap, and what each name costs; a delay of the channels is no law."""
+        laws = [step for step in self.progress.steps if step.effect != "channel_delay"]
+        _, final, _ = self.gaps.figures()
+        return float(np.log(max(final, 1e-300))) + policy.step_cost * len(laws)
+
+
+def explain_gap(first: P, most: int, say: Say, advice: bool = True) -> Diagnosis:
+    """Add what is missing to a model, and return what that comes to.
+
+    Where the search from the model as it was given leaves something unexplained, it is made again from the other
+    starts that the problem knows, and the one that ends best is used.
+
+    Parameters
+    ----------
+    first : Problem
+        A model and its data.
+    most : int
+        Most effects that are added.
+    say : callable
+        Called with the name of each stage.
+    advice : bool
+        Whether to look for runs that would tell the members of a class apart.
+    """
     say("the gap")
-    initial = first.initial_gap
     straight, steps = first.corrected()
-    before = steps[-1].gap_after if steps else initial
-    progress = add_effects(Progress(straight, before, steps), most, say)
-    say("advice")
-    residual = progress.problem.residual(straight)
-    last = progress.problem.finished()
-    final = progress.steps[-1].gap_after if progress.steps else first.gap
-    gaps = Gaps(initial, final, first.noise_floor)
-    verdict, reason = judge(progress.steps, residual, gaps, first.policy)
-    steps = discount(progress.steps, verdict, residual, gaps, first.policy)
+    given = _explain(first, Start(straight, steps), most, say)
+    best, note = given, ""
+    if not given.whole:
+        for start in first.other_starts(straight, given.progress.problem, say):
+            other = _explain(first, start, most, say)
+            if other.cost(first.policy) < best.cost(first.policy):
+                best = other
+        note = _compare_starts(given, best)
+    last = best.progress.problem.finished()
+    steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
+    if advice:
+        say("advice")
     found = {
-        "verdict": verdict,
-        "reason": reason,
-        "initial": initial,
-        "final": final,
-        "noise_floor": gaps.floor,
-        "budget": straight.budget(first, last),
-        "where": first.places() if verdict != "nothing_missing" else (),
+        "verdict": best.verdict,
+        "reason": best.reason,
+        "initial": best.gaps.initial,
+        "final": best.gaps.final,
+        "noise_floor": best.gaps.floor,
+        "budget": best.straight.budget(first, last),
+        "where": first.places() if best.verdict != "nothing_missing" else (),
         "steps": steps,
-        "advice": advise(last, steps, progress.rankings),
+        "advice": advise(last, steps, best.progress.rankings) if advice else (),
+        "warnings": (note,) if note else (),
     }
     return last.diagnosis(first, found)
+
+
+def _explain(first: P, start: Start[P], most: int, say: Say) -> Explained[P]:
+    """Return what the search from one start comes to."""
+    initial, straight = first.initial_gap, start.problem
+    before = start.steps[-1].gap_after if start.steps else initial
+    progress = add_effects(Progress(straight, before, start.steps), most + start.free, say)
+    final = progress.steps[-1].gap_after if progress.steps else straight.gap
+    gaps = Gaps(initial, final, first.noise_floor)
+    residual = progress.problem.residual(start.before or straight)
+    verdict, reason = judge(progress.steps, residual, gaps, first.policy)
+    return Explained(start.before or straight, progress, residual, gaps, verdict, reason, start.words)
+
+
+def _compare_starts(given: Explained[P], best: Explained[P]) -> str:
+    """Return how the search ended from the model as it was given, where another start is used."""
+    if best is given:
+        return ""
+    (_, used, _), (_, other, _) = best.gaps.figures(), given.gaps.figures()
+    names = ", ".join(_name(step) for step in given.progress.steps) or "no effect"
+    return (
+        f"the search started from {best.start}, which ends with a gap of {percent(used)}; from the model as it was "
+        f"given it ends with {percent(other)} ({given.verdict.replace('_', ' ')}: {names})"
+    )
+
+
+def _name(step: Step) -> str:
+    return UNKNOWN if step.effect == UNKNOWN else spelled(step.effect)

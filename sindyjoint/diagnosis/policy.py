@@ -58,6 +58,12 @@ class DiagnosisPolicy:
         3.0, "standard deviations of χ² within which the residual of a structure is noise and the loop stops"
     )
 
+    # Other starts, where the first search leaves something unexplained.
+    step_cost: float = convention(
+        0.02, "share by which each name must make the gap smaller for one start to be better than another"
+    )
+    start_worth: float = convention(1.1, "gap of a start over the best one so far up to which it is searched from")
+
     # Admissible effects.
     bound_margin: float = convention(0.005, "share of a parameter's logarithmic range that counts as its end")
     admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")

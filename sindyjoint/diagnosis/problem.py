@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, Self, TypeVar
 
@@ -40,6 +40,32 @@ class Added(Generic[P]):
 
     problem: P
     again: Mapping[str, Ranking[Any] | None]
+
+
+@dataclass(frozen=True)
+class Start(Generic[P]):
+    """Where a search begins.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : tuple of Step
+        What it has found before.
+    words : str
+        How it differs from the model as it was given.
+    before : Problem, optional
+        The problem without those steps.
+    """
+
+    problem: P
+    steps: tuple[Step, ...] = ()
+    words: str = ""
+    before: P | None = None
+
+    @property
+    def free(self) -> int:
+        """Number of its steps: they do not count among the effects that may be added."""
+        return len(self.steps)
 
 
 class Problem(Protocol):
@@ -101,6 +127,10 @@ class Problem(Protocol):
     def finished(self) -> Self:
         """Return the problem after a last refinement of its numbers."""
         return self
+
+    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
+        """Yield other starts worth a search, where the one from the model as it was given ended in ``last``."""
+        return iter(())
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
