@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -173,7 +172,7 @@ def _read_stated_scales(
     """Return the largest angle, rate and moment that the files themselves state; None where one does not."""
     if inertia is not None:  # what they state of the moment is not what is fitted
         return None
-    stated = [[_open_file(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
+    stated = [[_open_file(path).largest(name) for name in names[:3]] for path in paths]
     columns = [[value for value in column if value is not None] for column in zip(*stated, strict=True)]
     if any(len(column) < len(paths) for column in columns):
         return None
@@ -184,7 +183,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
     """Return pieces spread evenly over each file; of a small one, all of it."""
     tasks = []
     for path in paths:
-        rows = _open_file(str(path), _changed(path)).rows
+        rows = _open_file(path).rows
         piece = -(-min(rows, READ) // PIECES)
         starts = np.linspace(0, rows - piece, PIECES).astype(int).tolist()
         tasks += [replace(like, path=path, start=start, stop=start + piece) for start in starts]
@@ -193,7 +192,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
 
 def run_rows(task: RowTask) -> Segment:
     """Work through a segment of rows."""
-    source = _open_file(str(task.path), task.path.stat().st_mtime_ns)
+    source = _open_file(task.path)
     total = None if task.function is None else TermSum(task.function)
     largest = np.zeros(3)
     for start in range(task.start, task.stop, task.size):
@@ -218,7 +217,7 @@ def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple
         raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); expected one each")
     found = []
     for number, path in enumerate(paths):
-        rows = _open_file(str(path), _changed(path)).rows
+        rows = _open_file(path).rows
         if rows < len(PARTS) * SEGMENTS * 2:
             raise InputError(f"{path}: {rows} rows; expected at least {len(PARTS) * SEGMENTS * 2}")
         if len(paths) == 1:
@@ -237,18 +236,7 @@ def _edges(start: int, stop: int, parts: int) -> list[int]:
     return [start + -(-part * n // parts) for part in range(parts + 1)]
 
 
-def _changed(path: Path) -> int:
-    try:
-        return path.stat().st_mtime_ns
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); expected a file of force states"
-        ) from error
-
-
-@lru_cache(maxsize=4)
-def _open_file(path: str, changed: int) -> Blocks:
-    """Return an open file; the line offsets of a text are then indexed once per process."""
+def _open_file(path: Path) -> Blocks:
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(
