@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,13 +25,13 @@ def read_hdf5(path: Path, data: bytes) -> Table:
     MissingExtraError
         Without h5py.
     """
-    return Hdf5Blocks(path, io.BytesIO(data)).whole()
+    return Hdf5Blocks(path, data).whole()
 
 
 class Hdf5Blocks(Blocks):
     """Slices of the data sets of a file; MATLAB's matrices are seen transposed, and cut along their second axis."""
 
-    def __init__(self, path: Path, data: io.BytesIO | None = None, matlab: bool = False):
+    def __init__(self, path: Path, data: bytes | None = None, matlab: bool = False):
         try:
             import h5py
         except ImportError as error:
@@ -44,7 +43,8 @@ class Hdf5Blocks(Blocks):
         columns: dict[str, Callable[[int, int], NDArray]] = {}
         sizes = []
         with foreign(path, self._kind):
-            self._file = h5py.File(path if data is None else data, "r")
+            # Of bytes in memory HDF5 makes a file of its own: through a file object it would ask for each number.
+            self._file = h5py.File(path if data is None else h5py.h5f.open_file_image(data), "r")
             for found, dataset in _vectors(self._file, h5py):
                 name, shape = found.replace("/", separator), dataset.shape
                 # Of a scalar, or a stack of matrices, no rows can be cut: it is refused when it is asked for.

@@ -27,7 +27,7 @@ def read_mat(path: Path, data: bytes) -> Table:
         For a v7.3 file without h5py.
     """
     if data.startswith(VERSION_73):
-        return Hdf5Blocks(path, io.BytesIO(data), matlab=True).whole()
+        return Hdf5Blocks(path, data, matlab=True).whole()
     from scipy.io import loadmat
 
     arrays: dict[str, NDArray] = {}
