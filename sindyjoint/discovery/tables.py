@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.accumulate import TermSum
+from sindyjoint.discovery.accumulate import FactorSum, Tiles
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
 from sindyjoint.discovery.passes import Segment, largest_of, pass_over, relative
@@ -193,7 +193,8 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
 def run_rows(task: RowTask) -> Segment:
     """Work through a segment of rows."""
     source = _open_file(task.path)
-    total = None if task.function is None else TermSum(task.function)
+    tiles = None if task.function is None else Tiles(task.function)
+    total = None if task.function is None else FactorSum(len(task.function.outputs))
     largest = np.zeros(3)
     for start in range(task.start, task.stop, task.size):
         table = source.table(start, min(start + task.size, task.stop))
@@ -203,9 +204,9 @@ def run_rows(task: RowTask) -> Segment:
         if more and task.inertia is not None:
             moment = moment - task.inertia * more[0]
         largest = np.maximum(largest, [np.max(np.abs(x)) for x in (angle, rate, moment)])
-        if total is not None:
+        if tiles is not None and total is not None:
             states = (angle, rate, *more) if task.inertia is None else (angle, rate)
-            total.add(states, moment)
+            tiles.add_to(total, states, moment)
     top = (float(largest[0]), float(largest[1]), float(largest[2]))
     rows = task.stop - task.start
     return Segment(() if total is None else (total.factor(),), top, rows, rows)
