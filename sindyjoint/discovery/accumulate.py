@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.discovery.factors import DEPENDENT, Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
 
@@ -33,8 +33,6 @@ TOLERANCE = 1e-9
 MARGIN = 2.0
 # The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
 RESIDUAL = 1e4
-# A column that is so dependent on those before it cannot be distinguished from them.
-DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,28 +111,18 @@ def bootstrap(
     return Bootstrap(tuple(evidence.ids[c] for c in columns), fit.coefficients, draws)
 
 
-def inclusion(
-    evidence: Evidence,
-    replicates: int = 500,
-    significance: float = POLICY.term_significance,
-    least_share: float = POLICY.least_share,
-    largest: int = POLICY.largest_set,
-    random_state: Any = None,
-) -> Inclusion:
+def inclusion(evidence: Evidence, replicates: int = 500, random_state: Any = None) -> Inclusion:
     """Return inclusion probabilities of all candidates.
 
     Each replicate weighs runs and draws block scores anew. Of its best subsets of every size it takes the largest in
-    which each term is significant and material: the rule of choice without its checks between groups, which a
-    resampled campaign would not repeat.
+    which each term is significant and material: the rule of choice (see
+    :func:`~sindyjoint.discovery.selection.choose_by_evidence`) without its checks between groups, which a resampled
+    campaign would not repeat.
 
     Parameters
     ----------
     evidence : Evidence
     replicates : int
-    significance, least_share : float
-        As in :func:`~sindyjoint.discovery.selection.choose_by_evidence`.
-    largest : int
-        Largest size of set that is tried.
     random_state : int, Generator or None
     """
     rng = np.random.default_rng(random_state)
@@ -146,8 +136,8 @@ def inclusion(
     gram[:, :p, p] += pulls / norms / target
     scores, _ = block_scores(evidence, range(p), fit.coefficients)
     meat = scores.T @ scores / np.outer(norms, norms) / target**2
-    subsets = replicate_subsets(triangles, min(largest, p))
-    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, significance, least_share)
+    subsets = replicate_subsets(triangles, min(POLICY.largest_set, p))
+    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees)
     sets: dict[tuple[str, ...], int] = {}
     for row in chosen:
         key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
@@ -237,8 +227,6 @@ def _largest_passing(
     gram: Array,
     meat: Array,
     degrees: int,
-    significance: float,
-    least_share: float,
 ) -> NDArray[np.bool_]:
     """Return for each replicate the largest of its subsets in which every term passes, shape (replicates, p)."""
     p = gram.shape[1] - 1
@@ -248,7 +236,7 @@ def _largest_passing(
         marks = subsets[waiting, size]
         active = np.nonzero(marks)[1].reshape(-1, size)
         t, share = _t_and_share(triangles[waiting], gram[waiting], meat, active, degrees)
-        passes = (t.min(axis=1) >= significance) & (share.min(axis=1) >= least_share)
+        passes = (t.min(axis=1) >= POLICY.term_significance) & (share.min(axis=1) >= POLICY.least_share)
         chosen[waiting[passes]] = marks[passes]
         waiting = waiting[~passes]
         if not waiting.size:

@@ -282,7 +282,6 @@ def transfer_moment(
     sample_rate: float,
     *,
     acceleration: ArrayLike | None = None,
-    initial_state: ArrayLike | None = None,
     substeps: int = 8,
 ) -> tuple[Array, Array]:
     """Return the moment at the sensor for a prescribed motion, I·θ̈ + M_T, and the internal states.
@@ -296,9 +295,6 @@ def transfer_moment(
         Hz.
     acceleration : array_like, shape (n,), optional
         rad/s²; without it the inertia moment is omitted and only M_T is returned.
-    initial_state : array_like, shape (n_states,), optional
-        Default: the states of a joint brought from standstill at zero to the first angle. A slider that
-        never slips afterwards keeps it.
     substeps : int
         Runge–Kutta steps of the internal states per sample.
 
@@ -308,6 +304,8 @@ def transfer_moment(
         N·m (N). Where the rate is exactly zero, friction keeps the side of the motion before: while a prescribed
         motion stands still, its moment is not determined.
     state : ndarray, shape (n_states, n)
+        From those of a joint brought from standstill at zero to the first angle; a slider that never slips afterwards
+        keeps them.
 
     Raises
     ------
@@ -325,9 +323,7 @@ def transfer_moment(
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
-        if initial_state is None:
-            initial_state = _bring_from_zero(compiled, theta, omega)
-        state[:, 0] = initial_state
+        state[:, 0] = _bring_from_zero(compiled, theta, omega)
         integrate_states(
             compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state
         )
