@@ -33,8 +33,6 @@ TOLERANCE = 1e-9
 MARGIN = 2.0
 # The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
 RESIDUAL = 1e4
-# A column that is so dependent on those before it cannot be distinguished from them but by rounding.
-DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
