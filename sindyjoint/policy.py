@@ -11,6 +11,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+JUDGEMENT = "chosen by judgement"
+
 
 @dataclass(frozen=True)
 class Limit:
@@ -35,8 +37,8 @@ class Limit:
     source: str
 
 
-def limit(value: Any, meaning: str, *, source: str, unit: str = "1") -> Any:
-    """Return a field of a policy, with what explains it.
+def limit(value: Any, meaning: str, *, source: str = JUDGEMENT, unit: str = "1") -> Any:
+    """Return a field of a policy, with what explains it; without a source no calibration is recorded.
 
     Examples
     --------

@@ -76,52 +76,6 @@ def joint_angle(d1: ArrayLike, d2: ArrayLike, d3: ArrayLike, *, joint_length: fl
     return ((first + second) / 2 - third) / joint_length
 
 
-def gauge_strains(
-    moment: ArrayLike, bending_stiffness: float, section_height: float, position_factor: float = 1.0
-) -> tuple[Array, Array, Array, Array]:
-    """Strains that four ideal gauges show under a moment: Eqs. 1 and 2 backwards.
-
-    Parameters
-    ----------
-    moment : array_like, shape (n,)
-        Moment at the joint, N·m.
-    bending_stiffness, section_height, position_factor : float
-        As in :func:`bending_moment`.
-
-    Returns
-    -------
-    tuple of four ndarray, shape (n,)
-        ε, ε, −ε, −ε with ε = M h / (2 β E I), m/m.
-    """
-    strain = np.asarray(moment, dtype=np.float64) * section_height / (2 * position_factor * bending_stiffness)
-    return strain, strain.copy(), -strain, -strain
-
-
-def spot_displacements(
-    angle: ArrayLike, joint_length: float, base: ArrayLike = 0.0
-) -> tuple[Array, Array, Array]:
-    """Displacements that three ideal laser spots show at an angle: Eq. 3 backwards.
-
-    Parameters
-    ----------
-    angle : array_like, shape (n,)
-        Angle of the joint, rad.
-    joint_length : float
-        L, m.
-    base : array_like, shape (n,) or scalar
-        Displacement below the joint, m; it drops out of Eq. 3.
-
-    Returns
-    -------
-    tuple of three ndarray, shape (n,)
-        d3 + θ L, d3 + θ L, d3, m.
-    """
-    theta = np.asarray(angle, dtype=np.float64)
-    below = np.broadcast_to(np.asarray(base, dtype=np.float64), theta.shape).copy()
-    above = below + theta * joint_length
-    return above, above.copy(), below
-
-
 @dataclass(frozen=True)
 class SensorRig:
     """The constants of Eqs. 1–3, checked on creation.
@@ -164,14 +118,23 @@ class SensorRig:
         return joint_angle(*np.asarray(displacements, dtype=np.float64), joint_length=self.joint_length)
 
     def strains(self, moment: ArrayLike) -> Array:
-        """Four ideal strains, m/m, shape (4, n), under a moment, N·m, shape (n,)."""
-        return np.stack(
-            gauge_strains(moment, self.bending_stiffness, self.section_height, self.strain_position_factor)
-        )
+        """Strains of four ideal gauges, m/m, shape (4, n), under a moment, N·m, shape (n,).
+
+        ε, ε, −ε, −ε with ε = M h / (2 β E I): Eqs. 1 and 2 backwards.
+        """
+        stiffness = 2 * self.strain_position_factor * self.bending_stiffness
+        strain = np.asarray(moment, dtype=np.float64) * self.section_height / stiffness
+        return np.stack([strain, strain, -strain, -strain])
 
     def displacements(self, angle: ArrayLike, base: ArrayLike = 0.0) -> Array:
-        """Three ideal displacements, m, shape (3, n), at an angle, rad, shape (n,)."""
-        return np.stack(spot_displacements(angle, self.joint_length, base))
+        """Displacements of three ideal laser spots, m, shape (3, n), at an angle, rad, shape (n,).
+
+        d3 + θ L, d3 + θ L, d3: Eq. 3 backwards, where the displacement d3 below the joint, m, drops out.
+        """
+        theta = np.asarray(angle, dtype=np.float64)
+        below = np.broadcast_to(np.asarray(base, dtype=np.float64), theta.shape)
+        above = below + theta * self.joint_length
+        return np.stack([above, above, below])
 
 
 def check_positive(name: str, value: float) -> float:

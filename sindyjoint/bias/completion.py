@@ -97,8 +97,8 @@ def _complete_run(state: ForceStates, simulated: PeriodicReplicate) -> ForceStat
         replicate = (first, second, third)
     noise = replace(
         state.noise,
-        rate=_derivative_noise(measured, simulated.angular, 1),
-        acceleration=_derivative_noise(measured, simulated.angular, 2),
+        rate=measured.derivative_noise(frequency, 1),
+        acceleration=measured.derivative_noise(frequency, 2),
     )
     return replace(
         state,
@@ -110,8 +110,3 @@ def _complete_run(state: ForceStates, simulated: PeriodicReplicate) -> ForceStat
         series=(measured,),
         completed=True,
     )
-
-
-def _derivative_noise(kept: Harmonics, angular: float, order: int) -> float:
-    """Return the standard error of a derivative of the series, RMS over the cycle."""
-    return float(np.sqrt(np.sum(((angular * kept.orders) ** order * kept.standard_error) ** 2)))

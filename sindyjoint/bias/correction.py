@@ -173,20 +173,18 @@ def corrected_model(
     terms: Sequence[ResolvedTerm],
     campaign: Campaign,
     states: Sequence[ForceStates],
-    pairs: int = PAIRS,
-    random_state: Any = 0,
     known: Sequence[ResolvedTerm] = (),
     moved: Array | None = None,
 ) -> Corrected:
     """Return a model with its bias taken out.
 
-    Parameters are those of :func:`measure_bias`; ``moved``, shape (k,), is by how much an earlier correction has
-    moved the coefficients, of which a part stays uncertain, too.
+    Parameters are those of :func:`measure_bias`, whose noise is drawn as it is by default. ``moved``, shape (k,), is by
+    how much an earlier correction has moved the coefficients, of which a part stays uncertain, too.
     """
     if not model.terms:
         return Corrected(model, None)
     try:
-        bias = measure_bias(model, terms, campaign, states, pairs, random_state, known)
+        bias = measure_bias(model, terms, campaign, states, known=known)
     except (SimulationError, InputError) as cause:
         return Corrected(model, None, str(cause))
     if not np.all(np.isfinite([bias.pooled, bias.pooled_error])):

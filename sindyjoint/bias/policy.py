@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from sindyjoint.policy import limit
 
-JUDGEMENT = "chosen by judgement"
-
 
 @dataclass(frozen=True)
 class BiasPolicy:
@@ -17,32 +15,20 @@ class BiasPolicy:
         0.25,
         "share of a measured bias that stays in the standard error: it was measured with the model's coefficients, "
         "not the joint's",
-        source=JUDGEMENT,
     )
     largest_difference: float = limit(
         0.15,
         "RMS difference of smoothed angles, relative to the angle's, up to which a replicate of a run that does not "
         "repeat stands for it",
-        source=JUDGEMENT,
     )
-    drive_band: float = limit(
-        0.8, "share of the angle's band below which the band of the drive must end", source=JUDGEMENT
-    )
-    inertia_band: float = limit(
-        0.5, "share of the angle's band above which an exciter inertia is looked for", source=JUDGEMENT
-    )
-    main_line: float = limit(
-        0.01, "density of a main line of the angle, as a share of the largest", source=JUDGEMENT
-    )
+    drive_band: float = limit(0.8, "share of the angle's band below which the band of the drive must end")
+    inertia_band: float = limit(0.5, "share of the angle's band above which an exciter inertia is looked for")
+    main_line: float = limit(0.01, "density of a main line of the angle, as a share of the largest")
     beyond_lines: float = limit(
-        1.5,
-        "multiple of the highest main line beyond which an exciter inertia is looked for",
-        source=JUDGEMENT,
+        1.5, "multiple of the highest main line beyond which an exciter inertia is looked for"
     )
     inertia_correlation: float = limit(
-        0.5,
-        "least correlation of acceleration and moment with which an exciter inertia is seen",
-        source=JUDGEMENT,
+        0.5, "least correlation of acceleration and moment with which an exciter inertia is seen"
     )
     inertia_significance: float = limit(
         3.0,
@@ -53,7 +39,6 @@ class BiasPolicy:
         2.0,
         "weighted squared difference of the harmonics beyond the first, in what errors and model allow, up to which a "
         "replicate of a periodic run stands for it",
-        source=JUDGEMENT,
     )
     harmonic_model_error: float = limit(
         0.06,
@@ -61,13 +46,12 @@ class BiasPolicy:
         source="a quarter, squared",
     )
     fundamental_difference: float = limit(
-        0.2, "relative difference of the first harmonic up to which it does", source=JUDGEMENT
+        0.2, "relative difference of the first harmonic up to which it does"
     )
     completion_matters: float = limit(
         0.01,
         "share of the moment's RMS that the inertia's moment of weak harmonics must have before they are exchanged "
         "for the model's",
-        source=JUDGEMENT,
     )
     harmonic_as_measured: float = limit(
         10.0, "standard errors from which a harmonic is the measured one", source="known to a tenth"

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.discovery.factors import DEPENDENT, Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
 
@@ -33,8 +33,6 @@ TOLERANCE = 1e-9
 MARGIN = 2.0
 # The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
 RESIDUAL = 1e4
-# A column that is so dependent on those before it cannot be distinguished from them but by rounding.
-DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +150,7 @@ class FactorSum:
         self._triangle = np.zeros((self.size, self.size))  # of all rows up to the last renewal
         self._base: Base | None = None
         self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows
-        self._find_weakest, self._weight = 0.0, 0.0
+        self._weakest, self._weight = 0.0, 0.0
         self._standing = 0.0  # rows of the last renewal
         self._scratch = np.empty((self.size, TILE))
 
@@ -177,10 +175,10 @@ class FactorSum:
         weight = self._weight + float(gram.trace())
         if not np.isfinite(weight):
             raise _not_finite(block)
-        if not accurate(weight, self._find_weakest):
+        if not accurate(weight, self._weakest):
             # More rows have come since: the weakest direction can only have grown.
-            self._find_weakest = self._base.weakest(self._gram + gram, self._standing)
-            if not accurate(weight, self._find_weakest):
+            self._weakest = self._base.weakest(self._gram + gram, self._standing)
+            if not accurate(weight, self._weakest):
                 self._renew(block)
                 return
         self.rows += n
@@ -202,7 +200,7 @@ class FactorSum:
         self._base = Base.of(Factor(self._triangle, self._standing))
         if self._base is not None:
             self._gram = self._base.products_of(self._triangle)
-            self._find_weakest = self._base.weakest(self._gram, self._standing)
+            self._weakest = self._base.weakest(self._gram, self._standing)
             self._weight = float(np.trace(self._gram))
 
 
@@ -227,7 +225,22 @@ class Tiles:
         target: Array,
         weight: Array | None = None,
     ) -> None:
-        """Add rows to a sum; parameters and errors are those of :meth:`TermSum.add`."""
+        """Add rows to a sum.
+
+        Parameters
+        ----------
+        total : FactorSum or GramSum
+        states : sequence of ndarray, shape (n,)
+            θ, θ̇ and, where a term needs it, θ̈.
+        target : ndarray, shape (n,)
+        weight : ndarray, shape (n,), optional
+            How often each row counts.
+
+        Raises
+        ------
+        InputError
+            If a term or the target has no finite value somewhere.
+        """
         for start in range(0, target.size, TILE):
             part = slice(start, start + TILE)
             block = self.columns(
@@ -249,44 +262,6 @@ class Tiles:
         if weight is not None:
             block *= np.sqrt(weight)
         return block
-
-
-class TermSum:
-    """Adds force states to the factor of some terms and a target.
-
-    Parameters
-    ----------
-    function : TermFunction
-        Of (θ, θ̇, θ̈).
-    """
-
-    def __init__(self, function: TermFunction):
-        self._tiles = Tiles(function)
-        self._sum = FactorSum(len(function.outputs))
-        self._rows = 0.0
-
-    def add(self, states: Sequence[Array], target: Array, weight: Array | None = None) -> None:
-        """Add rows.
-
-        Parameters
-        ----------
-        states : sequence of ndarray, shape (n,)
-            θ, θ̇ and, where a term needs it, θ̈.
-        target : ndarray, shape (n,)
-        weight : ndarray, shape (n,), optional
-            How often each row counts.
-
-        Raises
-        ------
-        InputError
-            If a term or the target has no finite value somewhere.
-        """
-        self._tiles.add_to(self._sum, states, target, weight)
-        self._rows += target.size if weight is None else float(weight.sum())
-
-    def factor(self) -> Factor:
-        """Return the factor of all rows so far."""
-        return Factor(self._sum.factor().triangle, self._rows)
 
 
 def _find_weakest(gram: Array) -> float:

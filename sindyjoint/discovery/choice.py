@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from sindyjoint.discovery.evidence import Evidence
@@ -52,6 +52,12 @@ class SelectionRules:
     forced: Sequence[str] = ()
     signs: Mapping[str, int] = field(default_factory=dict)
     random_state: Any = None
+
+    @classmethod
+    def of(cls, estimator: Any, forced: Sequence[str], signs: Mapping[str, int]) -> SelectionRules:
+        """Return the rules in the parameters of an estimator, with these names of columns."""
+        held = {f.name: getattr(estimator, f.name) for f in fields(cls) if f.name not in ("forced", "signs")}
+        return cls(**held, forced=tuple(forced), signs=dict(signs))
 
     def check(self) -> None:
         """Refuse a method, a selection or a number that there is not: UnknownNameError, InputError."""

@@ -25,6 +25,8 @@ from sindyjoint.states.record import ForceStates
 Array = NDArray[np.float64]
 # Samples by which a signal is prolonged, so that its spline does not depend on the end.
 EDGE = 12
+# Gauss–Newton steps, and evenly spaced rows that suffice for them.
+STEPS, ROWS = 4, 40_000
 
 
 @dataclass(frozen=True)
@@ -114,8 +116,6 @@ def estimate_delay(
     states: Sequence[ForceStates],
     terms: Sequence[ResolvedTerm],
     inertia: float | None,
-    iterations: int = 4,
-    most_rows: int = 40_000,
 ) -> ChannelDelay:
     """Return the time by which the moment lags the angle, under a law made of ``terms``.
 
@@ -126,15 +126,11 @@ def estimate_delay(
         The law, its coefficients fitted anew at every step. Inertia among them where it is not declared.
     inertia : float or None
         kg·m².
-    iterations : int
-        Gauss–Newton steps.
-    most_rows : int
-        Rows used; evenly spaced ones suffice.
     """
     states = [replace(s, replicate=None) for s in states]
-    stride = max(1, sum(s.n_samples for s in states) // most_rows)
+    stride = max(1, sum(s.n_samples for s in states) // ROWS)
     time, error, residual = 0.0, float("inf"), float("nan")
-    for _ in range(iterations):
+    for _ in range(STEPS):
         evidence = _linearise_law([shifted(s, time) for s in states], terms, inertia, stride)
         fit = fit_columns(evidence, range(len(terms) + 1))
         step, error, residual = float(fit.coefficients[-1]), float(fit.standard_errors[-1]), fit.residual_rms

@@ -279,16 +279,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         return evidence.take(keep)
 
     def _rules(self) -> SelectionRules:
-        return SelectionRules(
-            method=self.method,
-            selection=self.selection,
-            threshold=self.threshold,
-            significance=self.significance,
-            least_share=self.least_share,
-            forced=tuple(self.forced),
-            signs=dict(self.signs or {}),
-            random_state=self.random_state,
-        )
+        return SelectionRules.of(self, self.forced, self.signs or {})
 
     def _with_fixed(self, evidence: Evidence) -> Evidence:
         """Take what the fixed terms carry out of the target, and remember their share of it."""

@@ -188,7 +188,7 @@ def fit_columns(evidence: Evidence, columns: Sequence[int]) -> Fit:
 
 
 def block_covariance(
-    evidence: Evidence, columns: Sequence[int], coefficients: Array, inverse: Array | None = None
+    evidence: Evidence, columns: Sequence[int], coefficients: Array, inverse: Array
 ) -> tuple[Array, int, Array]:
     """Return the covariance of coefficients from the scatter of the blocks' scores, and its degrees of freedom.
 
@@ -199,36 +199,45 @@ def block_covariance(
     cov(c) = (XᵀX)⁻¹ [Σ_runs B/(B−1) Σ_b (s_b − s̄)(s_b − s̄)ᵀ] (XᵀX)⁻¹.
     Since X_b is computed from the motion of the block, noise of angle and rate is in the scatter, and correlation
     within a block does not matter. The cluster-robust covariance of Liang and Zeger (1986), clusters = blocks.
-    ``inverse`` is the R⁻¹ of the columns, shape (k, k), where it is known.
+    ``inverse`` is the R⁻¹ of the columns, shape (k, k).
     """
-    index = [*columns]
-    if inverse is None:
-        factor, norms, _ = evidence.pooled.take(index).normalised()
-        inverse = factor.inverse() / norms[:, None]
     bread = inverse @ inverse.T
-    triangles, sizes = evidence.scattered
+    scores, sizes = block_scores(evidence, columns, coefficients)
     degrees = int(np.sum(sizes - 1))
     if not degrees:
-        return np.zeros_like(bread), 0, np.zeros(len(index))
-    scores = _scores(triangles, index, coefficients)
+        return np.zeros_like(bread), 0, np.zeros(len(bread))
     starts = np.cumsum(sizes) - sizes
-    scores -= np.repeat(np.add.reduceat(scores, starts) / sizes[:, None], sizes, axis=0)
-    scores *= np.repeat(np.sqrt(sizes / (sizes - 1)), sizes)[:, None]
     meat = scores.T @ scores
     # Scaled by the norms: squares of variances of cubic stiffness and of friction differ by forty orders.
     shares = np.add.reduceat((scores @ bread) ** 2, starts) / np.diag(bread)
     parts, squares = shares.sum(axis=0), (shares**2 / (sizes - 1)[:, None]).sum(axis=0)
     # Coefficients fitted to few blocks make them agree: the usual n/(n − p).
-    shrink = max(degrees - len(index), 1)
     effective = np.where(squares > 0, parts**2 / np.where(squares > 0, squares, 1.0), float(degrees))
-    return bread @ meat @ bread * (degrees / shrink), degrees, effective
+    return bread @ meat @ bread * small_sample(degrees, len(bread)), degrees, effective
 
 
-def _scores(triangles: Array, index: list[int], coefficients: Array) -> Array:
-    """Return X_bᵀ(y_b − X_b c) of every block, shape (blocks, k)."""
-    columns = triangles[:, :, index]
-    residual = triangles[:, :, -1] - columns @ coefficients
-    return (columns.transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
+def block_scores(
+    evidence: Evidence, columns: Sequence[int], coefficients: Array
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return the scores X_bᵀ(y_b − X_b c) of every block, shape (blocks, k), and the number of blocks of each run.
+
+    Less their mean over the run's B blocks and times √(B/(B−1)), which makes up for that mean; runs of one block, which
+    has no scatter, are left out.
+    """
+    triangles, sizes = evidence.scattered
+    part = triangles[:, :, [*columns]]
+    residual = triangles[:, :, -1] - part @ coefficients
+    scores = (part.transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
+    if sizes.size:
+        mean = np.add.reduceat(scores, np.cumsum(sizes) - sizes) / sizes[:, None]
+        scores -= np.repeat(mean, sizes, axis=0)
+        scores *= np.repeat(np.sqrt(sizes / (sizes - 1)), sizes)[:, None]
+    return scores, sizes
+
+
+def small_sample(degrees: int, columns: int) -> float:
+    """Return the factor n/(n − k) of a covariance that rests on n blocks and k fitted columns."""
+    return degrees / max(degrees - columns, 1) if degrees else 1.0
 
 
 def left_out_estimates(evidence: Evidence, columns: Sequence[int]) -> Array:

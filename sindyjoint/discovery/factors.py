@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 # Numbers of a matrix below which what NumPy does about its decomposition takes longer than the decomposition.
 SMALL = 10_000
+# Norm of what is left of a unit column, below which it is a combination of those before it.
+DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,15 +129,13 @@ class Factor:
         return self.triangle[:, :-1].T @ residual
 
 
-def merge(factors: Iterable[Factor], weights: ArrayLike | None = None) -> Factor:
+def merge(factors: Iterable[Factor]) -> Factor:
     """Return the factor of all rows of several factors.
 
     Parameters
     ----------
     factors : iterable of Factor
         With the same columns.
-    weights : array_like, optional
-        How often each factor counts; a whole number repeats it, zero leaves it out.
 
     Raises
     ------
@@ -143,8 +143,6 @@ def merge(factors: Iterable[Factor], weights: ArrayLike | None = None) -> Factor
         If there is nothing to merge.
     """
     parts = list(factors)
-    if weights is not None:
-        parts = [part.scaled(float(w)) for part, w in zip(parts, np.asarray(weights), strict=True) if w > 0]
     if not parts:
         raise InputError("no factor to merge; expected at least one block of rows")
     if len(parts) == 1:
@@ -178,8 +176,8 @@ def _upper(rows: int, columns: int) -> Array:
     return np.triu(np.ones((rows, columns)))
 
 
-def dependent_columns(factor: Factor, tolerance: float = 1e-9) -> list[int]:
-    """Return columns that are linear combinations of earlier columns, to a relative tolerance."""
+def dependent_columns(factor: Factor) -> list[int]:
+    """Return columns that are linear combinations of earlier columns."""
     scaled, _, _ = factor.normalised()
     diagonal = np.abs(np.diag(scaled.triangle))[:-1]
-    return [int(index) for index in np.flatnonzero(diagonal < tolerance)]
+    return [int(index) for index in np.flatnonzero(diagonal < DEPENDENT)]

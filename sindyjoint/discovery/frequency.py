@@ -249,12 +249,12 @@ def weighted_slope(f: Array, x: Array, s: Array) -> tuple[float, float]:
     return float(w @ (centre * x)) / spread, spread**-0.5
 
 
-def detectable_change(test: FrequencyTest, power: float = 0.8) -> float:
-    """Return the relative change over the band that a trend test would find with the given probability."""
+def detectable_change(test: FrequencyTest) -> float:
+    """Return the relative change over the band that a trend test would find in four of five cases."""
     from scipy.special import stdtrit
 
     degrees = len(test.estimates) - 2 if np.isnan(test.p_homogeneity) else 1e6
-    need = float(stdtrit(degrees, 1 - POLICY.frequency_level / 2) + stdtrit(degrees, power))
+    need = float(stdtrit(degrees, 1 - POLICY.frequency_level / 2) + stdtrit(degrees, 0.8))
     return need * test.slope_error * (max(test.frequencies) - min(test.frequencies)) / abs(test.mean)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
@@ -23,7 +24,6 @@ from sindyjoint.errors import InputError, MissingExtraError, UnknownNameError
 
 Array = NDArray[np.float64]
 Path = list[tuple[int, ...]]
-Method = Callable[[Evidence, tuple[int, ...], Mapping[int, int], np.random.Generator], Path]
 
 # Thresholds on scaled coefficients, as shares of the target's RMS.
 THRESHOLDS = np.geomspace(1e-3, 1.0, 43)
@@ -32,31 +32,57 @@ ENSEMBLE_THRESHOLDS = np.geomspace(2e-3, 0.5, 12)
 ENSEMBLE_MODELS = 20
 
 
-def _stlsq(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What a method is asked: the evidence, columns that every set holds, signs that coefficients must have."""
+
+    evidence: Evidence
+    forced: tuple[int, ...]
+    signs: Mapping[int, int]
+    rng: np.random.Generator
+
+    @property
+    def factor(self) -> Factor:
+        """Of all rows."""
+        return self.evidence.pooled
+
+    @property
+    def all_columns(self) -> tuple[int, ...]:
+        return tuple(range(self.factor.n_columns))
+
+    @property
+    def problem(self) -> tuple[Array, Array]:
+        """Columns and target of unit norm, shape (p + 1, p) and (p + 1, 1)."""
+        triangle = self.factor.normalised()[0].triangle
+        return triangle[:, :-1], triangle[:, -1:]
+
+
+Method = Callable[[_Asked], Path]
+
+
+def _stlsq(asked: _Asked) -> Path:
     """Sequentially thresholded least squares on unique shares, one term at a time, with exchange."""
-    return elimination_path(evidence.pooled, forced)
+    return elimination_path(asked.factor, asked.forced)
 
 
-def _backward(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+def _backward(asked: _Asked) -> Path:
     """Backward elimination: the term whose removal costs least goes, and does not come back."""
-    return backward_path(evidence.pooled, forced)
+    return backward_path(asked.factor, asked.forced)
 
 
-def _best_subset(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+def _best_subset(asked: _Asked) -> Path:
     """Exact best subset of every size, by branch and bound."""
     from sindyjoint.discovery.best_subset import best_subsets
 
-    return [subset.columns for subset in best_subsets(evidence.pooled, forced, signs)]
+    return [subset.columns for subset in best_subsets(asked.factor, asked.forced, asked.signs)]
 
 
-def _coefficient_stlsq(
-    evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any
-) -> Path:
+def _coefficient_stlsq(asked: _Asked) -> Path:
     """STLSQ of pysindy on scaled columns, all coefficients below the threshold removed at once."""
-    return _threshold_path(evidence.pooled, _pysindy_stlsq, forced)
+    return _threshold_path(asked, _pysindy_stlsq)
 
 
-def _sr3(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+def _sr3(asked: _Asked) -> Path:
     """SR3 of pysindy with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
     from pysindy.optimizers import SR3
 
@@ -70,30 +96,28 @@ def _sr3(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], 
             tol=1e-9,
         )
 
-    return _threshold_path(evidence.pooled, build, forced)
+    return _threshold_path(asked, build)
 
 
-def _ssr(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+def _ssr(asked: _Asked) -> Path:
     """SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
     from pysindy.optimizers import SSR
 
-    factor = evidence.pooled
-    return _history_path(factor, SSR(alpha=0.0, unbias=False, max_iter=factor.n_columns), forced)
+    return _history_path(asked, SSR(alpha=0.0, unbias=False, max_iter=asked.factor.n_columns))
 
 
-def _frols(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+def _frols(asked: _Asked) -> Path:
     """FROLS of pysindy, forward regression by error reduction ratio (Billings 2013)."""
     from pysindy.optimizers import FROLS
 
-    factor = evidence.pooled
-    return _history_path(factor, FROLS(alpha=0.0, unbias=False, max_iter=factor.n_columns), forced)
+    return _history_path(asked, FROLS(alpha=0.0, unbias=False, max_iter=asked.factor.n_columns))
 
 
-def _ensemble(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+def _ensemble(asked: _Asked) -> Path:
     """EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
     from pysindy.optimizers import EnsembleOptimizer
 
-    resampled = [_resampled_blocks(evidence, rng) for _ in range(ENSEMBLE_MODELS)]
+    resampled = [_resampled_blocks(asked) for _ in range(ENSEMBLE_MODELS)]
 
     class BlockEnsemble(EnsembleOptimizer):
         """The ensemble with its resampling handed in: the base class draws single rows from the global generator."""
@@ -108,10 +132,10 @@ def _ensemble(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, i
     def build(threshold: float) -> Any:
         return BlockEnsemble(_pysindy_stlsq(threshold), bagging=True, n_models=ENSEMBLE_MODELS)
 
-    return _threshold_path(evidence.pooled, build, forced, ENSEMBLE_THRESHOLDS)
+    return _threshold_path(asked, build, ENSEMBLE_THRESHOLDS)
 
 
-def _lasso_lars(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+def _lasso_lars(asked: _Asked) -> Path:
     """Least-angle regression with the l1 penalty: the sets of its path, the one of least BIC among them.
 
     Efron, Hastie, Johnstone and Tibshirani, Annals of Statistics 32(2), 2004. Set sizes are met more than once; all
@@ -119,19 +143,16 @@ def _lasso_lars(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int,
     """
     from sklearn.linear_model import LassoLarsIC
 
-    scaled, _, _ = evidence.pooled.normalised()
     # LassoLarsIC wants the noise variance where rows are no more than columns, as on a factor: that of the full fit.
-    noise = max(scaled.triangle[-1, -1] ** 2 / max(evidence.pooled.rows - scaled.n_columns, 1), 1e-30)
+    corner = asked.factor.normalised()[0].triangle[-1, -1]
+    noise = max(corner**2 / max(asked.factor.rows - asked.factor.n_columns, 1), 1e-30)
+    columns, target = asked.problem
     fit = LassoLarsIC(criterion="bic", fit_intercept=False, noise_variance=noise)
-    _quiet(lambda: fit.fit(scaled.triangle[:, :-1], scaled.triangle[:, -1]))
+    _quiet(lambda: fit.fit(columns, target[:, 0]))
     from sklearn.linear_model import lars_path
 
-    path = _quiet(lambda: lars_path(scaled.triangle[:, :-1], scaled.triangle[:, -1], method="lasso")[2])
-    return [
-        tuple(range(scaled.n_columns)),
-        _nonzero(fit.coef_, forced),
-        *(_nonzero(c, forced) for c in path.T),
-    ]
+    path = _quiet(lambda: lars_path(columns, target[:, 0], method="lasso")[2])
+    return [asked.all_columns, _nonzero(fit.coef_, asked), *(_nonzero(c, asked) for c in path.T)]
 
 
 METHODS: dict[str, Method] = {
@@ -205,17 +226,16 @@ def _named_optimiser(method: str) -> Any:
 def _foreign(method: Any) -> Method:
     """Return a method that gives the set which an optimiser of pysindy keeps at its own settings, and its history."""
 
-    def proposed(evidence: Evidence, forced: tuple[int, ...], signs: Mapping[int, int], rng: Any) -> Path:
+    def proposed(asked: _Asked) -> Path:
         optimiser = _named_optimiser(method) if isinstance(method, str) else deepcopy(method)
-        scaled, _, _ = evidence.pooled.normalised()
-        columns, target = scaled.triangle[:, :-1], scaled.triangle[:, -1:]
+        columns, target = asked.problem
         try:
             _quiet(lambda: optimiser.fit(columns, target))
         except Exception as error:  # a foreign optimizer may raise anything
             raise InputError(f"{label_of(method)} cannot fit these candidates: {error}") from error
         history = [np.atleast_2d(np.asarray(c)) for c in getattr(optimiser, "history_", [])]
-        kept = [c for c in [*history, np.atleast_2d(optimiser.coef_)] if c.shape == (1, scaled.n_columns)]
-        return [*(_nonzero(c, forced) for c in kept)]
+        kept = [c for c in [*history, np.atleast_2d(optimiser.coef_)] if c.shape == (1, columns.shape[1])]
+        return [_nonzero(c, asked) for c in kept]
 
     return proposed
 
@@ -245,7 +265,7 @@ def column_path(
     signs = dict(signs or {})
     known = METHODS.get(method) if isinstance(method, str) else None
     propose = known or _foreign(method)
-    sets = propose(evidence, tuple(forced), signs, np.random.default_rng(random_state))
+    sets = propose(_Asked(evidence, tuple(forced), signs, np.random.default_rng(random_state)))
     if signs:
         sets = [s for each in sets for s in (each, obedient(evidence.pooled, each, signs))]
     unique = dict.fromkeys(tuple(sorted(s)) for s in sets if s)
@@ -272,12 +292,12 @@ def _pysindy_stlsq(threshold: float) -> Any:
     return STLSQ(threshold=threshold, alpha=0.0, unbias=False)
 
 
-def _resampled_blocks(evidence: Evidence, rng: np.random.Generator) -> Factor:
+def _resampled_blocks(asked: _Asked) -> Factor:
     """Return the normalised factor of blocks drawn with replacement, as many of each run as it has."""
     drawn = []
-    for run in evidence.runs:
+    for run in asked.evidence.runs:
         count = len(run.blocks)
-        drawn += [run.blocks[i] for i in rng.integers(0, count, count)] if count > 1 else [run.pooled]
+        drawn += [run.blocks[i] for i in asked.rng.integers(0, count, count)] if count > 1 else [run.pooled]
     return merge(drawn).normalised()[0]
 
 
@@ -296,29 +316,24 @@ def _quiet(fit: Callable[[], Any]) -> Any:
         return fit()
 
 
-def _threshold_path(
-    factor: Factor, build: Callable[[float], Any], forced: Sequence[int], thresholds: Array = THRESHOLDS
-) -> Path:
-    scaled, _, _ = factor.normalised()
-    columns, target = scaled.triangle[:, :-1], scaled.triangle[:, -1:]
-    path: Path = [tuple(range(scaled.n_columns))]
+def _threshold_path(asked: _Asked, build: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
+    columns, target = asked.problem
+    path: Path = [asked.all_columns]
     for threshold in thresholds:
         optimiser = build(float(threshold))
         _quiet(lambda optimiser=optimiser: optimiser.fit(columns, target))  # type: ignore[misc]
-        path.append(_nonzero(optimiser.coef_, forced))
-        if len(path[-1]) <= max(1, len(forced)):
+        path.append(_nonzero(optimiser.coef_, asked))
+        if len(path[-1]) <= max(1, len(asked.forced)):
             break
     return path
 
 
-def _history_path(factor: Factor, optimiser: Any, forced: Sequence[int]) -> Path:
-    scaled, _, _ = factor.normalised()
-    columns, target = scaled.triangle[:, :-1], scaled.triangle[:, -1:]
-    _quiet(lambda: optimiser.fit(columns, target))
-    return [tuple(range(scaled.n_columns)), *(_nonzero(c, forced) for c in optimiser.history_)]
+def _history_path(asked: _Asked, optimiser: Any) -> Path:
+    _quiet(lambda: optimiser.fit(*asked.problem))
+    return [asked.all_columns, *(_nonzero(c, asked) for c in optimiser.history_)]
 
 
-def _nonzero(coefficients: Any, forced: Sequence[int]) -> tuple[int, ...]:
+def _nonzero(coefficients: Any, asked: _Asked) -> tuple[int, ...]:
     values = np.asarray(coefficients, dtype=float)
     values = values.reshape(-1, values.shape[-1])[0] if values.ndim > 1 else values
-    return tuple(sorted({*np.flatnonzero(values).tolist(), *forced}))
+    return tuple(sorted({*np.flatnonzero(values).tolist(), *asked.forced}))

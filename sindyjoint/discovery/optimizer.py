@@ -159,7 +159,7 @@ class UniqueShareSTLSQ(BaseOptimizer):
             raise InputError(
                 f"fit got {next(iter(reduce_kws))!r}; sample_weight, groups, runs and blocks are known"
             )
-        self._rules((), {str(column): sign for column, sign in (self.signs or {}).items()}).check()
+        self._check_parameters()
         columns = check_array(np.asarray(x_), dtype=np.float64)
         targets = check_array(np.asarray(y), dtype=np.float64, ensure_2d=False)
         check_consistent_length(columns, targets)
@@ -192,7 +192,7 @@ class UniqueShareSTLSQ(BaseOptimizer):
         shared_motion : bool
             Whether the blocks of a run share one estimate of the motion.
         """
-        self._rules((), {str(column): sign for column, sign in (self.signs or {}).items()}).check()
+        self._check_parameters()
         self._keep([self._choice(evidence, shared_motion)], evidence.ids)
         return self
 
@@ -205,20 +205,12 @@ class UniqueShareSTLSQ(BaseOptimizer):
         evidence = evidence.take([i for i in range(len(evidence.ids)) if i not in dependent])
         forced = [self._name(names, "forced", column) for column in self.forced]
         signs = {self._name(names, "signs", column): sign for column, sign in (self.signs or {}).items()}
-        selection, self.least_share_ = choose(evidence, self._rules(forced, signs), shared_motion)
+        selection, self.least_share_ = choose(evidence, SelectionRules.of(self, forced, signs), shared_motion)
         return evidence, selection
 
-    def _rules(self, forced: Sequence[str], signs: Mapping[str, int]) -> SelectionRules:
-        return SelectionRules(
-            method=self.method,
-            selection=self.selection,
-            threshold=self.threshold,
-            significance=self.significance,
-            least_share=self.least_share,
-            forced=tuple(forced),
-            signs=signs,
-            random_state=self.random_state,
-        )
+    def _check_parameters(self) -> None:
+        signs = {str(column): sign for column, sign in (self.signs or {}).items()}
+        SelectionRules.of(self, (), signs).check()
 
     def _names(self, count: int) -> tuple[str, ...]:
         if self.feature_names is None:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from sindyjoint.policy import limit
 
-JUDGEMENT = "chosen by judgement"
-
 
 @dataclass(frozen=True)
 class DiscoveryPolicy:
@@ -23,7 +21,6 @@ class DiscoveryPolicy:
         0.002,
         "least unique share of a term in the RMS of the moment; below, it cannot be distinguished from sensor "
         "and processing errors",
-        source=JUDGEMENT,
     )
     share_of_residual: float = limit(
         0.15,
@@ -41,7 +38,6 @@ class DiscoveryPolicy:
     separability: float = limit(
         3.0,
         "a chosen term that falls below so many standard errors when a candidate joins is not distinguishable from it",
-        source=JUDGEMENT,
     )
     largest_set: int = limit(
         9,
@@ -49,7 +45,7 @@ class DiscoveryPolicy:
         source="beyond ten terms a law is no law",
     )
     frequency_margin: float = limit(
-        0.10, "relative change of a coefficient over the band that would not matter", source=JUDGEMENT
+        0.10, "relative change of a coefficient over the band that would not matter"
     )
     frequency_level: float = limit(
         0.05, "level of the tests of homogeneity and trend over frequency", source="convention"
@@ -70,12 +66,8 @@ class DiscoveryPolicy:
         "all rows are read once more under their own",
         source="the maxima of random motion, a segment at a time, differ by less",
     )
-    longest_delay: float = limit(
-        0.02, "largest time delay between the channels that is searched", unit="s", source=JUDGEMENT
-    )
-    delay_significance: float = limit(
-        5.0, "least ratio of a time delay to its standard error", source=JUDGEMENT
-    )
+    longest_delay: float = limit(0.02, "largest time delay between the channels that is searched", unit="s")
+    delay_significance: float = limit(5.0, "least ratio of a time delay to its standard error")
     least_delay: float = limit(
         2e-5, "least time delay that is reported", unit="s", source="the method's error on simulated joints"
     )

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.accumulate import TermSum
+from sindyjoint.discovery.accumulate import FactorSum, Tiles
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
 from sindyjoint.discovery.passes import Segment, largest_of, pass_over, relative
@@ -173,7 +172,7 @@ def _read_stated_scales(
     """Return the largest angle, rate and moment that the files themselves state; None where one does not."""
     if inertia is not None:  # what they state of the moment is not what is fitted
         return None
-    stated = [[_open_file(str(path), _changed(path)).largest(name) for name in names[:3]] for path in paths]
+    stated = [[_open_file(path).largest(name) for name in names[:3]] for path in paths]
     columns = [[value for value in column if value is not None] for column in zip(*stated, strict=True)]
     if any(len(column) < len(paths) for column in columns):
         return None
@@ -184,7 +183,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
     """Return pieces spread evenly over each file; of a small one, all of it."""
     tasks = []
     for path in paths:
-        rows = _open_file(str(path), _changed(path)).rows
+        rows = _open_file(path).rows
         piece = -(-min(rows, READ) // PIECES)
         starts = np.linspace(0, rows - piece, PIECES).astype(int).tolist()
         tasks += [replace(like, path=path, start=start, stop=start + piece) for start in starts]
@@ -193,8 +192,9 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
 
 def run_rows(task: RowTask) -> Segment:
     """Work through a segment of rows."""
-    source = _open_file(str(task.path), task.path.stat().st_mtime_ns)
-    total = None if task.function is None else TermSum(task.function)
+    source = _open_file(task.path)
+    tiles = None if task.function is None else Tiles(task.function)
+    total = None if task.function is None else FactorSum(len(task.function.outputs))
     largest = np.zeros(3)
     for start in range(task.start, task.stop, task.size):
         table = source.table(start, min(start + task.size, task.stop))
@@ -204,9 +204,9 @@ def run_rows(task: RowTask) -> Segment:
         if more and task.inertia is not None:
             moment = moment - task.inertia * more[0]
         largest = np.maximum(largest, [np.max(np.abs(x)) for x in (angle, rate, moment)])
-        if total is not None:
+        if tiles is not None and total is not None:
             states = (angle, rate, *more) if task.inertia is None else (angle, rate)
-            total.add(states, moment)
+            tiles.add_to(total, states, moment)
     top = (float(largest[0]), float(largest[1]), float(largest[2]))
     rows = task.stop - task.start
     return Segment(() if total is None else (total.factor(),), top, rows, rows)
@@ -218,7 +218,7 @@ def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple
         raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); expected one each")
     found = []
     for number, path in enumerate(paths):
-        rows = _open_file(str(path), _changed(path)).rows
+        rows = _open_file(path).rows
         if rows < len(PARTS) * SEGMENTS * 2:
             raise InputError(f"{path}: {rows} rows; expected at least {len(PARTS) * SEGMENTS * 2}")
         if len(paths) == 1:
@@ -237,18 +237,7 @@ def _edges(start: int, stop: int, parts: int) -> list[int]:
     return [start + -(-part * n // parts) for part in range(parts + 1)]
 
 
-def _changed(path: Path) -> int:
-    try:
-        return path.stat().st_mtime_ns
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); expected a file of force states"
-        ) from error
-
-
-@lru_cache(maxsize=4)
-def _open_file(path: str, changed: int) -> Blocks:
-    """Return an open file; the line offsets of a text are then indexed once per process."""
+def _open_file(path: Path) -> Blocks:
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.best_subset import replicate_subsets
-from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
+from sindyjoint.discovery.evidence import Evidence, Fit, block_scores, fit_columns, small_sample
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.text import spelled
 
@@ -111,28 +111,18 @@ def bootstrap(
     return Bootstrap(tuple(evidence.ids[c] for c in columns), fit.coefficients, draws)
 
 
-def inclusion(
-    evidence: Evidence,
-    replicates: int = 500,
-    significance: float = POLICY.term_significance,
-    least_share: float = POLICY.least_share,
-    largest: int = POLICY.largest_set,
-    random_state: Any = None,
-) -> Inclusion:
+def inclusion(evidence: Evidence, replicates: int = 500, random_state: Any = None) -> Inclusion:
     """Return inclusion probabilities of all candidates.
 
     Each replicate weighs runs and draws block scores anew. Of its best subsets of every size it takes the largest in
-    which each term is significant and material: the rule of choice without its checks between groups, which a
-    resampled campaign would not repeat.
+    which each term is significant and material: the rule of choice (see
+    :func:`~sindyjoint.discovery.selection.choose_by_evidence`) without its checks between groups, which a resampled
+    campaign would not repeat.
 
     Parameters
     ----------
     evidence : Evidence
     replicates : int
-    significance, least_share : float
-        As in :func:`~sindyjoint.discovery.selection.choose_by_evidence`.
-    largest : int
-        Largest size of set that is tried.
     random_state : int, Generator or None
     """
     rng = np.random.default_rng(random_state)
@@ -144,9 +134,10 @@ def inclusion(
     triangles = _weighted_triangles(evidence, replicates, rng) / scale
     gram: Array = triangles.transpose(0, 2, 1) @ triangles
     gram[:, :p, p] += pulls / norms / target
-    meat = _meat(evidence, [*range(p)], fit) / np.outer(norms, norms) / target**2
-    subsets = replicate_subsets(triangles, min(largest, p))
-    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, significance, least_share)
+    scores, _ = block_scores(evidence, range(p), fit.coefficients)
+    meat = scores.T @ scores / np.outer(norms, norms) / target**2
+    subsets = replicate_subsets(triangles, min(POLICY.largest_set, p))
+    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees)
     sets: dict[tuple[str, ...], int] = {}
     for row in chosen:
         key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
@@ -206,38 +197,12 @@ def _score_draws(
 ) -> Array:
     """Return what resampled blocks pull at the normal equations, shape (replicates, k)."""
     total = np.zeros((replicates, len(columns)))
-    for scores in _centred_scores(evidence, columns, fit):
-        count = len(scores)
+    scores, sizes = block_scores(evidence, columns, fit.coefficients)
+    for part in np.split(scores, np.cumsum(sizes))[:-1]:
+        count = len(part)
         drawn = rng.multinomial(count, np.full(count, 1 / count), size=replicates) - 1.0
-        # Multinomial counts vary by (B−1)/B about one; B/(B−1) twice, as in the covariance, makes up for the mean.
-        total += drawn @ scores * (count / (count - 1)) ** 0.5
-    return total * _small_sample(fit) ** 0.5
-
-
-def _meat(evidence: Evidence, columns: list[int], fit: Fit) -> Array:
-    """Return the covariance of the normal equations' right-hand side, shape (k, k)."""
-    total = np.zeros((len(columns), len(columns)))
-    for scores in _centred_scores(evidence, columns, fit):
-        total += scores.T @ scores * len(scores) / (len(scores) - 1)
-    return total
-
-
-def _centred_scores(evidence: Evidence, columns: list[int], fit: Fit) -> list[Array]:
-    """Return the scores X_bᵀ(y_b − X_b c) of each run's blocks about their mean, each of shape (blocks, k)."""
-    everything = []
-    coefficients = np.zeros(len(evidence.ids))
-    coefficients[columns] = fit.coefficients
-    for run in evidence.runs:
-        if len(run.blocks) < 2:
-            continue
-        scores = np.array([block.score(coefficients)[columns] for block in run.blocks])
-        everything.append(scores - scores.mean(axis=0))
-    return everything
-
-
-def _small_sample(fit: Fit) -> float:
-    """Return the factor n/(n − k) of a covariance that rests on n blocks, as in that of the fit."""
-    return fit.degrees / max(fit.degrees - len(fit.columns), 1) if fit.degrees else 1.0
+        total += drawn @ part
+    return total * small_sample(fit.degrees, len(columns)) ** 0.5
 
 
 def _weighted_triangles(evidence: Evidence, replicates: int, rng: np.random.Generator) -> Array:
@@ -262,8 +227,6 @@ def _largest_passing(
     gram: Array,
     meat: Array,
     degrees: int,
-    significance: float,
-    least_share: float,
 ) -> NDArray[np.bool_]:
     """Return for each replicate the largest of its subsets in which every term passes, shape (replicates, p)."""
     p = gram.shape[1] - 1
@@ -273,7 +236,7 @@ def _largest_passing(
         marks = subsets[waiting, size]
         active = np.nonzero(marks)[1].reshape(-1, size)
         t, share = _t_and_share(triangles[waiting], gram[waiting], meat, active, degrees)
-        passes = (t.min(axis=1) >= significance) & (share.min(axis=1) >= least_share)
+        passes = (t.min(axis=1) >= POLICY.term_significance) & (share.min(axis=1) >= POLICY.least_share)
         chosen[waiting[passes]] = marks[passes]
         waiting = waiting[~passes]
         if not waiting.size:
@@ -299,7 +262,7 @@ def _t_and_share(
     share = np.abs(solved) / np.sqrt(np.einsum("bii->bi", inverse)) / np.sqrt(gram[:, p, p])[:, None]
     middle = meat[active[:, :, None], active[:, None, :]]
     spread = np.einsum("bij,bjk,bki->bi", inverse, middle, inverse, optimize=True)
-    shrink = degrees / max(degrees - active.shape[1], 1) if degrees else 1.0
+    shrink = small_sample(degrees, active.shape[1])
     with np.errstate(divide="ignore"):
         t = np.abs(solved) / np.sqrt(spread * shrink)
     return np.where(alike[:, None], 0.0, t), np.where(alike[:, None], 0.0, share)

@@ -100,10 +100,9 @@ class TermFunction:
         n = sizes.pop() if sizes else 1
         out = np.empty((n, len(self.outputs)), order="F")
         scratch = np.empty((len(self.operations), min(n, BLOCK)))
-        with np.errstate(all="ignore"):
-            for rows in chunks(n, BLOCK):
-                inputs = [array[rows] if array.ndim else array[()] for array in arrays]
-                self._run(inputs, scratch[:, : rows.stop - rows.start], out[rows])
+        for rows in chunks(n, BLOCK):
+            inputs = [array[rows] if array.ndim else array[()] for array in arrays]
+            self.tile(inputs, scratch[:, : rows.stop - rows.start], out[rows].T)
         return out
 
     def tile(self, inputs: Sequence[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:
@@ -133,17 +132,6 @@ class TermFunction:
         for row_number, register in enumerate(self.outputs):
             if register < first or rows_of[register] != row_number:
                 out[row_number] = registers[register]
-
-    def _run(self, inputs: list[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        registers: list[Any] = [*inputs, *self.constants]
-        for row, (name, first, second) in zip(scratch, self.operations, strict=True):
-            if second < 0:
-                UNARY[name](registers[first], out=row)
-            else:
-                BINARY[name](registers[first], registers[second], out=row)
-            registers.append(row)
-        for column, register in enumerate(self.outputs):
-            out[:, column] = registers[register]
 
 
 def compile_terms(

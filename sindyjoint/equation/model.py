@@ -221,9 +221,9 @@ class JointModel:
         data["joint"]["labels"] = dict(self.joint.labels)
         return {"schema": SCHEMA, "kind": "JointModel", **data}
 
-    def to_json(self, indent: int | None = 1) -> str:
+    def to_json(self) -> str:
         """Return the model as JSON text."""
-        return json.dumps(self.to_dict(), indent=indent, ensure_ascii=False)
+        return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> JointModel:

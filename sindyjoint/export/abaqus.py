@@ -6,9 +6,9 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
-from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law
-from sindyjoint.export.text import comment, number, preamble
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
+from sindyjoint.export.text import comment, number, preamble, words_of
 
 POINTS = 41
 
@@ -17,7 +17,7 @@ def export(model: JointModel) -> Export:
     """Write ``joint.inp``, to be included into an input file."""
     parts, cycles = Parts.of(model), Cycles.of(model)
     sliding, remaining = _sliding_terms(parts)
-    words = lumped.names(model)
+    words = words_of(model)
     friction = _Friction(parts, sliding)
     damping = tuple(term for term in parts.other_rate if term not in sliding)
     curve = lumped.elastic_curve(parts, POINTS)
@@ -44,10 +44,9 @@ def export(model: JointModel) -> Export:
         *friction.notes(),
         *lumped.inertia_note(model),
     )
-    missing = not_carried(rows)
-    text = comment(preamble(model, "Abaqus", rows, missing, notes), "**")
+    text = comment(preamble(model, "Abaqus", rows, notes), "**")
     text += _deck(model, parts, curve, rates if damping else None, friction)
-    return Export("abaqus", {"joint.inp": text}, rows, missing, notes)
+    return Export("abaqus", {"joint.inp": text}, rows, notes)
 
 
 def _sliding_terms(parts: Parts) -> tuple[tuple[ModelTerm, ...], tuple[ModelTerm, ...]]:
@@ -63,7 +62,7 @@ class _Friction:
         self.parts, self.terms = parts, terms
         self.nodes = parts.elastic_nodes(POINTS) if any(t in parts.coupled for t in terms) else np.zeros(1)
         # At an infinitely small positive rate the sign is 1 and nothing else remains.
-        self.limit = sum((contribution(t, self.nodes, 1e-300) for t in terms), np.zeros(self.nodes.size))
+        self.limit = total(terms, self.nodes, 1e-300)
         self.possible = bool(terms) and bool(np.all(self.limit >= 0)) and bool(self.limit.max() > 0)
         self.stiffness = float(self.limit.max()) / (GIVE * parts.model.fitted.angle)
 
@@ -78,7 +77,7 @@ class _Friction:
         return {
             term.id: Represented(
                 "connector friction; sticks as a spring that gives way by "
-                f"{GIVE:g} of the tested {lumped.names(self.parts.model).angle}",
+                f"{GIVE:g} of the tested {words_of(self.parts.model).angle}",
                 slider * share[term.id] / safe,
             )
             for term in self.terms
@@ -94,7 +93,7 @@ class _Friction:
     def notes(self) -> tuple[str, ...]:
         if not self.possible:
             return ()
-        unit = lumped.names(self.parts.model)
+        unit = words_of(self.parts.model)
         return (
             f"while it sticks, friction is a spring of {self.stiffness:.6g} {unit.stiffness_unit} (STICK STIFFNESS); "
             "raise it where the stuck joint must be stiffer, at the price of smaller increments",

@@ -13,9 +13,9 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
-from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law
-from sindyjoint.export.text import comment, number, preamble
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
+from sindyjoint.export.text import comment, number, preamble, words_of
 
 POINTS = 19  # a COMBIN39 holds twenty
 DEFAULT_RIG = "pulse-rig"
@@ -35,7 +35,6 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
     parts, cycles = Parts.of(model), Cycles.of(model)
     elements = _Elements(parts)
     rows = fidelity_table(model, cycles, elements.rows(cycles))
-    missing = not_carried(rows)
     notes = (
         "set JNTI and JNTJ to two coincident nodes, base's side first, then read this file; it defines element types "
         "and real constants behind those in use",
@@ -46,14 +45,14 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
         lumped.range_note(model, "the table goes on with its last slope"),
         *lumped.inertia_note(model),
     )
-    text = comment(preamble(model, "ANSYS Mechanical APDL", rows, missing, notes), "!")
+    text = comment(preamble(model, "ANSYS Mechanical APDL", rows, notes), "!")
     files: dict[str, str | bytes] = {"joint.inp": text + elements.deck()}
     if elements.rotation:
         name, deck = rig_deck(model, rig)
         files[name] = deck
     else:
         notes = (*notes, "no rig is written: its joints turn, and this one slides")
-    return Export("ansys", files, rows, missing, notes)
+    return Export("ansys", files, rows, notes)
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class _Elements:
         self.springs = springs
         self.linear = bool(springs) and parts.is_linear_spring
         nodes = parts.elastic_nodes(POINTS)
-        values = sum((contribution(t, nodes, 0.0) for t in springs), np.zeros(nodes.size))
+        values = total(springs, nodes, 0.0)
         middle = nodes.size // 2
         self.offset = float(values[middle])  # COMBIN39 passes through the origin
         self.curve = Curve(nodes, values - self.offset)
@@ -91,7 +90,7 @@ class _Elements:
         self.stick = GIVE * angle
 
     def rows(self, cycles: Cycles) -> dict[str, Represented]:
-        words = lumped.names(self.parts.model)
+        words = words_of(self.parts.model)
         rows: dict[str, Represented] = {}
         if self.linear:
             rows |= {t.id: Represented("COMBIN40, K2", cycles.term(t)) for t in self.springs}
@@ -137,7 +136,7 @@ class _Elements:
     def notes(self) -> tuple[str, ...]:
         if not self.friction:
             return ()
-        unit = lumped.names(self.parts.model).stiffness_unit
+        unit = words_of(self.parts.model).stiffness_unit
         return (
             f"while it sticks, friction is a spring of {self.friction / self.stick:.6g} {unit} (COMBIN40, K1); raise "
             "it where the stuck joint must be stiffer, at the price of smaller steps",
@@ -146,7 +145,7 @@ class _Elements:
     def deck(self) -> str:
         """Return the commands."""
         dof = 6 if self.rotation else 1
-        words = lumped.names(self.parts.model)
+        words = words_of(self.parts.model)
         lines = [
             "/PREP7",
             "*GET,JNT_T,ETYP,0,NUM,MAX  ! highest numbers in use",

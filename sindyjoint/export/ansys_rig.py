@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.export.text import ascii_line, comment, heading, number
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.structure import Hinge, LumpedMass, assemble
 
 # A beam is given to us as EI and mass per length; with this Young's modulus they become a section.
@@ -32,22 +34,34 @@ class _AtRest:
         return self.model.moment(angle, 0.0)
 
 
-@dataclass
-class _Chain:
-    """Commands for the parts in their order, and the end of the chain so far."""
+@dataclass(frozen=True)
+class _Section:
+    """A beam as the program wants it."""
 
-    frequency: float
-    lines: list[str] = field(default_factory=list)
-    node: int = 1
-    x: float = 0.0
-    sections: int = 0
-    points: dict[str, int] = field(default_factory=dict)
+    area: float
+    inertia: float
+    shear: float
+    damping: float  # BETD
 
-    def new_node(self, length: float) -> int:
-        self.node += 1
-        self.x += length
-        self.lines.append(f"N,{self.node},{number(self.x)},0.0,0.0")
-        return self.node
+    @classmethod
+    def of(cls, beam: Beam, frequency: float) -> _Section:
+        # A loss factor is twice the damping ratio: BETD * omega / 2 = loss / 2 at the first frequency.
+        return cls(
+            beam.mass_per_length / DENSITY, beam.bending_stiffness / YOUNGS_MODULUS,
+            1e6 * beam.bending_stiffness / beam.length**2, beam.loss_factor / (2 * np.pi * frequency),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the chain: number of its section or real constant, new nodes with positions, last node."""
+
+    item: Beam | Hinge | LumpedMass
+    title: str
+    number: int
+    section: _Section | None
+    nodes: tuple[tuple[int, float], ...]
+    end: int
 
 
 def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
@@ -73,11 +87,8 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
     structure = assemble(items, given.clamp_stiffness)
     # A joint without stiffness, a drive say, makes a mechanism: its beams then have the damping of the locked rig.
     locked = not bool(np.all(structure.tangent_stiffness() > 0))
-    chain = _Chain(float(structure.frequencies(1, locked=locked)[0]))
-    _base(chain, given)
-    for item in items:
-        _part(chain, item)
-    chain.points["tip"] = chain.node
+    frequency = float(structure.frequencies(1, locked=locked)[0])
+    parts = _parts(items, frequency)
     name = ascii_line(given.name)
     file = "".join(c if c.isalnum() else "-" for c in name.lower()).strip("-") or "rig"
     if file == "joint":
@@ -87,134 +98,46 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
             *heading(model, "ANSYS Mechanical APDL"), "", f"Rig: {name}. {ascii_line(given.description)}",
             f"{sum(isinstance(i, Hinge) for i in items)} joint(s), each with the law of joint.inp next to this file; "
             f"first frequency with {'locked joints' if locked else 'the stiffness at standstill'} "
-            f"{chain.frequency:.4f} Hz.",
+            f"{frequency:.4f} Hz.",
             "Plane motion in x and y. Beams have their bending stiffness and mass per length as a section of "
             f"E = {YOUNGS_MODULUS:g} Pa, shear is made stiff as in Euler-Bernoulli beams; material loss is damping in "
             "proportion to stiffness, equal to the loss factor at the first frequency.",
         ],
         "!",
     )  # fmt: skip
-    lines = [
-        "FINISH",
-        "/CLEAR",
-        f"/TITLE,{name[:70]}",
-        "/PREP7",
-        *_types(),
-        *chain.lines,
-        *_solve(chain, given),
-    ]
-    return f"{file}.inp", text + "\n".join(lines) + "\n"
+    deck = _environment().get_template("rig.inp.j2").render(
+        name=name, rig=given, parts=parts, points={part.item.name: part.end for part in parts} | {"tip": parts[-1].end},
+        clamp_stiffness=given.clamp_stiffness if np.isfinite(given.clamp_stiffness) else None,
+        youngs_modulus=YOUNGS_MODULUS, density=DENSITY, pulse=pulse_table(given.excitation, given.duration),
+        every=max(round(1 / (given.sample_rate * given.step)), 1),
+    )  # fmt: skip
+    return f"{file}.inp", text + deck
 
 
-def _types() -> list[str]:
-    return [
-        "ET,1,BEAM188",
-        "KEYOPT,1,3,3  ! cubic shape functions",
-        "ET,2,MASS21",
-        "R,1,0.0  ! real constant 1 stays free for the beams",
-        "N,1,0.0,0.0,0.0",
-    ]
+def _environment() -> Environment:
+    templates = PackageLoader("sindyjoint.export")
+    found = Environment(loader=templates, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    found.filters["number"] = number
+    return found
 
 
-def _base(chain: _Chain, rig: Rig) -> None:
-    if np.isfinite(rig.clamp_stiffness):
-        chain.lines += [
-            "ET,3,COMBIN14",
-            "KEYOPT,3,2,6  ! torsion about z",
-            f"R,3,{number(rig.clamp_stiffness)}",
-            "N,1000000,0.0,0.0,0.0",
-            "D,1000000,ALL,0.0",
-            "TYPE,3",
-            "REAL,3",
-            "E,1000000,1",
-            "D,1,UX,0.0",
-            "D,1,UY,0.0",
-        ]
-    else:
-        chain.lines.append("D,1,ALL,0.0")
-
-
-def _part(chain: _Chain, item: Beam | Hinge | LumpedMass) -> None:
-    chain.lines.append(comment([item.name], "!").rstrip())
-    if isinstance(item, Beam):
-        _beam(chain, item)
-    else:
-        if isinstance(item, Hinge):
-            before, after = chain.node, chain.new_node(0.0)
-            # Plane motion holds the other directions; the rotation about z goes through the joint's elements.
-            chain.lines += [
-                f"CP,NEXT,UY,{before},{after}",
-                f"JNTI={before}",
-                f"JNTJ={after}",
-                "/INPUT,joint,inp",
-            ]
-        if item.mass or item.inertia:
-            chain.sections += 1
-            real = 100000 + chain.sections
-            m, i = number(item.mass), number(item.inertia)
-            chain.lines += [f"R,{real},{m},{m},{m},0.0,0.0,{i}", "TYPE,2", f"REAL,{real}", f"E,{chain.node}"]
-    chain.points[item.name] = chain.node
-
-
-def _beam(chain: _Chain, beam: Beam) -> None:
-    chain.sections += 1
-    section = chain.sections
-    area = beam.mass_per_length / DENSITY
-    inertia = beam.bending_stiffness / YOUNGS_MODULUS
-    shear = 1e6 * beam.bending_stiffness / beam.length**2
-    chain.lines += [
-        f"MP,EX,{section},{number(YOUNGS_MODULUS)}",
-        f"MP,PRXY,{section},0.3",
-        f"MP,DENS,{section},{number(DENSITY)}",
-    ]
-    if beam.loss_factor:
-        # A loss factor is twice the damping ratio: BETD * omega / 2 = loss / 2 at the first frequency.
-        betad = beam.loss_factor / (2 * np.pi * chain.frequency)
-        chain.lines.append(f"MP,BETD,{section},{number(betad)}")
-    chain.lines += [
-        f"SECTYPE,{section},BEAM,ASEC",
-        # A, Iyy, Iyz, Izz, Iw, J
-        f"SECDATA,{number(area)},{number(inertia)},0.0,{number(inertia)},0.0,{number(2 * inertia)}",
-        f"SECCONTROL,{number(shear)},,{number(shear)}",
-        "TYPE,1",
-        f"MAT,{section}",
-        "REAL,1",
-        f"SECNUM,{section}",
-    ]
-    for _ in range(beam.elements):
-        before = chain.node
-        after = chain.new_node(beam.length / beam.elements)
-        chain.lines.append(f"E,{before},{after}")
-
-
-def _solve(chain: _Chain, rig: Rig) -> list[str]:
-    table = pulse_table(rig.excitation, rig.duration)
-    lines = [
-        "! plane motion",
-        "NSEL,ALL",
-        *(f"D,ALL,{dof},0.0" for dof in ("UX", "UZ", "ROTX", "ROTY")),
-        f"*DIM,PULSE,TABLE,{len(table)},1,1,TIME",
-        *(f"PULSE({i},0)={number(t)}" for i, (t, _) in enumerate(table, 1)),
-        *(f"PULSE({i},1)={number(f)}" for i, (_, f) in enumerate(table, 1)),
-        f"F,{chain.points[rig.at]},FY,%PULSE%",
-        "FINISH",
-        "/SOLU",
-        "ANTYPE,TRANS",
-        "TRNOPT,FULL",
-        "TIMINT,ON",
-        "TINTP,0.0  ! no numerical damping",
-        "NROPT,FULL",
-        f"TIME,{number(rig.duration)}",
-        "AUTOTS,OFF",
-        f"DELTIM,{number(rig.step)}",
-        "KBC,1",
-        f"OUTRES,NSOL,{max(round(1 / (rig.sample_rate * rig.step)), 1)}",
-        "SOLVE",
-        "FINISH",
-        "/POST26",
-    ]
-    lines += [f"NSOL,{i},{chain.points[name]},U,Y,POINT{i - 1}" for i, name in enumerate(rig.points, 2)]
-    return [*lines, "PRVAR," + ",".join(str(i) for i in range(2, 2 + len(rig.points)))]
+def _parts(items: Sequence[Beam | Hinge | LumpedMass], frequency: float) -> list[_Part]:
+    """Return the parts with their nodes, sections and masses numbered along the chain."""
+    parts: list[_Part] = []
+    node, x, count = 1, 0.0, 0
+    for item in items:
+        section, lengths = None, [0.0] if isinstance(item, Hinge) else []
+        if isinstance(item, Beam):
+            section, lengths = _Section.of(item, frequency), [item.length / item.elements] * item.elements
+        if section or item.mass or item.inertia:  # type: ignore[union-attr]
+            count += 1
+        nodes = []
+        for length in lengths:
+            node, x = node + 1, x + length
+            nodes.append((node, x))
+        title = comment([item.name], "!").rstrip()
+        parts.append(_Part(item, title, count, section, tuple(nodes), node))
+    return parts
 
 
 def pulse_table(excitation: Excitation, duration: float) -> list[tuple[float, float]]:

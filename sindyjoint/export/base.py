@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.export.parts import contribution
 from sindyjoint.files.atomic import output_folder, write_bytes
 from sindyjoint.states.policy import POLICY as STATES
 
@@ -63,8 +64,6 @@ class Export:
     files : mapping of str to (str or bytes)
         Content by file name.
     fidelity : tuple of Fidelity
-    not_carried : tuple of str
-        One sentence for each thing that the target cannot express.
     notes : tuple of str
         What a user of the files has to know.
     """
@@ -72,11 +71,15 @@ class Export:
     target: str
     files: Mapping[str, str | bytes]
     fidelity: tuple[Fidelity, ...]
-    not_carried: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "files", MappingProxyType(dict(self.files)))
+
+    @property
+    def not_carried(self) -> tuple[str, ...]:
+        """One sentence for each thing that the target cannot express."""
+        return not_carried(self.fidelity)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints; without the content of the files."""
@@ -117,12 +120,11 @@ class Cycles:
 
     def term(self, term: ModelTerm) -> Array:
         """Moment of one term over the cycles; zero for a term in the acceleration, which no cycle defines."""
-        from sindyjoint.equation.formula import compile_terms, variable_symbols
+        from sindyjoint.equation.formula import variable_symbols
 
         if variable_symbols()[2] in term.expression.free_symbols:
             return np.zeros(self.angle.shape)
-        column = compile_terms([term.expression])(self.angle.ravel(), self.rate.ravel(), 0.0)
-        return term.coefficient * column.reshape(self.angle.shape)
+        return contribution(term, self.angle, self.rate)
 
     def slider(self, limit: Array, stiffness: float) -> Array:
         """Moment of a spring-slider (Jenkins) friction element over the cycles once they repeat.

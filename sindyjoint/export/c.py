@@ -2,36 +2,30 @@
 
 from __future__ import annotations
 
-from sindyjoint.equation.model import JointModel
-from sindyjoint.export.base import Export, not_carried
-from sindyjoint.export.python import code_notes, exact_rows, inertia_unit
+from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.export.base import Export
+from sindyjoint.export.code import CPrinter, code_notes, exact_rows, filled
 from sindyjoint.export.text import ascii_line, comment, number, one_line, preamble
 
 
 def export(model: JointModel) -> Export:
     """Write ``joint.h``."""
-    from sindyjoint.export.code import code_of, template
-
-    code = code_of(model, "c")
-    rows = exact_rows(model, "C expression")
-    missing, notes = not_carried(rows), code_notes(model)
-    text = template("joint.h.txt").substitute(
-        comment=block_comment(comment(preamble(model, "C", rows, missing, notes), "")),
+    rows, notes = exact_rows(model, "C expression"), code_notes(model)
+    text = filled(
+        "joint.h.txt",
+        model,
+        CPrinter(),
+        "HUGE_VAL",
+        _coefficient,
+        comment=block_comment(comment(preamble(model, "C", rows, notes), "")),
         name=string_literal(one_line(model.joint.name)),
-        inertia=number(code.inertia),
-        inertia_unit=inertia_unit(model),
-        low=_number(code.limits[0]),
-        high=_number(code.limits[1]),
-        stiffness=number(code.stiffness),
-        damping=number(code.damping),
-        coefficients="\n".join(
-            f"static const double {name} = {number(value)}; "
-            + block_comment(f"{ascii_line(unit)}, {ascii_line(what)}")
-            for name, value, unit, what in code.coefficients
-        ),
-        law=code.law,
     )
-    return Export("c", {"joint.h": text}, rows, missing, notes)
+    return Export("c", {"joint.h": text}, rows, notes)
+
+
+def _coefficient(name: str, term: ModelTerm) -> str:
+    meaning = block_comment(f"{ascii_line(term.unit)}, {ascii_line(term.name)}")
+    return f"static const double {name} = {number(term.coefficient)}; {meaning}"
 
 
 def block_comment(text: str) -> str:
@@ -61,7 +55,3 @@ def string_literal(text: str) -> str:
         return chr(value) if plain else f"\\{value:03o}"
 
     return '"' + "".join(byte(value) for value in text.encode("utf-8")) + '"'
-
-
-def _number(value: float) -> str:
-    return number(value) if abs(value) != float("inf") else ("HUGE_VAL" if value > 0 else "-HUGE_VAL")

@@ -5,25 +5,28 @@ sympy's printers are imported here at the top; import this module only when code
 
 from __future__ import annotations
 
+import math
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
 from importlib.resources import files
 from string import Template
 from typing import Any
 
 import sympy
 from sympy.printing.c import C99CodePrinter
+from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.pycode import PythonCodePrinter
 
 from sindyjoint.equation.formula import variable_symbols
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.export.base import Cycles, Fidelity, Represented, fidelity_table
 from sindyjoint.export.parts import Parts, softening_limits, steepness
-from sindyjoint.export.text import number
+from sindyjoint.export.text import number, words_of
 
 DIRECTION = sympy.Symbol("direction", real=True)
 
 
-class _CPrinter(C99CodePrinter):
+class CPrinter(C99CodePrinter):
     """C99 with doubles to the last digit."""
 
     def _print_Float(self, expr: Any) -> str:
@@ -33,7 +36,7 @@ class _CPrinter(C99CodePrinter):
         return f"joint_sign({self._print(expr.args[0])})"
 
 
-class _PythonPrinter(PythonCodePrinter):
+class PythonPrinter(PythonCodePrinter):
     """Plain Python over ``math``, numbers to the last digit."""
 
     def _print_Float(self, expr: Any) -> str:
@@ -41,31 +44,6 @@ class _PythonPrinter(PythonCodePrinter):
 
     def _print_sign(self, expr: Any) -> str:
         return f"sign({self._print(expr.args[0])})"
-
-
-@dataclass(frozen=True)
-class Code:
-    """What the templates of code need.
-
-    Parameters
-    ----------
-    coefficients : tuple of (str, float, str, str)
-        Identifier, value, unit and name of each coefficient; without inertia.
-    law : str
-        Transfer moment as an expression over ``theta``, ``omega``, ``direction``.
-    inertia : float
-    limits : (float, float)
-        Angles between which the joint does not soften to zero stiffness.
-    stiffness, damping : float
-        Largest slopes of the law over the tested range.
-    """
-
-    coefficients: tuple[tuple[str, float, str, str], ...]
-    law: str
-    inertia: float
-    limits: tuple[float, float]
-    stiffness: float
-    damping: float
 
 
 def at_slip(expression: sympy.Expr) -> sympy.Expr:
@@ -89,9 +67,30 @@ def at_slip(expression: sympy.Expr) -> sympy.Expr:
     return sympy.expand_mul(expression.xreplace({sympy.sign(omega): DIRECTION}))
 
 
-def code_of(model: JointModel, language: str) -> Code:
-    """Prepare a model for the template of a language, "c" or "python"."""
-    printer = _CPrinter() if language == "c" else _PythonPrinter({"fully_qualified_modules": True})
+def filled(
+    file: str,
+    model: JointModel,
+    printer: CodePrinter,
+    infinity: str,
+    coefficient: Callable[[str, ModelTerm], str],
+    **own: str,
+) -> str:
+    """Return the text of a template of code with the numbers and the law of a model.
+
+    Parameters
+    ----------
+    file : str
+        Of the template.
+    model : JointModel
+    printer : CodePrinter
+        Of the language.
+    infinity : str
+        As the language writes it.
+    coefficient : callable
+        From the identifier of a coefficient and its term to the line that declares it.
+    **own : str
+        What only this template holds.
+    """
     parts = Parts.of(model)
     terms = (*parts.elastic, *parts.rate, *parts.coupled)
     names = identifiers([term.symbol for term in terms])
@@ -99,16 +98,21 @@ def code_of(model: JointModel, language: str) -> Code:
         (sympy.Symbol(name) * at_slip(term.expression) for name, term in zip(names, terms, strict=True)),
         sympy.Integer(0),
     )
+    low, high = (
+        number(value) if math.isfinite(value) else ("" if value > 0 else "-") + infinity
+        for value in softening_limits(model)
+    )
     stiffness, damping = steepness(model)
-    return Code(
-        coefficients=tuple(
-            (name, term.coefficient, term.unit, term.name) for name, term in zip(names, terms, strict=True)
-        ),
+    return template(file).substitute(
+        inertia=number(model.inertia),
+        inertia_unit=words_of(model).inertia_unit,
+        low=low,
+        high=high,
+        stiffness=number(stiffness),
+        damping=number(damping),
+        coefficients="\n".join(map(coefficient, names, terms)),
         law=printer.doprint(law),
-        inertia=model.inertia,
-        limits=softening_limits(model),
-        stiffness=stiffness,
-        damping=damping,
+        **own,
     )
 
 
@@ -143,8 +147,28 @@ def template(name: str) -> Template:
 def bounds(model: JointModel) -> str:
     """Say in a sentence where the law stops to hold."""
     low, high = softening_limits(model)
-    unit = "rad" if model.joint.motion == "rotation" else "m"
+    unit = words_of(model).angle_unit
     sides = [f"{value:.6g} {unit}" for value in (low, high) if abs(value) != float("inf")]
     if not sides:
         return "the joint keeps a positive stiffness up to three times the tested range"
     return f"the stiffness falls to zero at {' and '.join(sides)}; beyond, the joint snaps through"
+
+
+def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
+    """Return the fidelity table of a target that computes the formulas themselves."""
+    cycles, inertial = Cycles.of(model), Parts.of(model).inertial
+    represented = {term.id: Represented(how, cycles.term(term)) for term in model.terms}
+    for term in inertial:
+        if term.id == INERTIA:
+            represented[term.id] = Represented("the number INERTIA, used in steps", cycles.term(term))
+        else:
+            represented[term.id] = Represented("not carried: a formula of the acceleration", None)
+    return fidelity_table(model, cycles, represented)
+
+
+def code_notes(model: JointModel) -> tuple[str, ...]:
+    """Return what a user of generated code has to know."""
+    notes = [bounds(model)]
+    if model.inertia == 0:
+        notes.append("the moving inertia is not known: give one to step()")
+    return tuple(notes)

@@ -14,8 +14,9 @@ from pathlib import Path
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import MissingExtraError
 from sindyjoint.export.base import Export, not_carried
-from sindyjoint.export.python import exact_rows, source
-from sindyjoint.export.text import fidelity_lines, one_line
+from sindyjoint.export.code import bounds, exact_rows, template
+from sindyjoint.export.python import source
+from sindyjoint.export.text import fidelity_lines, one_line, words_of
 
 
 def export(model: JointModel) -> Export:
@@ -33,10 +34,7 @@ def export(model: JointModel) -> Export:
             "an FMU is made with the package pythonfmu, which is not installed; "
             "install it with: pip install 'sindyjoint[fmu]'"
         ) from error
-    from sindyjoint.export.code import bounds, template
-
     rows = exact_rows(model, "Python expression inside the unit")
-    missing = not_carried(rows)
     notes = [
         "input: moment, held over each communication step; outputs: angle, rate, stuck, transfer_moment; parameters: "
         "inertia, initial_angle, initial_rate",
@@ -48,13 +46,14 @@ def export(model: JointModel) -> Export:
     # Two units in one process share Python's table of modules: a name made of the content keeps them apart.
     digest = hashlib.sha256(model.to_json().encode("utf-8", "backslashreplace")).hexdigest()
     module = f"joint_{digest[:12]}"
+    words = words_of(model)
     text = template("joint_fmu.py.txt").substitute(
         law=source(model, rows, "FMI 2.0"),
         description=ascii(one_line(model.joint.name)),
         guid=ascii(digest[:32]),
-        angle=ascii("angle, rad" if model.joint.motion == "rotation" else "displacement, m"),
+        angle=ascii(f"{words.angle}, {words.angle_unit}"),
     )
-    documentation = "\n".join([*fidelity_lines(rows), "", *missing, *notes, ""])
+    documentation = "\n".join([*fidelity_lines(rows), "", *not_carried(rows), *notes, ""])
     with tempfile.TemporaryDirectory(prefix="sindyjoint-") as temporary:
         folder = Path(temporary)
         script = folder / f"{module}.py"
@@ -76,4 +75,4 @@ def export(model: JointModel) -> Export:
             for name in set(sys.modules) - modules:
                 if name == module:
                     del sys.modules[name]
-    return Export("fmu", {"joint.fmu": data}, rows, missing, tuple(notes))
+    return Export("fmu", {"joint.fmu": data}, rows, tuple(notes))

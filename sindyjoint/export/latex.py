@@ -6,8 +6,8 @@ import re
 from decimal import Decimal
 
 from sindyjoint.equation.model import JointModel, ModelTerm, latex_symbol
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table, not_carried
-from sindyjoint.export.text import comment, one_line, preamble
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.text import comment, one_line, preamble, words_of
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)?", re.ASCII)
 _SPECIAL = {
@@ -22,18 +22,16 @@ def export(model: JointModel) -> Export:
     cycles = Cycles.of(model)
     represented = {term.id: Represented("formula and coefficient", cycles.term(term)) for term in model.terms}
     rows = fidelity_table(model, cycles, represented)
-    missing = not_carried(rows)
     notes = ("needs the packages booktabs and amsmath; coefficients are rounded to their standard errors",)
-    rotation = model.joint.motion == "rotation"
-    what = "transfer moment" if rotation else "transfer force"
+    rotation, words = model.joint.motion == "rotation", words_of(model)
     inertia = (
         rf" The moving inertia is $ {'I' if rotation else 'm'} = {_scientific(model.joint.inertia, 4)} $ "
-        rf"{_unit('kg*m^2' if rotation else 'kg')}."
+        rf"{_unit(words.inertia_unit)}."
         if model.joint.inertia is not None
         else ""
     )
     fitted = model.fitted
-    text = comment(preamble(model, "LaTeX", rows, missing, notes), "%", ascii_only=False)
+    text = comment(preamble(model, "LaTeX", rows, notes), "%", ascii_only=False)
     text += "\n".join(
         [
             r"\begin{equation}",
@@ -41,9 +39,9 @@ def export(model: JointModel) -> Export:
             r"\end{equation}",
             r"\begin{table}",
             r"  \centering",
-            rf"  \caption{{Terms of the {what} of {escape(model.joint.name)}, with standard errors, "
-            rf"identified up to $ {_scientific(fitted.angle, 3)} $ {_unit('rad' if rotation else 'm')} and "
-            rf"$ {_scientific(fitted.rate, 3)} $ {_unit('rad/s' if rotation else 'm/s')}.{inertia}}}",
+            rf"  \caption{{Terms of the transfer {words.moment} of {escape(model.joint.name)}, with standard errors, "
+            rf"identified up to $ {_scientific(fitted.angle, 3)} $ {_unit(words.angle_unit)} and "
+            rf"$ {_scientific(fitted.rate, 3)} $ {_unit(words.angle_unit + '/s')}.{inertia}}}",
             r"  \begin{tabular}{llll}",
             r"    \toprule",
             r"    Term & Symbol & Coefficient & Unit \\",
@@ -55,7 +53,7 @@ def export(model: JointModel) -> Export:
             "",
         ]
     )
-    return Export("latex", {"joint.tex": text}, rows, missing, notes)
+    return Export("latex", {"joint.tex": text}, rows, notes)
 
 
 def equation(model: JointModel) -> str:

@@ -2,42 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.export.base import Cycles, Represented
-from sindyjoint.export.parts import RAMP, Curve, Parts, contribution, elastic_values, piecewise, rate_values
+from sindyjoint.export.parts import RAMP, Curve, Parts, contribution, piecewise, total
+from sindyjoint.export.text import words_of
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Names:
-    """Words for a kind of motion."""
-
-    moment: str
-    angle: str
-    rate: str
-    angle_unit: str
-    moment_unit: str
-    stiffness_unit: str
-    damping_unit: str
-
-
-def names(model: JointModel) -> Names:
-    """Return the words for the motion of a model."""
-    if model.joint.motion == "rotation":
-        return Names("moment", "angle", "rate", "rad", "N*m", "N*m/rad", "N*m*s/rad")
-    return Names("force", "displacement", "velocity", "m", "N", "N/m", "N*s/m")
 
 
 def elastic_curve(parts: Parts, count: int) -> Curve:
     """Tabulate the elastic part over the tested range at an odd number of points."""
     nodes = parts.elastic_nodes(count)
-    return Curve(nodes, elastic_values(parts.elastic, nodes))
+    return Curve(nodes, total(parts.elastic, nodes, 0.0))
 
 
 def elastic_rows(parts: Parts, cycles: Cycles, nodes: Array, how: str) -> dict[str, Represented]:
@@ -51,7 +30,7 @@ def elastic_rows(parts: Parts, cycles: Cycles, nodes: Array, how: str) -> dict[s
 def rate_curve(parts: Parts, terms: tuple[ModelTerm, ...]) -> Curve:
     """Tabulate terms of the rate; a jump at zero rate becomes a ramp."""
     nodes = parts.rate_nodes()
-    return Curve(nodes, rate_values(terms, nodes))
+    return Curve(nodes, total(terms, 0.0, nodes))
 
 
 def rate_rows(
@@ -62,7 +41,7 @@ def rate_rows(
     for term in terms:
         text = how
         if jump_of(term, float(nodes.max())):
-            rate = names(parts.model).rate
+            rate = words_of(parts.model).rate
             text += f", its jump a ramp up to {RAMP:g} of the tested {rate}; creeps instead of sticking"
         rows[term.id] = Represented(text, piecewise(nodes, contribution(term, 0.0, nodes), cycles.rate))
     return rows
@@ -103,15 +82,14 @@ def inertia_note(model: JointModel) -> tuple[str, ...]:
     """Return the note on the inertia of the test, where it is known."""
     if model.inertia == 0:
         return ()
-    unit = "kg*m^2" if model.joint.motion == "rotation" else "kg"
     return (
-        f"the moving inertia of the test, {model.inertia:.6g} {unit}, is not in the joint's elements: it belongs to "
-        "the masses of the structure around it",
+        f"the moving inertia of the test, {model.inertia:.6g} {words_of(model).inertia_unit}, is not in the joint's "
+        "elements: it belongs to the masses of the structure around it",
     )
 
 
 def range_note(model: JointModel, beyond: str) -> str:
     """Return the note on the tested range."""
     fitted = model.fitted
-    unit = "rad" if model.joint.motion == "rotation" else "m"
+    unit = words_of(model).angle_unit
     return f"tables cover the tested range, {fitted.angle:.6g} {unit} and {fitted.rate:.6g} {unit}/s; beyond, {beyond}"

@@ -10,9 +10,9 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import lumped
-from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table, not_carried
-from sindyjoint.export.parts import Curve, Parts, elastic_values
-from sindyjoint.export.text import comment, preamble
+from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.parts import Curve, Parts, total
+from sindyjoint.export.text import comment, preamble, words_of
 
 POINTS = 41
 # Numbers that a model rarely uses; the notes say to change them where they are taken.
@@ -29,7 +29,7 @@ def export(model: JointModel) -> Export:
         tabulated = parts.rate  # a PBUSH1D has either a damping constant or a table
     curve = _rounded(lumped.elastic_curve(parts, POINTS))
     rates = _rounded(lumped.rate_curve(parts, tabulated))
-    words = lumped.names(model)
+    words = words_of(model)
     spring = f"{'PBUSHT KN' if rotation else 'PBUSH1D SPRING'} table of {POINTS} points"
     damper = f"PBUSH1D DAMPER table of {rates.x.size} points"
     carried: dict[str, Represented] = {
@@ -44,7 +44,6 @@ def export(model: JointModel) -> Export:
     }
     total = _total(parts, cycles, curve, rates if tabulated else None)
     rows = fidelity_table(model, cycles, carried, total)
-    missing = not_carried(rows)
     notes = (
         f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
         f"axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
@@ -61,9 +60,9 @@ def export(model: JointModel) -> Export:
         lumped.range_note(model, "they go on with the last slope"),
         *lumped.inertia_note(model),
     )
-    text = comment(preamble(model, "Nastran", rows, missing, notes), "$", width=72)
+    text = comment(preamble(model, "Nastran", rows, notes), "$", width=72)
     text += _deck(rotation, parts, curve, rates if tabulated else None)
-    return Export("nastran", {"joint.bdf": text}, rows, missing, notes)
+    return Export("nastran", {"joint.bdf": text}, rows, notes)
 
 
 def _total(parts: Parts, cycles: Cycles, curve: Curve, rates: Curve | None) -> Array:
@@ -130,7 +129,7 @@ def _table(number: int, curve: Curve) -> str:
 
 def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None) -> str:
     step = 1e-6 * parts.model.fitted.angle
-    low, high = elastic_values(parts.elastic, np.array([-step, step]))
+    low, high = total(parts.elastic, np.array([-step, step]), 0.0)
     stiffness = float(high - low) / (2 * step)
     cards = []
     if rotation:

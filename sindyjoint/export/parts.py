@@ -145,14 +145,10 @@ def contribution(term: ModelTerm, angle: ArrayLike, rate: ArrayLike) -> Array:
     return term.coefficient * column.reshape(theta.shape)
 
 
-def elastic_values(terms: Sequence[ModelTerm], angle: Array) -> Array:
-    """Sum of elastic terms at angles."""
-    return sum((contribution(term, angle, 0.0) for term in terms), np.zeros(angle.shape))
-
-
-def rate_values(terms: Sequence[ModelTerm], rate: Array) -> Array:
-    """Sum of rate terms at rates."""
-    return sum((contribution(term, 0.0, rate) for term in terms), np.zeros(rate.shape))
+def total(terms: Sequence[ModelTerm], angle: ArrayLike, rate: ArrayLike) -> Array:
+    """Sum of terms at states, shape (n,)."""
+    shape = np.broadcast_shapes(np.shape(angle), np.shape(rate))
+    return sum((contribution(term, angle, rate) for term in terms), np.zeros(shape))
 
 
 def softening_limits(model: JointModel) -> tuple[float, float]:
@@ -168,7 +164,7 @@ def softening_limits(model: JointModel) -> tuple[float, float]:
 
     def tangents(theta: Array) -> Array:
         step = 1e-6 * angle
-        return elastic_values(terms, theta + step) - elastic_values(terms, theta - step)
+        return total(terms, theta + step, 0.0) - total(terms, theta - step, 0.0)
 
     def limit(side: float) -> float:
         grid = side * np.linspace(0, 3 * angle, 301)
@@ -189,15 +185,12 @@ def steepness(model: JointModel) -> tuple[float, float]:
     parts = Parts.of(model)
     terms = (*parts.elastic, *parts.rate, *parts.coupled)
 
-    def moment(theta: Array, omega: Array) -> Array:
-        return sum((contribution(t, theta, omega) for t in terms), np.zeros(theta.shape))
-
     angle = model.fitted.angle * np.linspace(-1.2, 1.2, 49)
     size = model.fitted.rate * np.geomspace(1e-4, 1.2, 25)
     theta, omega = (grid.ravel() for grid in np.meshgrid(angle, np.concatenate([-size[::-1], size])))
     dt, dw = 1e-4 * model.fitted.angle, 1e-3 * omega
-    stiffness = (moment(theta + dt, omega) - moment(theta - dt, omega)) / (2 * dt)
-    damping = (moment(theta, omega + dw) - moment(theta, omega - dw)) / (2 * dw)
+    stiffness = (total(terms, theta + dt, omega) - total(terms, theta - dt, omega)) / (2 * dt)
+    damping = (total(terms, theta, omega + dw) - total(terms, theta, omega - dw)) / (2 * dw)
     return float(np.max(np.abs(stiffness))), float(np.max(np.abs(damping)))
 
 

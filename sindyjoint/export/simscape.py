@@ -6,9 +6,9 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import lumped
-from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table, not_carried
+from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.parts import RAMP, Curve, Parts
-from sindyjoint.export.text import ascii_line, comment, number, preamble
+from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
 
 POINTS = 41
 
@@ -19,7 +19,7 @@ def export(model: JointModel) -> Export:
     curve = lumped.elastic_curve(parts, POINTS)
     rates = lumped.rate_curve(parts, parts.other_rate)
     threshold = RAMP * model.fitted.rate  # the block reaches 76 % of its friction here: ω_Coul
-    words = lumped.names(model)
+    words = words_of(model)
     kind = "Rotational" if model.joint.motion == "rotation" else "Translational"
     rows = fidelity_table(
         model,
@@ -50,10 +50,9 @@ def export(model: JointModel) -> Export:
         lumped.range_note(model, "set the extrapolation method to linear"),
         *lumped.inertia_note(model),
     )
-    missing = not_carried(rows)
-    text = comment(preamble(model, "Simscape", rows, missing, notes), "%")
+    text = comment(preamble(model, "Simscape", rows, notes), "%")
     text += _script(model, parts, curve, rates if parts.other_rate else None, threshold)
-    return Export("simscape", {"joint.m": text}, rows, missing, notes)
+    return Export("simscape", {"joint.m": text}, rows, notes)
 
 
 def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) -> dict[str, Represented]:
@@ -73,7 +72,7 @@ def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) ->
 
 
 def _script(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, threshold: float) -> str:
-    unit = lumped.names(model)
+    unit = words_of(model)
     quantity = "torque" if model.joint.motion == "rotation" else "force"
     name = ascii_line(model.joint.name).replace("'", "''")
     lines = ["joint = struct();", f"joint.name = '{name}';"]

@@ -6,9 +6,10 @@ import re
 import textwrap
 import unicodedata
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sindyjoint.export.base import Fidelity
+from sindyjoint.export.base import Fidelity, not_carried
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
@@ -54,18 +55,38 @@ def number(value: float) -> str:
     return repr(float(value))
 
 
+@dataclass(frozen=True)
+class Words:
+    """Words and units for a kind of motion."""
+
+    moment: str
+    angle: str
+    rate: str
+    angle_unit: str
+    moment_unit: str
+    stiffness_unit: str
+    damping_unit: str
+    inertia_unit: str
+
+
+def words_of(model: JointModel) -> Words:
+    """Return the words for the motion of a model."""
+    if model.joint.motion == "rotation":
+        return Words("moment", "angle", "rate", "rad", "N*m", "N*m/rad", "N*m*s/rad", "kg*m^2")
+    return Words("force", "displacement", "velocity", "m", "N", "N/m", "N*s/m", "kg")
+
+
 def heading(model: JointModel, target: str) -> list[str]:
     """Return what every file says first: joint, origin, equation, units."""
-    rotation = model.joint.motion == "rotation"
-    fitted = model.fitted
+    words, fitted = words_of(model), model.fitted
     return [
         f"Joint: {one_line(model.joint.name)}",
-        f"Written by sindyjoint for {target}. Units: "
-        + ("rad, N*m, s, kg*m^2 (SI)" if rotation else "m, N, s, kg (SI)"),
+        f"Written by sindyjoint for {target}. Units: {words.angle_unit}, {words.moment_unit}, s, {words.inertia_unit} "
+        "(SI)",
         f"Equation: {equation(model)}",
-        f"Tested up to {fitted.angle:.6g} {'rad' if rotation else 'm'} and {fitted.rate:.6g} "
-        f"{'rad/s' if rotation else 'm/s'}; RMS {'moment' if rotation else 'force'} {fitted.moment_rms:.6g} "
-        f"{'N*m' if rotation else 'N'}" + ("; from simulated tests" if fitted.simulated else ""),
+        f"Tested up to {fitted.angle:.6g} {words.angle_unit} and {fitted.rate:.6g} {words.angle_unit}/s; RMS "
+        f"{words.moment} {fitted.moment_rms:.6g} {words.moment_unit}"
+        + ("; from simulated tests" if fitted.simulated else ""),
     ]
 
 
@@ -105,10 +126,9 @@ def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share > 1e-12 else "0"
 
 
-def preamble(
-    model: JointModel, target: str, rows: Sequence[Fidelity], missing: Sequence[str], notes: Sequence[str]
-) -> list[str]:
+def preamble(model: JointModel, target: str, rows: Sequence[Fidelity], notes: Sequence[str]) -> list[str]:
     """Return heading, fidelity table, what is not carried, and notes."""
+    missing = not_carried(rows)
     lines = [*heading(model, target), "", *fidelity_lines(rows)]
     lines += (
         ["", "Not carried:", *(f"- {text}" for text in missing)]

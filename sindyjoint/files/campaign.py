@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.files.blocks import Blocks, open_blocks
+from sindyjoint.files.blocks import open_blocks
 from sindyjoint.files.channels import KEYS, RunReader, check_keys
 from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
 from sindyjoint.files.readers import read_table, sha256_of
@@ -84,12 +83,6 @@ def load_segment(record: LongRecord, number: int, margin: int = 0) -> Run:
     start = max(record.edges[0], record.edges[number] - margin)
     stop = min(record.edges[-1], record.edges[number + 1] + margin)
     return loader.run(record.index, manifest.run[record.index], (start, stop))
-
-
-@lru_cache(maxsize=4)
-def _open_file(path: str, changed: int) -> Blocks | None:
-    """Return an open file; the line offsets of a text are then indexed once per process."""
-    return open_blocks(path)
 
 
 def _make_joint(table: JointTable, file: str) -> Joint:
@@ -176,7 +169,7 @@ class _RunLoader:
 
     def _read_rows(self, path: Path, start: int, stop: int) -> tuple[Table, str]:
         """Return some rows of a file; its hash where they are the first ones."""
-        blocks = _open_file(str(path), path.stat().st_mtime_ns)
+        blocks = open_blocks(path)
         assert blocks is not None
         return blocks.table(start, stop), "" if start else sha256_of(path)
 
@@ -187,7 +180,7 @@ class _RunLoader:
         # A row is eight letters at least: most files need not be opened to know.
         if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
             return None
-        blocks = _open_file(str(path), path.stat().st_mtime_ns)
+        blocks = open_blocks(path)
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file)

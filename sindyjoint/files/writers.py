@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.files.atomic import output_folder
+from sindyjoint.files.channels import KEYS
 from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorRig
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-# Units as they are written, by motion: moment, angle, measured rate, inertia.
+# Units as they are written, by motion and key: moment, angle, measured rate, inertia.
 UNITS = {
-    "rotation": {"moment": "N*m", "angle": "rad", "rate_of_angle": "rad/s", "inertia": "kg*m^2"},
-    "translation": {"force": "N", "displacement": "m", "rate_of_displacement": "m/s", "mass": "kg"},
+    motion: {key: unit.replace("**", "^") for key, unit in keys.values()} for motion, keys in KEYS.items()
 }
 
 

@@ -83,11 +83,7 @@ def delayed(time: Array, fine_time: Array, fine_signal: Array, delay: float) -> 
 
 
 def raw_channels(
-    moment: ArrayLike,
-    angle: ArrayLike,
-    channel: Channel,
-    generator: np.random.Generator,
-    rig: SensorRig = SENSOR_RIG,
+    moment: ArrayLike, angle: ArrayLike, channel: Channel, generator: np.random.Generator
 ) -> dict[str, Array]:
     """Read strain gauges and laser spots under a moment at an angle: Eqs. 1–3 backwards, each channel with errors.
 
@@ -98,7 +94,6 @@ def raw_channels(
     channel : Channel
         Errors of every gauge and spot, independent of each other.
     generator : numpy.random.Generator
-    rig : SensorRig
 
     Returns
     -------
@@ -106,14 +101,14 @@ def raw_channels(
         ``e1`` to ``e4``, m/m, and ``d1`` to ``d3``, m.
     """
     theta = np.asarray(angle, dtype=np.float64)
-    strains = rig.strains(np.asarray(moment, dtype=np.float64))
-    spots = rig.displacements(theta, BED_MOTION * rig.joint_length * theta)
+    strains = SENSOR_RIG.strains(np.asarray(moment, dtype=np.float64))
+    spots = SENSOR_RIG.displacements(theta, BED_MOTION * SENSOR_RIG.joint_length * theta)
     names = [*(f"e{i}" for i in range(1, 5)), *(f"d{i}" for i in range(1, 4))]
     return {name: channel.read(x, generator) for name, x in zip(names, [*strains, *spots], strict=True)}
 
 
-def from_raw_channels(raw: dict[str, Array], rig: SensorRig = SENSOR_RIG) -> tuple[Array, Array]:
+def from_raw_channels(raw: dict[str, Array]) -> tuple[Array, Array]:
     """Moment and angle of raw channels by Eqs. 1–3, each of shape (n,)."""
     strains = np.stack([raw[f"e{i}"] for i in range(1, 5)])
     spots = np.stack([raw[f"d{i}"] for i in range(1, 4)])
-    return rig.moment(strains), rig.angle(spots)
+    return SENSOR_RIG.moment(strains), SENSOR_RIG.angle(spots)

@@ -157,7 +157,6 @@ def simulate_many(
     SimulationError
         When a run leaves the range where its law holds; carries the time.
     """
-    from sindyjoint.mechanics import stickslip_kernel as kernel
     from sindyjoint.mechanics.kernels import PAPER_CALLBACK
 
     compiled = as_compiled(law)
@@ -180,45 +179,63 @@ def simulate_many(
     if not np.all(total > 0):
         raise InputError(f"the moving inertia is {total.min():g}; a moment-driven joint needs a positive one")
 
-    n_states = compiled.n_states
-    y = np.zeros((runs, 2 + n_states))
+    y = np.zeros((runs, 2 + compiled.n_states))
     y[:, :2] = initial
     if initial_state is not None:
         y[:, 2:] = initial_state
-    angle, rate, acceleration = (np.empty((runs, n_samples)) for _ in range(3))
-    states = np.empty((runs, n_states, n_samples))
-    stuck = np.zeros((runs, n_samples), dtype=np.int8)
-    status, reached, steps = np.zeros(runs, np.int64), np.zeros(runs), np.zeros(runs, np.int64)
     bounds = np.ascontiguousarray(np.broadcast_to(_find_limits(law, limits), (runs, 2)))
-
-    def work(r: int) -> None:
-        e = excitations[r if len(excitations) > 1 else 0]
-        # What the drive could do within a millionth of a piece: below it, no relative accuracy is asked for.
-        sizes = np.full(2 + n_states, 1e-300)
-        sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / total[r] * e.step
-        sizes[0] += sizes[1] * e.step
-        status[r], reached[r], steps[r] = kernel.integrate(
-            address, sets[r], total[r], e.pieces, (e.step, e.periodic, e.smooth, e.scale, e.ramp), y[r], sizes,
-            np.zeros(11 * n_states + 6), 1.0 / sample_rate, float(rtol), float(max_step), (bounds[r, 0], bounds[r, 1]),
-            (angle[r], rate[r], acceleration[r], states[r], stuck[r]),
-        )  # fmt: skip
-
-    workers = min(threads or os.cpu_count() or 1, runs)
-    if workers == 1:
-        for r in range(runs):
-            work(r)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(work, range(runs)))
-
-    failed = np.flatnonzero(status)
-    if failed.size:
-        r = failed[0]
-        raise _describe_failure(status[r], reached[r], bounds[r], f"run {r}: " if runs > 1 else "")
+    drives = excitations * runs if len(excitations) < runs else excitations
+    batch = _Batch(address, sets, total, y, bounds, n_samples, sample_rate, float(rtol), float(max_step))
+    steps = batch.run(drives, min(threads or os.cpu_count() or 1, runs))
     time = np.arange(n_samples) / sample_rate
     driven = np.broadcast_to(np.stack([e(time) for e in excitations]), (runs, n_samples))
-    moment = driven - beam[:, None] * acceleration if beam.any() else driven
-    return Motion(time, angle, rate, acceleration, moment, stuck.view(np.bool_), states, int(steps.sum()))
+    moment = driven - beam[:, None] * batch.acceleration if beam.any() else driven
+    return Motion(
+        time, batch.angle, batch.rate, batch.acceleration, moment, batch.stuck.view(np.bool_), batch.states, steps
+    )  # fmt: skip
+
+
+class _Batch:
+    """Runs of one compiled law side by side: what each begins with, and the samples that it fills."""
+
+    def __init__(self, address: int, parameters: Array, inertia: Array, start: Array, bounds: Array, n_samples: int,
+                 sample_rate: float, rtol: float, max_step: float):  # fmt: skip
+        runs, self.n_states = len(start), start.shape[1] - 2
+        self.address, self.parameters, self.inertia, self.start, self.bounds = (
+            address, parameters, inertia, start, bounds,
+        )  # fmt: skip
+        self.steps = 1.0 / sample_rate, rtol, max_step
+        self.angle, self.rate, self.acceleration = (np.empty((runs, n_samples)) for _ in range(3))
+        self.states = np.empty((runs, self.n_states, n_samples))
+        self.stuck = np.zeros((runs, n_samples), dtype=np.int8)
+
+    def run(self, drives: Sequence[Excitation], workers: int) -> int:
+        """Integrate all runs; return the steps taken, or raise what ended the first that failed."""
+        numbers = range(len(drives))
+        if workers == 1:
+            ends = [self._integrate(r, drives[r]) for r in numbers]
+        else:
+            with ThreadPoolExecutor(workers) as pool:
+                ends = list(pool.map(self._integrate, numbers, drives))
+        for r, (status, reached, _) in enumerate(ends):
+            if status:
+                where = f"run {r}: " if len(drives) > 1 else ""
+                raise _describe_failure(status, reached, self.bounds[r], where)
+        return sum(int(steps) for _, _, steps in ends)
+
+    def _integrate(self, r: int, e: Excitation) -> tuple[int, float, int]:
+        from sindyjoint.mechanics import stickslip_kernel as kernel
+
+        # What the drive could do within a millionth of a piece: below it, no relative accuracy is asked for.
+        sizes = np.full(2 + self.n_states, 1e-300)
+        sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / self.inertia[r] * e.step
+        sizes[0] += sizes[1] * e.step
+        return kernel.integrate(
+            self.address, self.parameters[r], self.inertia[r], e.pieces,
+            (e.step, e.periodic, e.smooth, e.scale, e.ramp), self.start[r], sizes, np.zeros(11 * self.n_states + 6),
+            *self.steps, (self.bounds[r, 0], self.bounds[r, 1]),
+            (self.angle[r], self.rate[r], self.acceleration[r], self.states[r], self.stuck[r]),
+        )  # fmt: skip
 
 
 def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: float, **options: Any) -> Motion:
@@ -282,7 +299,6 @@ def transfer_moment(
     sample_rate: float,
     *,
     acceleration: ArrayLike | None = None,
-    initial_state: ArrayLike | None = None,
     substeps: int = 8,
 ) -> tuple[Array, Array]:
     """Return the moment at the sensor for a prescribed motion, I·θ̈ + M_T, and the internal states.
@@ -296,9 +312,6 @@ def transfer_moment(
         Hz.
     acceleration : array_like, shape (n,), optional
         rad/s²; without it the inertia moment is omitted and only M_T is returned.
-    initial_state : array_like, shape (n_states,), optional
-        Default: the states of a joint brought from standstill at zero to the first angle. A slider that
-        never slips afterwards keeps it.
     substeps : int
         Runge–Kutta steps of the internal states per sample.
 
@@ -308,6 +321,8 @@ def transfer_moment(
         N·m (N). Where the rate is exactly zero, friction keeps the side of the motion before: while a prescribed
         motion stands still, its moment is not determined.
     state : ndarray, shape (n_states, n)
+        From those of a joint brought from standstill at zero to the first angle; a slider that never slips afterwards
+        keeps them.
 
     Raises
     ------
@@ -325,9 +340,7 @@ def transfer_moment(
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
-        if initial_state is None:
-            initial_state = _bring_from_zero(compiled, theta, omega)
-        state[:, 0] = initial_state
+        state[:, 0] = _bring_from_zero(compiled, theta, omega)
         integrate_states(
             compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state
         )

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from sindyjoint.policy import limit
 
-JUDGEMENT = "chosen by judgement"
-
 
 @dataclass(frozen=True)
 class ResponsePolicy:
@@ -17,66 +15,48 @@ class ResponsePolicy:
         0.1,
         "least elastic moment, as a share of the moment's RMS, with which a joint is simulated without "
         "restarts",
-        source=JUDGEMENT,
     )
     free_share: float = limit(
         0.1,
         "a joint vibrates freely while the moment stays below this share of its scale, for all but this share of the "
         "time",
-        source=JUDGEMENT,
     )
     same_inertia: float = limit(
-        1e-3, "relative difference up to which model and campaign have the same inertia", source=JUDGEMENT
+        1e-3, "relative difference up to which model and campaign have the same inertia"
     )
-    fewest_draws: int = limit(
-        5, "fewest simulated sets of coefficients of which a band is made", source=JUDGEMENT
-    )
+    fewest_draws: int = limit(5, "fewest simulated sets of coefficients of which a band is made")
     half_cycle_significance: float = limit(
-        6.0, "least half-cycle between two turning points, in RMS of the smoothed noise", source=JUDGEMENT
+        6.0, "least half-cycle between two turning points, in RMS of the smoothed noise"
     )
-    least_half_cycle: float = limit(
-        0.002, "the same as a share of the whole range of the signal", source=JUDGEMENT
-    )
+    least_half_cycle: float = limit(0.002, "the same as a share of the whole range of the signal")
     sunk_periods: float = limit(
         3.0,
         "a vibration that ends so many periods before the other has no amplitude from there on",
         unit="periods",
-        source=JUDGEMENT,
     )
-    range_errors: float = limit(
-        20.0, "a coefficient may be refined by so many standard errors, ...", source=JUDGEMENT
-    )
-    range_share: float = limit(0.5, "... by this share of itself, ...", source=JUDGEMENT)
+    range_errors: float = limit(20.0, "a coefficient may be refined by so many standard errors, ...")
+    range_share: float = limit(0.5, "... by this share of itself, ...")
     range_moment: float = limit(
-        0.1, "... or until its term carries this much more of the moment, whichever is most", source=JUDGEMENT
+        0.1, "... or until its term carries this much more of the moment, whichever is most"
     )
-    gain_range: float = limit(0.25, "widest error of gain that is searched", source=JUDGEMENT)
-    delay_range: float = limit(
-        0.1, "widest delay that is searched", unit="periods of the fastest motion", source=JUDGEMENT
-    )
-    offset_range: float = limit(
-        0.5, "widest offset that is searched, as a share of the response's RMS", source=JUDGEMENT
-    )
+    gain_range: float = limit(0.25, "widest error of gain that is searched")
+    delay_range: float = limit(0.1, "widest delay that is searched", unit="periods of the fastest motion")
+    offset_range: float = limit(0.5, "widest offset that is searched, as a share of the response's RMS")
     least_noise: float = limit(
         1e-4,
         "noise, as a share of the response, below which residuals are weighted as if it were this",
         source="less would weigh what no simulation can reach",
     )
     undetermined: float = limit(
-        0.5,
-        "standard error, as a share of a parameter's size, beyond which it is not determined",
-        source=JUDGEMENT,
+        0.5, "standard error, as a share of a parameter's size, beyond which it is not determined"
     )
     undetermined_together: float = limit(
         0.05,
         "share of their sizes by which several parameters can change together without being determined one by one",
-        source=JUDGEMENT,
     )
-    entangled: float = limit(
-        10.0, "and how many times better each of them would be known if the others were", source=JUDGEMENT
-    )
+    entangled: float = limit(10.0, "and how many times better each of them would be known if the others were")
     named_share: float = limit(
-        0.2, "share of such a direction that a parameter must have to be named with it", source=JUDGEMENT
+        0.2, "share of such a direction that a parameter must have to be named with it"
     )
 
 

@@ -172,11 +172,7 @@ def refine_frequency(signal: Array, sample_rate: float, frequency: float) -> flo
     periods = int(signal.size / per)
     if periods < 4:
         return frequency
-    edges = np.round(np.arange(periods + 1) * per).astype(int)
-    time = np.arange(edges[-1]) / sample_rate
-    rotated = (signal[: edges[-1]] - np.mean(signal)) * np.exp(-2j * np.pi * frequency * time)
-    phasor = np.add.reduceat(rotated, edges[:-1])
-    phase = np.unwrap(np.angle(phasor))
+    phase = np.unwrap(np.angle(_sum_periods(signal, sample_rate, frequency, 1)[:, 0]))
     centre = np.arange(periods) - (periods - 1) / 2
     slope = centre @ phase / (centre @ centre)
     scatter = np.std(phase - np.mean(phase) - slope * centre, ddof=2) / np.sqrt(centre @ centre)
@@ -185,10 +181,10 @@ def refine_frequency(signal: Array, sample_rate: float, frequency: float) -> flo
     return float(frequency * (1 + slope / (2 * np.pi)))
 
 
-def steady_start(signal: Array, sample_rate: float, frequency: float, harmonics: int = 3) -> int:
+def steady_start(signal: Array, sample_rate: float, frequency: float) -> int:
     """Return the index of the first period from which the motion repeats.
 
-    A period is steady when its first harmonics lie within five scatters of their median over the second half of
+    A period is steady when its first three harmonics lie within five scatters of their median over the second half of
     the record (scatter: median distance there, and at least 0.2 % of the fundamental).
 
     Returns
@@ -200,14 +196,7 @@ def steady_start(signal: Array, sample_rate: float, frequency: float, harmonics:
     periods = int(signal.size / per)
     if periods < 4:
         return 0
-    edges = np.round(np.arange(periods + 1) * per).astype(int)
-    time = np.arange(edges[-1]) / sample_rate
-    # The harmonics' sum over one period is not zero where the period is no whole number of samples; the mean
-    # is removed first, so the remainder is the same in every period.
-    centred = signal[: edges[-1]] - np.mean(signal)
-    orders = np.arange(1, harmonics + 1)
-    rotated = centred[:, None] * np.exp(-2j * np.pi * frequency * np.outer(time, orders))
-    phasor = np.add.reduceat(rotated, edges[:-1], axis=0) / per
+    phasor = _sum_periods(signal, sample_rate, frequency, 3) / per
     late = phasor[periods // 2 :]
     target = np.median(late.real, axis=0) + 1j * np.median(late.imag, axis=0)
     distance = np.sqrt(np.sum(np.abs(phasor - target) ** 2, axis=1))
@@ -216,3 +205,19 @@ def steady_start(signal: Array, sample_rate: float, frequency: float, harmonics:
     )
     unsteady = np.flatnonzero(distance[: periods // 2] > POLICY.unsteady * scatter)
     return int(unsteady[-1]) + 1 if unsteady.size else 0
+
+
+def _sum_periods(
+    signal: Array, sample_rate: float, frequency: float, harmonics: int
+) -> NDArray[np.complex128]:
+    """Return the sums of a signal times each harmonic's rotation over each whole period, shape (periods, harmonics).
+
+    A harmonic's sum over one period is not zero where the period is no whole number of samples; the mean is removed
+    first, so the remainder is the same in every period.
+    """
+    per = sample_rate / frequency
+    edges = np.round(np.arange(int(signal.size / per) + 1) * per).astype(int)
+    time = np.arange(edges[-1]) / sample_rate
+    rotation = np.exp(-2j * np.pi * frequency * np.outer(time, np.arange(1, harmonics + 1)))
+    centred = signal[: edges[-1]] - np.mean(signal)
+    return np.add.reduceat(centred[:, None] * rotation, edges[:-1], axis=0)

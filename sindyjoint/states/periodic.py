@@ -60,12 +60,18 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     if run.rate is None:
         motion, replicate = angle.motion(), angle.replicates(edges)
         series: tuple[Harmonics, ...] = (angle.harmonics,)
-        rate_noise, acceleration_noise = angle.derivative_noise(1), angle.derivative_noise(2)
+        rate_noise, acceleration_noise = (
+            angle.harmonics.derivative_noise(frequency, 1),
+            angle.harmonics.derivative_noise(frequency, 2),
+        )
     else:
         rate = _Series.fit(run.rate[start:stop], time, run.sample_rate, frequency, bandwidth)
         motion = (angle.motion()[0], *rate.motion()[:2])
         replicate = (angle.replicates(edges)[0], *rate.replicates(edges)[:2])
-        rate_noise, acceleration_noise = rate.derivative_noise(0), rate.derivative_noise(1)
+        rate_noise, acceleration_noise = (
+            rate.harmonics.derivative_noise(frequency, 0),
+            rate.harmonics.derivative_noise(frequency, 1),
+        )
         series = (angle.harmonics, rate.harmonics)
     guard = reversal_guard(run.sample_rate, frequency, angle.highest)
     slowest = rate_limit(
@@ -172,10 +178,6 @@ class _Series:
         parts = [self.motion(slice(low, high)) for low, high in zip(edges[:-1], edges[1:], strict=True)]
         series, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
         return series, first, second
-
-    def derivative_noise(self, order: int) -> float:
-        """Return the standard error of the derivative of that order, RMS over the cycle."""
-        return float(np.sqrt(np.sum((self.basis.angular**order * self.standard_error) ** 2)))
 
 
 def _cut_blocks(periods: int, per: float, n: int) -> NDArray[np.intp]:

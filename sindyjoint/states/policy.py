@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from sindyjoint.policy import limit
 
 SIMULATED = "measured on simulated stick–slip runs"
-JUDGEMENT = "chosen by judgement"
 
 
 @dataclass(frozen=True)
@@ -18,25 +17,18 @@ class StatesPolicy:
         0.2,
         "a run is periodic when what does not repeat stays below this share of its RMS: 5 % noise passes with room "
         "to spare; a free decay, a sweep or a multisine does not",
-        source=JUDGEMENT,
     )
-    fewest_periods: int = limit(3, "fewest steady periods of a periodic run", source=JUDGEMENT)
+    fewest_periods: int = limit(3, "fewest steady periods of a periodic run")
     frequency_significance: float = limit(
         4.0,
         "standard errors by which the drift of the phase must contradict the declared frequency to replace it",
-        source=JUDGEMENT,
     )
     unsteady: float = limit(
         5.0,
         "a period further from the later ones than so many of their median distances belongs to the start-up",
-        source=JUDGEMENT,
     )
-    steady_scatter: float = limit(
-        0.002, "least such distance, as a share of the fundamental", source=JUDGEMENT
-    )
-    same_frequency: float = limit(
-        0.01, "relative difference up to which two runs have one frequency", source=JUDGEMENT
-    )
+    steady_scatter: float = limit(0.002, "least such distance, as a share of the fundamental")
+    same_frequency: float = limit(0.01, "relative difference up to which two runs have one frequency")
     harmonic_significance: float = limit(
         2.5,
         "standard errors beyond which the amplitude of a harmonic is signal",
@@ -52,43 +44,32 @@ class StatesPolicy:
         "two segments are the same excitation when they differ by less than this share of their RMS",
         source="twice 5 % noise, and √2",
     )
-    fewest_repetitions: int = limit(
-        3, "fewest periods of an excitation that is no sinusoid to be averaged", source=JUDGEMENT
-    )
-    shortest_repetition: int = limit(256, "fewest samples of such a period", unit="samples", source=JUDGEMENT)
+    fewest_repetitions: int = limit(3, "fewest periods of an excitation that is no sinusoid to be averaged")
+    shortest_repetition: int = limit(256, "fewest samples of such a period", unit="samples")
     most_wasted: float = limit(
-        0.1,
-        "largest share of a record that may be lost after the last whole period; else it is not averaged",
-        source=JUDGEMENT,
+        0.1, "largest share of a record that may be lost after the last whole period; else it is not averaged"
     )
     transient: float = limit(
         1.5,
         "a first period that differs from the others by so many times their mutual difference is left out",
-        source=JUDGEMENT,
     )
     signal_to_noise: float = limit(
-        4.0, "ratio of spectral densities at which a signal falls to its noise floor", source=JUDGEMENT
+        4.0, "ratio of spectral densities at which a signal falls to its noise floor"
     )
     cut_off_abruptly: float = limit(
         40.0,
         "density just below a signal's end, in noise floors, beyond which it was cut there instead of fading",
-        source=JUDGEMENT,
     )
-    rate_sigmas: float = limit(
-        4.0, "standard errors of the rate below which its sign is not known", source=JUDGEMENT
-    )
+    rate_sigmas: float = limit(4.0, "standard errors of the rate below which its sign is not known")
     periodic_rate_share: float = limit(
-        0.05, "share of the peak rate below which a sample of a periodic run is reversal", source=JUDGEMENT
+        0.05, "share of the peak rate below which a sample of a periodic run is reversal"
     )
     periodic_guard: float = limit(
         0.5,
         "guard on each side of a reversal: the length over which a truncated series rings",
         unit="periods of the highest kept harmonic",
-        source=JUDGEMENT,
     )
-    periodic_guard_limit: float = limit(
-        0.03, "the same at most", unit="periods of the excitation", source=JUDGEMENT
-    )
+    periodic_guard_limit: float = limit(0.03, "the same at most", unit="periods of the excitation")
     dwelling: float = limit(
         0.47,
         "samples within 5 % of the peak rate, as a share of those within 15 %, beyond which the joint sticks instead "
@@ -99,25 +80,20 @@ class StatesPolicy:
         0.1,
         "share of the peak rate below which a sample is reversal, in a run that does not repeat and sticks: smoothed, "
         "it rings about its standstill",
-        source=JUDGEMENT,
     )
     sticking_guard: float = limit(
-        0.5, "guard on each side of a reversal of such a run", unit="periods of the cut-off", source=JUDGEMENT
+        0.5, "guard on each side of a reversal of such a run", unit="periods of the cut-off"
     )
     passing_rate_share: float = limit(
         0.02,
         "share of the peak rate below which a sample is reversal, where the joint only passes through zero: its slow "
         "samples distinguish friction from damping",
-        source=JUDGEMENT,
     )
     passing_guard: float = limit(
-        0.25,
-        "guard on each side of a reversal of such a run",
-        unit="periods of the cut-off",
-        source=JUDGEMENT,
+        0.25, "guard on each side of a reversal of such a run", unit="periods of the cut-off"
     )
     broadband_guard_limit: float = limit(
-        0.1, "either guard at most, as a share of the usual spacing of reversals", source=JUDGEMENT
+        0.1, "either guard at most, as a share of the usual spacing of reversals"
     )
 
 

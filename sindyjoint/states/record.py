@@ -49,6 +49,11 @@ class Harmonics:
     orders: NDArray[np.intp]
     standard_error: Array
 
+    def derivative_noise(self, frequency: float, order: int) -> float:
+        """Return the standard error of a derivative of the series of ``frequency``, Hz, RMS over the cycle."""
+        angular = 2 * np.pi * frequency * self.orders
+        return float(np.sqrt(np.sum((angular**order * self.standard_error) ** 2)))
+
 
 @dataclass(frozen=True, eq=False)
 class ForceStates:

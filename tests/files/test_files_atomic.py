@@ -1,11 +1,23 @@
 """Whole or not at all."""
 
 import os
+import subprocess
+import sys
 
 import pytest
 
 from sindyjoint.errors import OutputError
-from sindyjoint.files.atomic import check_output, output_folder, prepare_output, write_bytes, write_text
+from sindyjoint.files.atomic import (
+    OLD,
+    _name_temporary,
+    check_output,
+    output_folder,
+    prepare_output,
+    settle,
+    whole_folder,
+    write_bytes,
+    write_text,
+)
 
 
 def everything(folder) -> set[str]:
@@ -142,3 +154,73 @@ def test_another_missing_file_is_not_blamed_on_the_output(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere"), output_folder(tmp_path / "out"):
         open("/nowhere/at/all")
     assert everything(tmp_path) == set()
+
+
+def test_a_whole_folder_replaces_the_old_one_or_leaves_it(tmp_path):
+    target = tmp_path / "results"
+    with whole_folder(target) as stage:
+        (stage / "one").write_text("1")
+    with pytest.raises(RuntimeError), whole_folder(target) as stage:
+        (stage / "two").write_text("2")
+        raise RuntimeError
+    assert [p.name for p in target.iterdir()] == ["one"]
+    with whole_folder(target) as stage:
+        (stage / "two").write_text("2")
+    assert [p.name for p in target.iterdir()] == ["two"]
+    assert [p.name for p in tmp_path.iterdir()] == ["results"]
+
+
+LIVES = """
+import sys
+from sindyjoint.files.atomic import whole_folder
+with whole_folder(sys.argv[1]) as stage:
+    (stage / "file").write_text("x")
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_only_what_a_dead_process_left_of_the_same_folder_is_removed(tmp_path):
+    pytest.importorskip("fcntl", reason="no locks on folders: what is left stays")
+    # Names of which one begins as the other, or that are alike in their first eighty characters.
+    long = "x" * 90
+    for name in ("j", "j.1", long, f"{long}-2", "[j]*"):
+        target = tmp_path / name
+        command = [sys.executable, "-c", LIVES, str(target)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+            assert other.stdout.readline() == "ready\n"
+            with whole_folder(tmp_path / "j") as stage:
+                (stage / "mine").write_text("1")
+            other.communicate("")
+        assert other.returncode == 0 and (target / "file").read_text() == "x"
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "ready\n"
+        other.kill()
+    assert list(tmp_path.glob(".*"))
+    settle(tmp_path / "j")
+    assert list(tmp_path.glob(".*"))
+    settle(target)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
+    target = tmp_path / "results"
+    target.mkdir()
+    (target / "one").write_text("1")
+    true, calls = os.replace, []
+
+    def refuse(source, place):
+        calls.append(source)
+        if len(calls) == 3:  # after the rename of the new folder and of the old one: the move in
+            raise OSError(28, "No space left on device", str(source))
+        true(source, place)
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(OutputError, match="No space left"), whole_folder(target):
+        pass
+    monkeypatch.undo()
+    assert len(calls) == 4 and [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
+    # A process that was killed between the two has no such chance: the next one sees to it.
+    target.rename(_name_temporary(target, OLD))
+    settle(target)
+    assert [p.name for p in tmp_path.rglob("*")] == ["results", "one"]

@@ -48,3 +48,8 @@ def write_joint(folder: Path, number: int, k1=6000.0, c1=50.0, temperature=20.0,
     (folder / "campaign.toml").write_text(
         MANIFEST.format(temperature=temperature, number=number), encoding="utf-8"
     )
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of every file of a folder by its path."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from sindyjoint.discovery.accumulate import TILE, TOLERANCE, FactorSum, TermSum
+from sindyjoint.discovery.accumulate import TILE, TOLERANCE, FactorSum, Tiles
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.equation.catalogue import Reference, load_catalogue
 from sindyjoint.equation.formula import compile_terms
@@ -75,9 +75,9 @@ def test_terms_are_evaluated_as_everywhere_else():
     angle, rate = 8e-4 * rng.uniform(-1, 1, 9001), 0.02 * rng.uniform(-1, 1, 9001)
     moment = 6066 * angle + 1.9 * np.sign(rate) + 0.01 * rng.normal(size=9001)
     terms = load_catalogue("extended").resolve(Reference(8e-4, 0.02, 5.0))
-    total = TermSum(compile_terms([term.expression for term in terms]))
+    tiles, total = Tiles(compile_terms([term.expression for term in terms])), FactorSum(len(terms))
     for part in np.array_split(np.arange(9001), 5):
-        total.add((angle[part], rate[part]), moment[part])
+        tiles.add_to(total, (angle[part], rate[part]), moment[part])
     whole = Factor.of(term_columns(terms, angle, rate), moment)
     scaled, other = total.factor().normalised()[0], whole.normalised()[0]
     np.testing.assert_allclose(scaled.solve(), other.solve(), rtol=1e-8, atol=1e-10)
@@ -87,10 +87,10 @@ def test_terms_are_evaluated_as_everywhere_else():
 def test_a_term_without_a_finite_value_is_refused(row):
     # In the first rows, which are decomposed, and in later ones, which are not.
     terms = load_catalogue("paper").resolve()
-    total = TermSum(compile_terms([term.expression for term in terms]))
+    tiles, total = Tiles(compile_terms([term.expression for term in terms])), FactorSum(len(terms))
     angle, rate = np.random.default_rng(0).normal(size=(2, 12_000))
     rate[row] = np.nan
     with pytest.raises(
         InputError, match=rf"rows from {row // TILE * TILE} .*column 4 .* at row {row % TILE};"
     ):
-        total.add((angle, rate), np.ones(12_000))
+        tiles.add_to(total, (angle, rate), np.ones(12_000))

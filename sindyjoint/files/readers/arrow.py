@@ -1,17 +1,22 @@
-"""Parquet and Feather by pyarrow."""
+"""Parquet and Feather by pyarrow, whole or a segment of rows at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.files.readers.table import Table, foreign, missing_extra
+from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.readers.table import Table, begins, foreign, missing_extra
 
 if TYPE_CHECKING:
     import pyarrow
+
+# Rows of Parquet decoded at once.
+BATCH = 1 << 16
 
 
 def read_parquet(path: Path, data: bytes) -> Table:
@@ -50,3 +55,114 @@ def _table(path: Path, table: pyarrow.Table) -> Table:
             return [table.column(position).to_numpy() for position in wanted]
 
     return Table(path, tuple(table.column_names), load)
+
+
+class ParquetBlocks(Blocks):
+    """Parquet, batch by batch of the row groups."""
+
+    def __init__(self, path: Path):
+        try:
+            import pyarrow.parquet as pq
+        except ImportError as error:
+            raise missing_extra(path, "pyarrow", error) from error
+        with foreign(path, "Parquet"):
+            file = pq.ParquetFile(path)
+            self.rows = file.metadata.num_rows
+            self.names = tuple(file.schema_arrow.names)
+            sizes = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
+        self.path, self._file = path, file
+        self._edges = np.concatenate([[0], np.cumsum(sizes)])
+        self._next = -1
+        self._wanted: tuple[int, ...] = ()
+        self._batches: Iterator[Any] = iter(())
+        self._pending: list[NDArray] = []
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns; segments that follow one another are decoded once."""
+        if start != self._next or tuple(wanted) != self._wanted:
+            group = int(np.searchsorted(self._edges, start, side="right")) - 1
+            names = [self.names[position] for position in wanted]
+            self._batches = self._file.iter_batches(
+                BATCH, row_groups=list(range(group, len(self._edges) - 1)), columns=names
+            )
+            self._wanted, self._next, self._pending = tuple(wanted), int(self._edges[group]), []
+            self._take(start - self._next, names)
+        return self._take(stop - start, [self.names[position] for position in wanted])
+
+    def largest(self, column: str | int) -> float | None:
+        """Return the largest magnitude of a column by the statistics of the row groups."""
+        name = self.names[column - 1] if isinstance(column, int) else column
+        ends = []
+        for group in (self._file.metadata.row_group(i) for i in range(self._file.metadata.num_row_groups)):
+            found = [c for c in map(group.column, range(group.num_columns)) if c.path_in_schema == name]
+            if not found or not found[0].is_stats_set or not found[0].statistics.has_min_max:
+                return None
+            ends += [found[0].statistics.min, found[0].statistics.max]
+        return max((abs(float(end)) for end in ends), default=None)
+
+    def _take(self, count: int, names: Sequence[str]) -> list[NDArray]:
+        parts = [self._pending] if self._pending else []
+        have = self._pending[0].size if self._pending else 0
+        with foreign(self.path, "a table of numbers"):
+            while have < count:
+                batch = next(self._batches, None)
+                if batch is None:
+                    break
+                parts.append([batch.column(name).to_numpy(zero_copy_only=False) for name in names])
+                have += batch.num_rows
+        columns = [np.concatenate([part[i] for part in parts]) for i in range(len(names))] if parts else []
+        self._pending = [column[count:] for column in columns]
+        self._next += count
+        return [column[:count] for column in columns]
+
+
+def feather_blocks(path: Path) -> Blocks | None:
+    """Open a Feather file; None for one of the first version, which is no Arrow file."""
+    return FeatherBlocks(path) if begins(path).startswith(b"ARROW1") else None
+
+
+class FeatherBlocks(Blocks):
+    """Feather: the record batches of an Arrow file, of which only the requested columns are decoded."""
+
+    def __init__(self, path: Path):
+        try:
+            import pyarrow as pa
+        except ImportError as error:
+            raise missing_extra(path, "pyarrow", error) from error
+        self.path = path
+        with foreign(path, "Feather"):
+            # Read, not mapped: pages of a map count as memory of the process for as long as the system likes.
+            self._file = pa.OSFile(str(path))
+            self.names = tuple(pa.ipc.open_file(self._file).schema.names)
+            reader = self._reader([0])
+            sizes = [reader.get_batch(i).num_rows for i in range(reader.num_record_batches)]
+        self._edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        self.rows = int(self._edges[-1])
+        self._last: tuple[int, tuple[int, ...], list[NDArray]] | None = None
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns; a batch is decoded once for the segments that follow one another."""
+        first, last = np.searchsorted(self._edges, [start, stop - 1], side="right") - 1
+        parts = []
+        for number in range(int(first), min(int(last), len(self._edges) - 2) + 1):
+            begin = self._edges[number]
+            parts.append(
+                [c[max(start - begin, 0) : stop - begin] for c in self._batch(number, tuple(wanted))]
+            )
+        return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+
+    def _batch(self, number: int, wanted: tuple[int, ...]) -> list[NDArray]:
+        if self._last is None or self._last[:2] != (number, wanted):
+            fields = sorted(set(wanted))
+            with foreign(self.path, "a table of numbers"):
+                batch = self._reader(fields).get_batch(number)
+                columns = [
+                    batch.column(fields.index(position)).to_numpy(zero_copy_only=False) for position in wanted
+                ]
+            self._last = number, wanted, columns
+        return self._last[2]
+
+    def _reader(self, fields: list[int]) -> Any:
+        import pyarrow as pa
+
+        return pa.ipc.open_file(self._file, options=pa.ipc.IpcReadOptions(included_fields=fields))

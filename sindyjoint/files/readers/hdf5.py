@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.files.readers.table import Table, foreign, missing_extra, short_names, vectors
+from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.readers.table import Table, foreign, missing_extra, short_names
 
 
 def read_hdf5(path: Path, data: bytes) -> Table:
@@ -24,46 +25,77 @@ def read_hdf5(path: Path, data: bytes) -> Table:
     MissingExtraError
         Without h5py.
     """
-    return _read(path, data, "HDF5", "/", lambda name, array: vectors(name, array, "[:,{}]", first=0))
+    return Hdf5Blocks(path, data).whole()
 
 
-def read_mat73(path: Path, data: bytes) -> Table:
-    """Return the variables of a MATLAB v7.3 file, called ``name``, ``struct.field`` or ``name(:,1)``."""
-    # MATLAB stores by columns: HDF5 shows every matrix transposed.
-    return _read(
-        path, data, "MATLAB v7.3", ".", lambda name, array: vectors(name, array.T, "(:,{})", first=1)
-    )
+class Hdf5Blocks(Blocks):
+    """Slices of the data sets of a file; MATLAB's matrices are seen transposed, and cut along their second axis."""
+
+    def __init__(self, path: Path, data: bytes | None = None, matlab: bool = False):
+        try:
+            import h5py
+        except ImportError as error:
+            raise missing_extra(path, "h5py", error) from error
+        self.path = path
+        self._kind, separator, subscript = (
+            ("MATLAB v7.3", ".", "(:,{})") if matlab else ("HDF5", "/", "[:,{}]")
+        )
+        columns: dict[str, Callable[[int, int], NDArray]] = {}
+        sizes = []
+        with foreign(path, self._kind):
+            # Of bytes in memory HDF5 makes a file of its own: through a file object it would ask for each number.
+            self._file = h5py.File(path if data is None else h5py.h5f.open_file_image(data), "r")
+            for found, dataset in _vectors(self._file, h5py):
+                name, shape = found.replace("/", separator), dataset.shape
+                # Of a scalar, or a stack of matrices, no rows can be cut: it is refused when it is asked for.
+                along = int(np.argmax(shape)) if 1 in shape else int(matlab and len(shape) == 2)
+                if len(shape) != 2 or 1 in shape:
+                    columns[name] = _cut(dataset, along)
+                else:
+                    for position in range(shape[1 - along]):
+                        columns[name + subscript.format(position + matlab)] = _cut(dataset, along, position)
+                sizes.append(shape[along] if len(shape) in (1, 2) else 0)
+        self._columns = list(columns.values())
+        self.names = tuple(columns)
+        self.aliases = short_names(self.names, separator)
+        self.rows = max(sizes, default=0)
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns."""
+        with foreign(self.path, self._kind):
+            return [self._columns[position](start, stop) for position in wanted]
 
 
-def _read(
-    path: Path, data: bytes, kind: str, separator: str, split: Callable[[str, NDArray], dict[str, NDArray]]
-) -> Table:
-    try:
-        import h5py
-    except ImportError as error:
-        raise missing_extra(path, "h5py", error) from error
-    arrays: dict[str, NDArray] = {}
-    with foreign(path, kind), h5py.File(io.BytesIO(data), "r") as file:
-        for name, dataset in datasets(file, h5py):
-            if dataset.dtype.names:
-                for field in dataset.dtype.names:
-                    arrays |= split(f"{name}/{field}".replace("/", separator), dataset[field])
-            elif dataset.dtype.kind in "fiub":
-                arrays |= split(name.replace("/", separator), dataset[()])
-    columns = list(arrays.values())
-    names = tuple(arrays)
-
-    def load(wanted: Sequence[int]) -> list[NDArray]:
-        return [columns[position] for position in wanted]
-
-    return Table(path, names, load, aliases=short_names(names, separator))
-
-
-def datasets(group: Any, h5py: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Walk through groups in the order of the file; names that begin with # are reserved by MATLAB."""
+def _vectors(group: Any, h5py: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Walk through numeric data sets and fields of compounds; names that begin with # are reserved by MATLAB."""
     for key, item in group.items():
         name = f"{prefix}{key}"
-        if isinstance(item, h5py.Dataset):
+        if isinstance(item, h5py.Group):
+            if not key.startswith("#"):
+                yield from _vectors(item, h5py, f"{name}/")
+        elif isinstance(item, h5py.Dataset) and item.dtype.names:
+            for field in item.dtype.names:
+                yield f"{name}/{field}", _Field(item, field)
+        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub":
             yield name, item
-        elif isinstance(item, h5py.Group) and not key.startswith("#"):
-            yield from datasets(item, h5py, f"{name}/")
+
+
+class _Field:
+    """One field of a compound data set, cut as a data set is."""
+
+    def __init__(self, dataset: Any, field: str):
+        self.shape, self._view = dataset.shape, dataset.fields(field)
+
+    def __getitem__(self, index: Any) -> NDArray:
+        return np.asarray(self._view[index])
+
+
+def _cut(dataset: Any, along: int, position: int = 0) -> Callable[[int, int], NDArray]:
+    """Return what cuts a column out of a data set whose rows lie along one of its axes."""
+    if len(dataset.shape) == 1:
+        return lambda start, stop: dataset[start:stop]
+    if len(dataset.shape) != 2:
+        return lambda start, stop: dataset[()]
+    if along == 0:
+        return lambda start, stop: dataset[start:stop, position]
+    return lambda start, stop: dataset[position, start:stop]

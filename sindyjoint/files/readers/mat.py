@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.files.readers.table import Table, foreign, short_names, vectors
+from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.readers.hdf5 import Hdf5Blocks
+from sindyjoint.files.readers.table import Table, begins, foreign, short_names, vectors
+
+VERSION_73 = (b"MATLAB 7.3", b"\x89HDF\r\n\x1a\n")
 
 
 def read_mat(path: Path, data: bytes) -> Table:
@@ -22,10 +26,8 @@ def read_mat(path: Path, data: bytes) -> Table:
     MissingExtraError
         For a v7.3 file without h5py.
     """
-    if data[:10] == b"MATLAB 7.3" or data[:8] == b"\x89HDF\r\n\x1a\n":
-        from sindyjoint.files.readers.hdf5 import read_mat73
-
-        return read_mat73(path, data)
+    if data.startswith(VERSION_73):
+        return Hdf5Blocks(path, data, matlab=True).whole()
     from scipy.io import loadmat
 
     arrays: dict[str, NDArray] = {}
@@ -34,13 +36,12 @@ def read_mat(path: Path, data: bytes) -> Table:
             if not name.startswith("__"):
                 for full, array in _leaves(name, value):
                     arrays |= vectors(full, array, "(:,{})", first=1)
-    columns = list(arrays.values())
-    names = tuple(arrays)
+    return Table.of(path, arrays, short_names(tuple(arrays), "."))
 
-    def load(wanted: Sequence[int]) -> list[NDArray]:
-        return [columns[position] for position in wanted]
 
-    return Table(path, names, load, aliases=short_names(names, "."))
+def matlab_blocks(path: Path) -> Blocks | None:
+    """Open a MATLAB file of version 7.3; None for an older one, which SciPy loads as a whole."""
+    return Hdf5Blocks(path, matlab=True) if begins(path).startswith(VERSION_73) else None
 
 
 def _leaves(name: str, value: NDArray) -> Iterator[tuple[str, NDArray]]:

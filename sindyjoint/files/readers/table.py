@@ -45,6 +45,12 @@ class Table:
     aliases: Mapping[str, int] = field(default_factory=dict)
     row: Callable[[int], str] = _row
 
+    @classmethod
+    def of(cls, path: Path, arrays: Mapping[str, NDArray], aliases: Mapping[str, int] | None = None) -> Table:
+        """Return the table of columns that are in memory."""
+        columns = list(arrays.values())
+        return cls(path, tuple(arrays), lambda wanted: [columns[at] for at in wanted], aliases or {})
+
     def columns(self, wanted: Sequence[str | int]) -> list[Array]:
         """Return the requested columns as finite float64 arrays.
 
@@ -126,6 +132,12 @@ def missing_extra(path: Path, package: str, error: ImportError) -> MissingExtraE
     missing = MissingExtraError(message)
     missing.__cause__ = error
     return missing
+
+
+def begins(path: Path) -> bytes:
+    """Return the first bytes of a file, which tell the version of its format."""
+    with path.open("rb") as file:
+        return file.read(16)
 
 
 def vectors(name: str, array: NDArray, subscript: str, first: int) -> dict[str, NDArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import weakref
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.files.blocks import Blocks
 from sindyjoint.files.readers.table import Table, foreign, missing_extra, short_names
 
 
@@ -25,34 +27,46 @@ def read_tdms(path: Path, data: bytes) -> Table:
     MissingExtraError
         Without npTDMS.
     """
-    try:
-        import nptdms
-    except ImportError as error:
-        raise missing_extra(path, "npTDMS", error) from error
-    names, columns, intervals = [], [], []
-    with foreign(path, "TDMS"):
-        file = nptdms.TdmsFile.read(io.BytesIO(data))
-        # npTDMS makes do with what is there of a file whose writing was cut short.
-        if file.file_status.incomplete_final_segment:
-            raise InputError(f"{path}: its last segment is incomplete; the file is truncated")
-        for group in file.groups():
-            for channel in group.channels():
-                names.append(f"{group.name}/{channel.name}")
-                columns.append(np.asarray(channel[:]))
-                intervals.append(float(channel.properties.get("wf_increment", 0.0)))
-    aliases = short_names(tuple(names), "/")
-    clocked = any(intervals) and "time" not in names and "time" not in aliases
+    return TdmsBlocks(path, io.BytesIO(data)).whole()
 
-    def load(wanted: Sequence[int]) -> list[NDArray]:
-        channels = [position for position in wanted if position < len(columns)]
-        if len(channels) < len(wanted):
-            steps = {intervals[position] for position in channels} or set(intervals)
-            if len(steps) != 1 or 0.0 in steps:
-                raise InputError(
-                    f"{path}: its channels have no common sampling interval; declare [channels] rate"
-                )
-            size = columns[channels[0]].size if channels else max(column.size for column in columns)
-            clock = np.arange(size) * steps.pop()
-        return [columns[position] if position < len(columns) else clock for position in wanted]
 
-    return Table(path, (*names, "time") if clocked else tuple(names), load, aliases=aliases)
+class TdmsBlocks(Blocks):
+    """Segments of the channels of a TDMS file."""
+
+    def __init__(self, path: Path, data: io.BytesIO | None = None):
+        try:
+            import nptdms
+        except ImportError as error:
+            raise missing_extra(path, "npTDMS", error) from error
+        self.path = path
+        with foreign(path, "TDMS"):
+            self._file = nptdms.TdmsFile.open(path if data is None else data)
+            weakref.finalize(self, self._file.close)
+            # npTDMS makes do with what is there of a file whose writing was cut short.
+            if self._file.file_status.incomplete_final_segment:
+                raise InputError(f"{path}: its last segment is incomplete; the file is truncated")
+            channels = [(f"{g.name}/{c.name}", c) for g in self._file.groups() for c in g.channels()]
+            self._channels = [channel for _, channel in channels]
+            self._steps = [float(c.properties.get("wf_increment", 0.0)) for c in self._channels]
+        names = tuple(name for name, _ in channels)
+        self.aliases = short_names(names, "/")
+        clocked = any(self._steps) and "time" not in names and "time" not in self.aliases
+        self.names = (*names, "time") if clocked else names
+        self.rows = max((len(channel) for channel in self._channels), default=0)
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns; ``time`` is made from the sampling interval, as long as the first of them."""
+        asked = [position for position in wanted if position < len(self._channels)]
+        steps = {self._steps[position] for position in asked} or set(self._steps)
+        if len(asked) < len(wanted) and (len(steps) != 1 or 0.0 in steps):
+            raise InputError(
+                f"{self.path}: its channels have no common sampling interval; declare [channels] rate"
+            )
+        rows = len(self._channels[asked[0]]) if asked else self.rows
+        with foreign(self.path, "TDMS"):
+            return [
+                np.asarray(self._channels[position].read_data(start, stop - start))
+                if position < len(self._channels)
+                else np.arange(start, min(stop, rows)) * next(iter(steps))
+                for position in wanted
+            ]

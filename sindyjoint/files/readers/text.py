@@ -7,15 +7,20 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.files.blocks import Blocks
 from sindyjoint.files.readers.table import Table
 
 COMMENTS = ("#", "%", "//")
+# Bytes of text scanned at once, and lines between two line offsets that are kept.
+CHUNK = 1 << 24
+STRIDE = 1 << 15
 COMPARED = 20  # lines that the last one of a file is compared with
 # What no text table holds: control characters other than tab, line ends, form feed and DOS's end of file.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
@@ -62,11 +67,6 @@ def _check_end(layout: Layout) -> None:
             f"{layout.path}: ends within line {layout.numbers[-1]}: its last number, {last!r:.40}, is shorter than the "
             f"{COMPARED} above it; copy the file again, or end that line if the file is whole"
         )
-
-
-def layout_of(path: Path, data: bytes) -> Layout:
-    """Return how the lines of a text table are to be read; see :func:`read_text`."""
-    return _layout(path, _decode(path, data))
 
 
 def _decode(path: Path, data: bytes) -> str:
@@ -216,3 +216,50 @@ def _explain_error(layout: Layout, wanted: Sequence[int], error: ValueError) -> 
                 name = layout.names[position]
                 return InputError(f"{layout.path}: line {number}: column {name!r} {given}; expected a number")
     return InputError(f"{layout.path}: cannot be read as a table of numbers ({error})")
+
+
+class TextBlocks(Blocks):
+    """CSV and other text, by the byte offset of every so many lines."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self._size = path.stat().st_size
+        head = self._bytes(0, min(self._size, 1 << 16))
+        cut = head.rfind(b"\n") + 1 or len(head)
+        layout = _layout(path, _decode(path, head[:cut]))
+        self.names = layout.names
+        # What stands above the first row of data goes before every segment, so that each is read by the same rules.
+        self._head = b"".join(line + b"\n" for line in head[:cut].split(b"\n")[: layout.numbers[0] - 1])
+
+    @cached_property
+    def rows(self) -> int:  # type: ignore[override]
+        """Lines after the header."""
+        return self._index[1]
+
+    @cached_property
+    def _index(self) -> tuple[list[int], int]:
+        """Return where every so many lines begin, and how many lines there are."""
+        offsets, lines, at, last = [len(self._head)], 0, len(self._head), b"\n"
+        while at < self._size:
+            chunk = self._bytes(at, min(at + CHUNK, self._size))
+            ends = np.flatnonzero(np.frombuffer(chunk, dtype=np.uint8) == 10)
+            first = -(-(lines + 1) // STRIDE) * STRIDE - lines - 1
+            offsets += (at + ends[first::STRIDE] + 1).tolist()
+            lines, at, last = lines + ends.size, at + len(chunk), chunk[-1:]
+        return offsets, lines + (last != b"\n")
+
+    def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
+        """Return rows of some columns."""
+        offsets, _ = self._index
+        first, last = start // STRIDE, -(-stop // STRIDE)
+        data = self._bytes(offsets[first], offsets[last] if last < len(offsets) else self._size)
+        lines = data.split(b"\n")[start - first * STRIDE : stop - first * STRIDE]
+        # Only the last line of the file may lack its end.
+        cut = stop >= self.rows and self._bytes(self._size - 1, self._size) not in (b"\n", b"\r")
+        text = self._head + b"\n".join(lines) + (b"" if cut else b"\n")
+        return list(read_text(self.path, text).load(wanted))
+
+    def _bytes(self, start: int, stop: int) -> bytes:
+        with self.path.open("rb") as file:
+            file.seek(start)
+            return file.read(stop - start)
