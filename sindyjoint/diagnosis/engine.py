@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic
 
 import numpy as np
@@ -93,9 +93,9 @@ def explain_gap(first: P, most: int, say: Say, advice: bool = True) -> Diagnosis
         "where": first.places() if best.verdict != "nothing_missing" else (),
         "steps": steps,
         "advice": advise(last, steps, best.progress.rankings) if advice else (),
-        "warnings": (note,) if note else (),
     }
-    return last.diagnosis(first, found)
+    result = last.diagnosis(first, found)
+    return replace(result, warnings=(note, *result.warnings)) if note else result
 
 
 def _explain(first: P, start: Start[P], most: int, say: Say) -> Explained[P]:

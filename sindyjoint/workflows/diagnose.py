@@ -33,7 +33,7 @@ def diagnose(
     campaign: Campaign | str | Path | None = None,
     model: JointModel | None = None,
     *,
-    base: str | Path | Catalogue | Sequence[str | Path | Catalogue] = "paper",
+    base: str | Path | Catalogue | Sequence[str | Path | Catalogue] | None = None,
     library: Sequence[str | Path] = (),
     effects: Sequence[Effect] | None = None,
     max_effects: int = CAMPAIGN.most_effects,
@@ -53,8 +53,10 @@ def diagnose(
         ``None``: a virtual test in which ``random_state`` hides an effect, revealed in the result.
     model : JointModel, optional
         Whose terms are the starting point; their coefficients are estimated anew. Default: the terms of ``base``.
-    base : library or libraries
-        Terms to start from where no model is given.
+    base : library or libraries, optional
+        Terms to start from where no model is given. Default: the paper's five; where they and the effects leave
+        something unexplained, the search is made again from the terms that discovery finds and with a delay of the
+        channels removed first, and the start that ends with the smallest gap is used.
     library : sequence of str or Path
         Further TOML files of effects; an id that is shipped is replaced.
     effects : sequence of Effect, optional

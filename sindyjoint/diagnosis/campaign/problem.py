@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
@@ -16,6 +16,7 @@ from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, withou
 from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
+from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effects, rank_effects
@@ -37,7 +38,7 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
+from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
@@ -47,6 +48,8 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states
+
+BASE = "paper"
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,8 @@ class CampaignProblem(Problem):
         Of whole runs, as measured.
     drift : ChannelDrift, optional
         Of a channel; put right by :meth:`corrected`.
+    may_start_anew : bool
+        Whether the terms to start from were left to the program.
     """
 
     work: Work
@@ -72,6 +77,7 @@ class CampaignProblem(Problem):
     candidates: tuple[Effect, ...]
     states: tuple[ForceStates, ...]
     drift: ChannelDrift | None = None
+    may_start_anew: bool = True
 
     @classmethod
     def build(
@@ -87,7 +93,7 @@ class CampaignProblem(Problem):
         states = one_after_another(campaign, campaign_states(campaign, rate_share=share))
         whole = campaign.identification_runs
         runs, parts, groups = cut_up(whole, states, share, policy)
-        fitted = first_model(campaign, parts, model, base, policy)
+        fitted = first_model(campaign, parts, model, base or BASE, policy)
         return cls(
             work=Work.build(campaign, runs, parts, groups, fitted, (), policy),
             repaired=Repaired(fitted, ()),
@@ -95,6 +101,7 @@ class CampaignProblem(Problem):
             states=states,
             # In segments, drifts of the channels are effects like others.
             drift=find_drift(whole, states, policy) if len(parts) == len(states) else None,
+            may_start_anew=model is None and base is None,
         )
 
     @property
@@ -188,6 +195,11 @@ class CampaignProblem(Problem):
         return replace(
             self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
         )
+
+    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
+        """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
+        if self.drift is None and self.may_start_anew:
+            yield from other_starts(straight, last.gap.moment, say)
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""

@@ -1,0 +1,133 @@
+"""Other models to start a search from: the one that discovery finds, and both with the channels' delay removed first.
+
+A law that lacks what discovery can find is given effects in its place, and a delay is taken for a law. Neither can be
+seen while the search goes on; it can be seen at its end, by what remains of the gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sindyjoint.diagnosis.campaign.gap import gap_of
+from sindyjoint.diagnosis.campaign.repair import Repaired, refit
+from sindyjoint.diagnosis.campaign.start import Work, first_model, is_free
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.problem import Say, Start
+from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.errors import InputError
+from sindyjoint.states import regression_rows
+
+if TYPE_CHECKING:
+    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+
+LIBRARY = "extended"
+
+
+def other_starts(straight: CampaignProblem, best: float, say: Say) -> Iterator[Start[CampaignProblem]]:
+    """Yield starts whose own gap is not far above ``best``, the final gap of the search so far."""
+    policy = straight.policy
+    delayed = None if is_free(straight.work.campaign) else with_delay(straight)
+    if delayed is not None:
+        yield Start(*delayed, "the channels aligned", straight)
+    for begun, words in ((straight, ""), (delayed and delayed[0], " and the channels aligned")):
+        if begun is None:
+            continue
+        say(f"discovering the terms{words.replace(' and', ' with')}")
+        found = discovered(begun)
+        if found is None:
+            continue
+        problem, steps = found
+        before = delayed[1] if begun is not straight else ()
+        if problem.gap.moment <= policy.start_worth * best:
+            yield Start(problem, (*before, *steps), f"the terms that discovery finds{words}", straight)
+
+
+def with_delay(problem: CampaignProblem) -> tuple[CampaignProblem, tuple[Step, ...]] | None:
+    """Return the problem with the delay between its channels removed, and the step that this is; None if there is none."""
+    effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
+    if effect is None:
+        return None
+    variant = effect.variants[0]
+    gain, coefficients = problem.regression.gain(variant, np.empty(0))
+    fitted = FittedEffect(effect, variant, np.empty(0), coefficients, gain)
+    if gain < problem.policy.delay_gain:
+        return None
+    later = problem.add(fitted).problem
+    delay = next(e for e in later.found if e.shifts)
+    return later, (
+        _step(delay.name, delay.family, delay.parameters, problem.units(delay), problem.gap, later.gap),
+    )
+
+
+def discovered(problem: CampaignProblem) -> tuple[CampaignProblem, tuple[Step, ...]] | None:
+    """Return the problem with the terms that discovery finds on its states, and a step for each beyond its model's.
+
+    None where discovery finds none, or those of the model.
+    """
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    work = problem.work
+    campaign, policy = work.campaign, problem.policy
+    regressor = JointRegressor(LIBRARY, motion=campaign.joint.motion)
+    try:
+        regressor.fit(**regression_rows(work.states, campaign.joint.inertia).fit_arguments())
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    known = set(work.model.ids)
+    if not regressor.model_.terms or set(regressor.model_.ids) <= known:
+        return None
+    model = first_model(campaign, work.states, regressor.model_, None, policy)
+    shifts = tuple(e for e in problem.found if e.shifts)
+    rows = Work.build(campaign, work.runs, work.states, work.groups, model, (), policy)
+    later = replace(problem, work=rows, repaired=Repaired(model, shifts))
+    extra = [t for t in model.terms if t.id not in known and t.id != INERTIA]
+    dropped = tuple(sorted(known - set(model.ids)))
+    return later, _steps(later, problem.gap, extra, shifts, dropped)
+
+
+def _steps(
+    problem: CampaignProblem,
+    before: Gap,
+    extra: list[ModelTerm],
+    shifts: tuple[FittedEffect, ...],
+    dropped: tuple[str, ...],
+) -> tuple[Step, ...]:
+    """Return a step for each further term, in order of what it carries alone, with the gap of the law so far."""
+    model, steps = problem.work.model, []
+    ordered = sorted(extra, key=lambda term: -term.unique_share)
+    for place, term in enumerate(ordered, 1):
+        later = {each.id for each in ordered[place:]}
+        after = problem.gap if not later else _gap_without(problem, later, shifts)
+        # So many standard errors, tempered as likelihoods of effects are.
+        ratio = term.coefficient / max(term.standard_error, 1e-300)
+        belief = float(1 / (1 + np.exp(-0.5 * min(ratio**2 / problem.policy.temper, 1e3))))
+        numbers, units = {term.symbol: term.coefficient}, {term.symbol: term.unit}
+        steps.append(replace(_step(term.id, term.family, numbers, units, before, after), probability=belief))
+        before = after
+    if steps:
+        steps[0] = replace(steps[0], terms_dropped=dropped)
+    return tuple(steps)
+
+
+def _gap_without(problem: CampaignProblem, ids: set[str], shifts: tuple[FittedEffect, ...]) -> Gap:
+    """Return the gap of the model without some terms, the others fitted anew."""
+    work = problem.work
+    smaller = _without(work.model, ids)
+    return gap_of(work, refit(work.rows, smaller, (), problem.policy).model, shifts)
+
+
+def _without(model: JointModel, ids: set[str]) -> JointModel:
+    keep = [i for i, term in enumerate(model.terms) if term.id not in ids]
+    covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()
+    return replace(model, terms=tuple(model.terms[i] for i in keep), covariance=covariance)
+
+
+def _step(
+    effect: str, family: str, numbers: dict[str, float], units: dict[str, str], before: Gap, after: Gap
+) -> Step:
+    return Step(effect, family, (effect,), 1.0, (), numbers, (), before, after, units)
