@@ -9,7 +9,7 @@ from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.diagnosis.verdict import discount, judge
 
 
-def explain_gap(first: P, most: int, say: Say) -> Diagnosis:
+def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosis:
     """Add what is missing to a model, and return what that comes to.
 
     Parameters
@@ -20,26 +20,33 @@ def explain_gap(first: P, most: int, say: Say) -> Diagnosis:
         Most effects that are added.
     say : callable
         Called with the name of each stage.
+    advised : bool
+        Whether runs are sought that would tell rivals apart.
     """
     say("the gap")
     initial = first.initial_gap
     straight, steps = first.corrected()
     before = steps[-1].gap_after if steps else initial
     progress = add_effects(Progress(straight, before, steps), most, say)
-    say("advice")
     residual = progress.problem.residual(straight)
     last = progress.problem.finished()
     verdict, reason = judge(progress.steps, residual, first.policy)
     steps = discount(progress.steps, verdict, residual.outside, first.policy)
+    budget = straight.budget(first, last)
+    places = first.places() if verdict != "nothing_missing" else ()
+    advice = ()
+    if advised:
+        say("advice")
+        advice = advise(last, steps, progress.rankings)
     found = {
         "verdict": verdict,
         "reason": reason,
         "initial": initial,
         "final": steps[-1].gap_after if steps else first.gap,
         "noise_floor": first.noise_floor,
-        "budget": straight.budget(first, last),
-        "where": first.places() if verdict != "nothing_missing" else (),
+        "budget": budget,
+        "where": places,
         "steps": steps,
-        "advice": advise(last, steps, progress.rankings),
+        "advice": advice,
     }
     return last.diagnosis(first, found)
