@@ -57,7 +57,7 @@ def diagnose(
             help="Name of a run to keep out of the fit; of a rig: TOML file of another pulse. Repeatable.",
         ),
     ] = None,
-    advice: Annotated[
+    advise: Annotated[
         bool,
         typer.Option(
             "--advice/--no-advice",
@@ -95,7 +95,7 @@ def diagnose(
             base,
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
-            advise=advice,
+            advise=advise,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sindyjoint.diagnosis.advice import advise
 from sindyjoint.diagnosis.loop import Progress, add_effects
 from sindyjoint.diagnosis.problem import P, Say
-from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.diagnosis.result import Advice, Diagnosis
 from sindyjoint.diagnosis.verdict import discount, judge
 
 
@@ -34,7 +34,7 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
     steps = discount(progress.steps, verdict, residual.outside, first.policy)
     budget = straight.budget(first, last)
     places = first.places() if verdict != "nothing_missing" else ()
-    advice = ()
+    advice: tuple[Advice, ...] = ()
     if advised:
         say("advice")
         advice = advise(last, steps, progress.rankings)

@@ -7,7 +7,7 @@ import pytest
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
 from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.effects.joined_motions import JoinedMotions
+from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
 

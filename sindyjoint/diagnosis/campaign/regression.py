@@ -20,7 +20,7 @@ from sindyjoint.diagnosis.campaign.half_cycles import correlation
 from sindyjoint.diagnosis.campaign.rows import base_columns
 from sindyjoint.diagnosis.campaign.run_rows import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
-from sindyjoint.diagnosis.effects.joined_motions import JoinedMotions
+from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.equation.model import JointModel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
-from sindyjoint.diagnosis.effects.joined_motions import JoinedMotions
+from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
 from sindyjoint.equation import dimensions
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
 from sindyjoint.equation.formula import compile_terms, formula_pretty, parse_formula
@@ -168,10 +168,6 @@ class Variant:
         return self._function(*motions.signals, *states, *map(float, values))
 
 
-# While nonlinear parameters are searched, states follow a motion within this share of its RMS.
-ROUGH_ERROR = 1e-2
-
-
 @dataclass(frozen=True)
 class Effect:
     """Something that a joint model may be missing."""
@@ -184,62 +180,6 @@ class Effect:
     confused_with: tuple[str, ...]
     enters: Enters
     variants: tuple[Variant, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredMotion:
-    """A run's motion as effects see it.
-
-    Parameters
-    ----------
-    angle, rate, acceleration : ndarray, shape (n,)
-        The whole motion: one period where ``repeats``, the record otherwise.
-    step : float
-        s between samples.
-    time : ndarray, shape (n,)
-        Since the start of the run, s; the mean over its periods where ``repeats``.
-    frequency : float
-        Hz; zero where the run has none.
-    moment_rate, moment_slope : ndarray, shape (n,)
-        dM/dt and ∂M/∂θ of the model along the motion.
-    keep : ndarray of int, shape (m,)
-        Samples in which the joint moves.
-    repeats : bool
-    began : float
-        Start of the run since that of the campaign's first one, s.
-    substeps : int
-        Parts into which a step is cut where internal states are integrated.
-    follow : int
-        Internal states are integrated over every so-manieth sample and interpolated between.
-    """
-
-    angle: Array
-    rate: Array
-    acceleration: Array
-    step: float
-    time: Array
-    frequency: float
-    moment_rate: Array
-    moment_slope: Array
-    keep: NDArray[np.intp]
-    repeats: bool
-    began: float = 0.0
-    substeps: int = 1
-    follow: int = 1
-
-    def rough(self) -> MeasuredMotion:
-        """Return the motion for searching: internal states are integrated in longer steps."""
-        if self.substeps > 1:
-            return replace(self, substeps=1)
-        return replace(self, follow=max(1, int(1 / self.steps_to_follow(ROUGH_ERROR))))
-
-    def steps_to_follow(self, error: float) -> float:
-        """Return into how many parts a step is to be cut so that linear interpolation of the angle errs by so little.
-
-        ``error`` is relative to the RMS of the angle; the answer is below one where steps may be longer.
-        """
-        bend = float(np.sqrt(np.mean(self.acceleration**2)))
-        return self.step * float(np.sqrt(bend / (8 * error * max(float(np.std(self.angle)), 1e-300))))
 
 
 def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
