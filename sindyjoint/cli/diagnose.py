@@ -57,6 +57,13 @@ def diagnose(
             help="Name of a run to keep out of the fit; of a rig: TOML file of another pulse. Repeatable.",
         ),
     ] = None,
+    advise: Annotated[
+        bool,
+        typer.Option(
+            "--advice/--no-advice",
+            help="Whether to seek runs that would tell rivals apart; often the longest part.",
+        ),
+    ] = True,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
     ] = None,
@@ -88,6 +95,7 @@ def diagnose(
             base,
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
+            advise=advise,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
