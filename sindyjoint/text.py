@@ -18,6 +18,7 @@ _NAMES = {
     "rayleigh": "Rayleigh",
     "linear damping": "viscous damping",
 }
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PATTERN = re.compile(r"\b(" + "|".join(_NAMES) + r")\b")
 
 
@@ -59,6 +60,31 @@ def rounded(value: float, error: float) -> str:
     decimals = max(0, power - digits)
     scale = 10.0**power
     return f"({value / scale:.{decimals}f} ± {error / scale:.{decimals}f})e{power}"
+
+
+def superscript(digits: object) -> str:
+    """Return an integer as a power is written.
+
+    Examples
+    --------
+    >>> superscript(-12)
+    '⁻¹²'
+    """
+    return str(digits).translate(_RAISED)
+
+
+def power_of_ten(value: float) -> str:
+    """Return a round number as it stands at an axis; far from 1 with its power of ten.
+
+    Examples
+    --------
+    >>> power_of_ten(0.02), power_of_ten(1e-6), power_of_ten(2e5)
+    ('0.02', '10⁻⁶', '2·10⁵')
+    """
+    if 1e-3 <= abs(value) < 1e4:
+        return f"{value:g}"
+    digit, _, power = f"{value:.0e}".partition("e")
+    return ("" if digit == "1" else f"{digit}·") + f"10{superscript(int(power))}"
 
 
 LEAST_SHARE = 1e-4

@@ -9,7 +9,7 @@ from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.text_table import TextTable, csv_text, terminal_table
-from sindyjoint.text import rounded
+from sindyjoint.text import rounded, superscript
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -117,8 +117,7 @@ def superscripted(text: str) -> str:
 
 
 def _power(power: str) -> str:
-    digits = power.lstrip("e").translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"·10{digits}"
+    return f"·10{superscript(power.lstrip('e'))}"
 
 
 def terms_csv(model: JointModel) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.figures.kind import Panel, spread
+from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.style import (
     DIVERGING,
     INK,
@@ -76,7 +77,7 @@ def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale:
     )
     ax.grid(False)
     if scale:
-        ax.figure.colorbar(mesh, ax=ax, label=f"mean of measured less model ({unit})", pad=0.02)
+        colour_scale(ax, mesh, f"mean of measured less model ({unit})")
     ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
     ax.set_ylabel(f"{q.rate} {q.rate_symbol} ({y_unit})")
     ax.set_title(title)

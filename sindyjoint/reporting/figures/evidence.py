@@ -10,6 +10,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.equation import split_symbol
+from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.figures.residuals import nothing
 from sindyjoint.reporting.style import (
     ACCENT,
@@ -25,7 +26,7 @@ from sindyjoint.reporting.style import (
     pretty_unit,
 )
 from sindyjoint.reporting.units import quantities
-from sindyjoint.text import spelled
+from sindyjoint.text import spelled, superscript
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -174,7 +175,7 @@ def covariance(data: ReportData, ax: Axes) -> Axes:
         for (row, column), value in np.ndenumerate(matrix):
             colour = FIXED_PAPER if abs(value) > 0.6 else FIXED_INK
             ax.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
-    ax.figure.colorbar(mesh, ax=ax, label="correlation", pad=0.02)
+    colour_scale(ax, mesh, "correlation")
     ax.set_title("Correlation of the coefficients' errors")
     return ax
 
@@ -220,7 +221,7 @@ def _scale(value: float, unit: str) -> tuple[float, str]:
     if -1 <= power < 5:
         return 1.0, pretty_unit(unit)
     power = 3 * (power // 3)
-    return 10.0**-power, rf"$10^{{{power}}}$ " + pretty_unit(unit)
+    return 10.0**-power, f"10{superscript(power)} {pretty_unit(unit)}"
 
 
 def _math(symbol: str) -> str:
