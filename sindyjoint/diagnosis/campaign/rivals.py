@@ -28,6 +28,7 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.equation.model import JointModel
 from sindyjoint.parallel import side_by_side
+from sindyjoint.text import in_words_of
 
 FINE = 3  # runs in which the rivals are fitted anew
 MOST_NATS = 30.0  # a margin is counted up to this: beyond, its mean would rest on one rival
@@ -85,7 +86,7 @@ class _Rivals:
         added: list[GapRun] = []
         advice: list[Advice] = []
         before, margin = self.expected([], finely=True)
-        policy = self.policy
+        policy, motion = self.policy, self.model.joint.motion
         for _ in range(policy.most_runs):
             best = self._best(added)
             if best is None or (
@@ -94,14 +95,16 @@ class _Rivals:
                 break
             before, margin, design, row = best
             added.append(row)
-            advice.append(Advice(names, design.frequency, design.level, design.waveform, before))
+            advice.append(
+                Advice(names, design.frequency, design.level, in_words_of(motion, design.waveform), before)
+            )
             # Rivals can bend further than is tried here: a margin, not a confidence, is enough.
             if margin >= policy.clear:
                 break
         if advice:
             return advice
         channels = any(each.effect.enters != "moment" for each in self.members)
-        return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else NO_RUN, before)]
+        return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else in_words_of(motion, NO_RUN), before)]
 
     def _best(self, added: Sequence[GapRun]) -> tuple[float, float, Design, GapRun] | None:
         """Return the run with the highest expected confidence, by a moment where that drove before and suffices."""

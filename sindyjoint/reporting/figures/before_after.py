@@ -21,7 +21,7 @@ from sindyjoint.reporting.style import (
     prefixed,
     shortened,
 )
-from sindyjoint.reporting.units import quantities
+from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

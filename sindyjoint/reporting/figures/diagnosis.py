@@ -17,8 +17,7 @@ from sindyjoint.reporting.style import (
     plain,
     shortened,
 )
-from sindyjoint.reporting.units import quantities
-from sindyjoint.text import percent, spelled
+from sindyjoint.text import percent, quantities, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,9 +34,10 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
 
     The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
     """
-    labels = ["model alone", *(f"+ {spelled(s.effect)}" for s in result.steps)]
+    motion = result.model.joint.motion
+    labels = ["model alone", *(f"+ {spelled(s.effect, motion)}" for s in result.steps)]
     gaps = [result.initial, *(s.gap_after for s in result.steps)]
-    names = {"moment": quantities(result.model.joint.motion).moment.lower(), "response": "response"}
+    names = {"moment": quantities(motion).moment.lower(), "response": "response"}
     shown = [100 * getattr(gap, name) for gap in gaps for name in names]
     shown = [value for value in shown if value == value and value > 0]
     floors = [100 * getattr(result.noise_floor, name) for name in names]
@@ -112,10 +112,10 @@ def rivals_height(result: Diagnosis) -> float:
 
 def rivals(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the probability of the named effect of each step and of its rivals."""
-    rows = []
+    rows, motion = [], result.model.joint.motion
     for index, step in enumerate(result.steps):
-        rows.append((f"{index + 1}. {spelled(step.effect)}", step.probability, PALETTE[0]))
-        rows += [(f"    {spelled(name)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
+        rows.append((f"{index + 1}. {spelled(step.effect, motion)}", step.probability, PALETTE[0]))
+        rows += [(f"    {spelled(name, motion)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
     for row, (_, probability, colour) in enumerate(rows):
         ax.barh(row, probability, height=0.6, color=colour)
         ax.text(probability + 0.008, row, f"{probability:.2f}", va="center", color=INK)

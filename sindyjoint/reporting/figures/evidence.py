@@ -25,8 +25,7 @@ from sindyjoint.reporting.style import (
     prefixed,
     pretty_unit,
 )
-from sindyjoint.reporting.units import quantities
-from sindyjoint.text import spelled, superscript
+from sindyjoint.text import in_words_of, quantities, spelled, superscript
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,7 +118,7 @@ def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
         ax.tick_params(axis="x", rotation=60)
     ax.set_xlim(-0.6, len(groups) - 0.4)
     ax.set_ylabel(f"{_math(item.symbol)}" + (f" ({unit})" if unit else ""))
-    ax.set_title(plain(item.name))
+    ax.set_title(plain(in_words_of(data.model.joint.motion, item.name)))
     return ax
 
 
@@ -135,7 +134,7 @@ def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     ax.margins(x=0.12)
     ax.set_xlabel("Frequency (Hz)")
     ax.set_ylabel(unit)
-    ax.set_title(plain(spelled(test.name)) + "\n" + plain(test.answer))
+    ax.set_title(plain(spelled(test.name, result.motion)) + "\n" + plain(test.answer))
     return ax
 
 

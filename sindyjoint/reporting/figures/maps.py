@@ -19,7 +19,7 @@ from sindyjoint.reporting.style import (
     legend_above,
     prefixed,
 )
-from sindyjoint.reporting.units import quantities
+from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
