@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from sindyjoint.reporting.figures.layout import arrange
-from sindyjoint.reporting.style import style
+from sindyjoint.reporting.style import INK, style
 from sindyjoint.text import power_of_ten
 
 if TYPE_CHECKING:
@@ -96,6 +96,28 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
             _plain_ticks(panel(data, figure.add_subplot(cell_spec, projection=chosen.projection)))
         arrange(figure, rows, columns)
     return figure
+
+
+def bars(
+    ax: Axes,
+    names: Sequence[str],
+    values: Sequence[float],
+    end: float,
+    label: str,
+    color: Any,
+    written: str = "",
+    height: float = 0.8,
+) -> Axes:
+    """Draw bars from top to bottom on an axis from zero to ``end``; ``written`` formats the values behind them."""
+    ax.barh(range(len(names)), values, height=height, color=color)
+    for row, value in enumerate(values):
+        if written:
+            ax.text(value + 0.008 * end, row, written.format(value), va="center", color=INK)
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.set_xlim(0, end)
+    ax.set_xlabel(label)
+    return ax
 
 
 def _plain_ticks(ax: Axes) -> None:
