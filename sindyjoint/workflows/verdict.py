@@ -13,7 +13,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.warnings import channel_words
-from sindyjoint.text import spelled
+from sindyjoint.text import in_words_of, spelled
 from sindyjoint.workflows.policy import POLICY
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def judge(regressor: JointRegressor, model: JointModel, completed: bool = False)
     gap, (word, _) = model.fitted.misfit, channel_words(model)
     if found and gap > EQUATION.tolerated_misfit and "nor noise" not in reason:
         reason += f"; {100 * gap:.1f} % of the {word} is neither model nor noise"
-    return Verdict(verdict, missing, extra, reason)
+    return Verdict(verdict, missing, extra, in_words_of(model.joint.motion, reason))
 
 
 def _reach_verdict(

@@ -46,6 +46,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states
+from sindyjoint.text import in_words_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +234,7 @@ class CampaignProblem(Problem):
         """Return the result."""
         repaired, campaign = self.repaired, self.work.campaign
         return Diagnosis(
-            **found,
+            **{**found, "reason": in_words_of(campaign.joint.motion, found["reason"])},
             warnings=(
                 *identifiability_notes(campaign, self.states),
                 *warn_of_negative_damping(repaired.model),

@@ -24,6 +24,7 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.equation.model import JointModel
 from sindyjoint.parallel import side_by_side
+from sindyjoint.text import in_words_of
 
 # How rivals are laid along a run that nobody measured: as found, from there refined, or searched anew as well.
 Rivals = Literal["as found", "refined", "searched"]
@@ -90,7 +91,7 @@ class _Rivals:
         added: list[GapRun] = []
         advice: list[Advice] = []
         before, margin = self._judged(self.before)
-        policy = self.policy
+        policy, motion = self.policy, self.model.joint.motion
         for _ in range(policy.most_runs):
             least = (before + policy.little_confidence, margin + policy.little_margin)
             best = self._best(added, least)
@@ -98,14 +99,16 @@ class _Rivals:
                 break
             before, margin, design, row = best
             added.append(row)
-            advice.append(Advice(names, design.frequency, design.level, design.waveform, before))
+            advice.append(
+                Advice(names, design.frequency, design.level, in_words_of(motion, design.waveform), before)
+            )
             # Rivals can bend further than is tried here: a margin, not a confidence, is enough.
             if margin >= policy.clear:
                 break
         if advice:
             return advice
         channels = any(each.effect.enters != "moment" for each in self.members)
-        return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else NO_RUN, before)]
+        return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else in_words_of(motion, NO_RUN), before)]
 
     def _best(self, added: Sequence[GapRun], least: tuple[float, float]) -> Promise | None:
         """Return the run with the highest expected confidence, by a moment where that drove before and suffices.
