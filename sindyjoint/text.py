@@ -1,9 +1,10 @@
-"""Identifiers as people write them, and numbers as a physicist does."""
+"""Words and numbers for people: identifiers, what is measured by kind of motion, rounded values."""
 
 from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 
 # People keep their capital letters; an id that another name is usual for has that name.
 _NAMES = {
@@ -18,18 +19,74 @@ _NAMES = {
     "rayleigh": "Rayleigh",
     "linear damping": "viscous damping",
 }
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PATTERN = re.compile(r"\b(" + "|".join(_NAMES) + r")\b")
 
 
-def spelled(identifier: str) -> str:
-    """Return an id in the usual words, names of people with capital letters.
+@dataclass(frozen=True)
+class Quantities:
+    """What is measured at a joint with one kind of motion: names, symbols and SI units.
+
+    The dot over a letter is a combining character: setting it as mathematics costs a hundred times as much.
+    """
+
+    angle: str
+    angle_symbol: str
+    angle_unit: str
+    rate: str
+    rate_symbol: str
+    rate_unit: str
+    moment: str
+    transfer: str
+    moment_unit: str
+    inertia: str
+    inertia_unit: str
+
+
+_ROTATION = Quantities(
+    "Angle", "θ", "rad", "Rate", "θ\u0307", "rad/s", "Moment", "Transfer moment", "N*m", "Inertia", "kg*m^2"
+)
+_TRANSLATION = Quantities(
+    "Displacement", "x", "m", "Velocity", "x\u0307", "m/s", "Force", "Transfer force", "N", "Mass", "kg"
+)
+# What a text about a joint that rotates says of one that slides.
+_SLIDING = {"angle": "displacement", "rate": "velocity", "moment": "force", "inertia": "mass"}
+_SLIDING |= {"angles": "displacements", "rates": "velocities", "moments": "forces"}
+_SLIDING |= {"an angle": "a displacement", "an inertia": "a mass", "N·m": "N"}
+_SLIDING |= {f"{was[0].upper()}{was[1:]}": f"{now[0].upper()}{now[1:]}" for was, now in _SLIDING.items()}
+_ROTATING = re.compile(r"\b(" + "|".join(sorted(_SLIDING, key=len, reverse=True)) + r")\b")
+
+
+def quantities(motion: str) -> Quantities:
+    """Return the names for ``"rotation"`` or ``"translation"``."""
+    return _TRANSLATION if motion == "translation" else _ROTATION
+
+
+def in_words_of(motion: str, text: str) -> str:
+    """Return a text about a joint that rotates in the words of a kind of motion.
+
+    Examples
+    --------
+    >>> in_words_of("translation", "Moment over angle and rate")
+    'Force over displacement and velocity'
+    >>> in_words_of("rotation", "an angle")
+    'an angle'
+    """
+    return _ROTATING.sub(lambda found: _SLIDING[found[0]], text) if motion == "translation" else text
+
+
+def spelled(identifier: str, motion: str = "rotation") -> str:
+    """Return an id in the usual words, names of people with capital letters, for a kind of motion.
 
     Examples
     --------
     >>> spelled("bouc_wen_hysteresis"), spelled("lugre_friction"), spelled("linear_damping")
     ('Bouc–Wen hysteresis', 'LuGre friction', 'viscous damping')
+    >>> spelled("constant_moment", "translation")
+    'constant force'
     """
-    return _PATTERN.sub(lambda found: _NAMES[found[0]], identifier.replace("_", " "))
+    words = _PATTERN.sub(lambda found: _NAMES[found[0]], identifier.replace("_", " "))
+    return in_words_of(motion, words)
 
 
 def rounded(value: float, error: float) -> str:
@@ -59,6 +116,31 @@ def rounded(value: float, error: float) -> str:
     decimals = max(0, power - digits)
     scale = 10.0**power
     return f"({value / scale:.{decimals}f} ± {error / scale:.{decimals}f})e{power}"
+
+
+def superscript(digits: object) -> str:
+    """Return an integer as a power is written.
+
+    Examples
+    --------
+    >>> superscript(-12)
+    '⁻¹²'
+    """
+    return str(digits).translate(_RAISED)
+
+
+def power_of_ten(value: float) -> str:
+    """Return a round number as it stands at an axis; far from 1 with its power of ten.
+
+    Examples
+    --------
+    >>> power_of_ten(0.02), power_of_ten(1e-6), power_of_ten(2e5)
+    ('0.02', '10⁻⁶', '2·10⁵')
+    """
+    if 1e-3 <= abs(value) < 1e4:
+        return f"{value:g}"
+    digit, _, power = f"{value:.0e}".partition("e")
+    return ("" if digit == "1" else f"{digit}·") + f"10{superscript(int(power))}"
 
 
 LEAST_SHARE = 1e-4

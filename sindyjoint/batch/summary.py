@@ -81,6 +81,12 @@ class Batch:
         return sum(record.status == status for record in self.records)
 
     @property
+    def motion(self) -> str:
+        """Kind of motion of the joints that are compared."""
+        found = [record.joint["motion"] for record in self.records if record.status == "found"]
+        return _find_majority(found) if found else "rotation"
+
+    @property
     def complete(self) -> bool:
         """Whether a model was found in every campaign."""
         return self.count("found") == len(self.records)
@@ -278,16 +284,17 @@ def _list_differences(
             missing = [t for t in common if t not in record.terms]
             extra = [t for t in record.terms if t not in common]
             if missing or extra:
-                parts = [f"without {_spell_terms(missing)}"] if missing else []
-                parts += [f"with {_spell_terms(extra)}"] if extra else []
+                parts = [f"without {_spell_terms(missing, record)}"] if missing else []
+                parts += [f"with {_spell_terms(extra, record)}"] if extra else []
                 found.append(Difference(record.id, "terms", f"terms {' and '.join(parts)}"))
         for scatter in result.scatters:
             if i in scatter.outliers:
                 term, score = scatter.coefficient, scatter.scores[i]
                 pretty = units[term].replace("*", "·")
                 about = f", the trend with {scatter.covariate} taken out" if scatter.covariate else ""
+                name = spelled(term, record.joint["motion"])
                 text = (
-                    f"{spelled(term)} of {values[term][i]:.4g} {pretty} is {abs(score):.1f} standard "
+                    f"{name} of {values[term][i]:.4g} {pretty} is {abs(score):.1f} standard "
                     f"deviations {'above' if score > 0 else 'below'} the other joints{about}"
                 )
                 found.append(Difference(record.id, "outlier", text))
@@ -315,8 +322,8 @@ def _list_notes(
     return notes
 
 
-def _spell_terms(terms: Sequence[str]) -> str:
-    return ", ".join(spelled(term) for term in terms)
+def _spell_terms(terms: Sequence[str], record: CampaignRecord) -> str:
+    return ", ".join(spelled(term, record.joint["motion"]) for term in terms)
 
 
 def _number(value: float) -> float | None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import JOBS, AsJson, CampaignPath
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.comparison import Comparison
 
 COMPARE = "workflows.compare:compare"
 
@@ -58,14 +60,11 @@ def compare(
 
     Example: sindyjoint compare tests/campaign.toml --out comparison
     """
-    from sindyjoint.files.atomic import check_output
 
-    if out is not None:
-        check_output(out)
-    with Progress(quiet, verbose) as progress:
+    def find(progress: Progress) -> Comparison:
         from sindyjoint.workflows.compare import compare as run
 
-        result = run(
+        return run(
             campaign,
             **given(library=library, methods=method),
             replicates=replicates,
@@ -76,18 +75,6 @@ def compare(
             workers=workers,
             cluster=cluster,
         )
-        if out is not None:
-            from sindyjoint.reporting.output import write_results
 
-            progress.say("writing the report")
-            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
-        progress.tell(result)
-    if as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
-    else:
-        from sindyjoint.reporting.registry import show
-
-        show(result)
-        if out is not None:
-            typer.echo(f"\nreport: {out / 'report.html'}")
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state)
     raise typer.Exit(0 if result.model.terms else 1)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import JOBS, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
@@ -57,6 +56,13 @@ def diagnose(
             help="Name of a run to keep out of the fit; of a rig: TOML file of another pulse. Repeatable.",
         ),
     ] = None,
+    advise: Annotated[
+        bool,
+        typer.Option(
+            "--advice/--no-advice",
+            help="Whether to seek runs that would tell rivals apart; often the longest part.",
+        ),
+    ] = True,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
     ] = None,
@@ -77,17 +83,15 @@ def diagnose(
 
     Example: sindyjoint diagnose tests/campaign.toml --model results/model.json --out diagnosis
     """
-    from sindyjoint.files.atomic import check_output
 
-    if out is not None:
-        check_output(out)
-    with Progress(quiet, verbose) as progress:
-        result = _diagnosed(
+    def find(progress: Progress) -> Diagnosis:
+        return _diagnosed(
             campaign,
             model,
             base,
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
+            advise=advise,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
@@ -95,19 +99,9 @@ def diagnose(
             cluster=cluster,
             **given(max_effects=max_effects),
         )
-        if out is not None:
-            progress.say("writing the report")
-            from sindyjoint.reporting.output import write_results
 
-            files = [path for path in (model, campaign) if path is not None and path.exists()]
-            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, files)
-        progress.tell(result)
-    if as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
-    else:
-        from sindyjoint.reporting.registry import show
-
-        show(result)
+    files = [path for path in (model, campaign) if path is not None and path.exists()]
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, files, written="")
     raise typer.Exit(0 if result.settled else 1)
 
 

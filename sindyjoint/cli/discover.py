@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
     DISCOVER,
@@ -65,16 +64,12 @@ def discover(
 
     Example: sindyjoint discover tests/campaign.toml --out results
     """
-    from sindyjoint.files.atomic import check_output
-
-    if out is not None:
-        check_output(out)
     if nuisance and not refine:
         raise typer.BadParameter(
             "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
         )
-    with Progress(quiet, verbose) as progress:
-        # Not before the output is known to be writable: the imports take two seconds.
+
+    def find(progress: Progress) -> Discovery:
         from sindyjoint.workflows.discover import discover as run
 
         result = run(
@@ -93,23 +88,7 @@ def discover(
 
             progress.say("refining on the simulated response")
             result = refined(result, tuple(dict.fromkeys(kind.value for kind in nuisance or ())))
-        if out is not None:
-            progress.say("writing the report")
-            from sindyjoint.reporting import write_discovery
+        return result
 
-            write_discovery(result, out, command_line=["sindyjoint", *sys.argv[1:]])
-        progress.tell(result)
-    if as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
-    else:
-        _show(result, out)
+    result = answer(find, out, as_json, Progress(quiet, verbose))
     raise typer.Exit(0 if result.found else 1)
-
-
-def _show(result: Discovery, out: Path | None) -> None:
-    """Print the result for a person."""
-    from sindyjoint.reporting.registry import show
-
-    show(result)
-    if out is not None:
-        typer.echo(f"\nreport: {out / 'report.html'}")

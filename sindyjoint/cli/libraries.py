@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sindyjoint.text import in_words_of
+
 if TYPE_CHECKING:
     from sindyjoint.equation.catalogue import Catalogue, Parameter, Term
 
@@ -53,7 +55,9 @@ def list_(as_json: AsJson = False) -> None:
 @app.command()
 def show(
     name: Library,
-    motion: Annotated[_Motion, typer.Option(help="Kind of joint to show units for.")] = _Motion.rotation,
+    motion: Annotated[
+        _Motion, typer.Option(help="Kind of joint to show words and units for.")
+    ] = _Motion.rotation,
     as_json: AsJson = False,
 ) -> None:
     """Show the terms of a library: id, symbol, formula, unit of the coefficient, meaning.
@@ -72,9 +76,11 @@ def show(
             ("term", "symbol", "formula", "unit"),
             [
                 (
-                    f"{term.id}\n{term.meaning}",
+                    f"{term.id}\n{in_words_of(motion.value, term.meaning)}",
                     term.symbol,
-                    "\n".join((term.pretty(motion.value), *map(_parameter, term.parameters))),
+                    "\n".join(
+                        (term.pretty(motion.value), *(_parameter(p, motion.value) for p in term.parameters))
+                    ),
                     term.unit_for(motion.value),
                 )
                 for term in catalogue
@@ -89,8 +95,8 @@ def show(
                 term.symbol,
                 term.text(motion.value),
                 term.unit_for(motion.value),
-                ", ".join(map(_parameter, term.parameters)) or "-",
-                term.meaning,
+                ", ".join(_parameter(p, motion.value) for p in term.parameters) or "-",
+                in_words_of(motion.value, term.meaning),
             )
             for term in catalogue
         ],
@@ -172,10 +178,12 @@ def effects(as_json: AsJson = False) -> None:
         _print_plain(("effect", "family", "meaning"), [(e.id, e.family, e.meaning) for e in known])
 
 
-def _parameter(parameter: Parameter) -> str:
+def _parameter(parameter: Parameter, motion: Any) -> str:
     if parameter.relative_to is None:
-        return f"{parameter.name} = {parameter.value:g} {parameter.unit}"
-    return f"{parameter.name} = {parameter.value:g} of the largest {parameter.relative_to}"
+        return f"{parameter.name} = {parameter.value:g} {parameter.unit_for(motion)}"
+    return (
+        f"{parameter.name} = {parameter.value:g} of the largest {in_words_of(motion, parameter.relative_to)}"
+    )
 
 
 def _record(catalogue: Catalogue, motion: str) -> dict[str, Any]:
@@ -195,8 +203,8 @@ def _term_record(term: Term, motion: Any) -> dict[str, Any]:
         "formula": term.text(motion),
         "latex": term.latex(motion),
         "unit": term.unit_for(motion),
-        "name": term.name,
-        "meaning": term.meaning,
+        "name": in_words_of(motion, term.name),
+        "meaning": in_words_of(motion, term.meaning),
         "family": term.family,
         "source": term.source,
         "symmetry": term.symmetry,

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.reproduce import Reproduction
 
 app = typer.Typer(rich_markup_mode=None)
 
@@ -38,26 +41,13 @@ def reproduce(
     """
     if context.invoked_subcommand is not None:
         return
-    from sindyjoint.files.atomic import check_output
 
-    if out is not None:
-        check_output(out)
-    with Progress(quiet, verbose) as progress:
-        from sindyjoint.reporting.output import write_results
-        from sindyjoint.reporting.registry import show
+    def find(progress: Progress) -> Reproduction:
         from sindyjoint.workflows.reproduce import reproduce as run
 
-        result = run(random_state, progress.say)
-        if out is not None:
-            progress.say("drawing")
-            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
-        progress.tell(result)
-    if as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
-    else:
-        show(result)
-        if out is not None:
-            typer.echo(f"\nreport: {out / 'report.html'}")
+        return run(random_state, progress.say)
+
+    answer(find, out, as_json, Progress(quiet, verbose), random_state)
 
 
 @app.command()

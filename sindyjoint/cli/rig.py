@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.answer import answer
 from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.rig import RigMotion
 
 
 def rig(
@@ -34,26 +36,11 @@ def rig(
 
     Example: sindyjoint rig four-panel-wing --out wing
     """
-    from sindyjoint.files.atomic import check_output
 
-    if out is not None:
-        check_output(out)
-    with Progress(quiet, verbose) as progress:
+    def find(progress: Progress) -> RigMotion:
         from sindyjoint.workflows.rig import rig_motion
 
-        result = rig_motion(rig, model, progress=progress.say)
-        if out is not None:
-            from sindyjoint.reporting.output import write_results
+        return rig_motion(rig, model, progress=progress.say)
 
-            progress.say("writing the results")
-            files = [path for path in (model, Path(rig)) if path is not None]
-            write_results(result, out, ["sindyjoint", *sys.argv[1:]], files=files)
-        progress.tell(result)
-    if as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
-    else:
-        from sindyjoint.reporting.registry import show
-
-        show(result)
-        if out is not None:
-            typer.echo(f"\nreport: {out / 'report.html'}")
+    files = [path for path in (model, Path(rig)) if path is not None]
+    answer(find, out, as_json, Progress(quiet, verbose), files=files)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from sindyjoint.response.verification import Verification
 
 VERIFY = "workflows.verify:verify"
 
@@ -67,14 +69,11 @@ def verify(
 
     Example: sindyjoint verify results/model.json pulse-rig
     """
-    from sindyjoint.files.atomic import check_output
 
-    if out is not None:
-        check_output(out)
-    with Progress(quiet, verbose) as progress:
+    def find(progress: Progress) -> Verification:
         from sindyjoint.workflows.verify import verify as run
 
-        result = run(
+        return run(
             model,
             against,
             tolerance=tolerance,
@@ -86,18 +85,7 @@ def verify(
             random_state=random_state,
             progress=progress.say,
         )
-        if out is not None:
-            from sindyjoint.reporting.output import write_results
 
-            progress.say("writing the results")
-            write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, (model, against))
-        progress.tell(result)
-    if as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
-    else:
-        from sindyjoint.reporting.registry import show
-
-        show(result)
-        if out is not None:
-            typer.echo(f"\nresults: {out / 'verification.json'}")
+    written = "results: verification.json"
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (model, against), written)
     raise typer.Exit(0 if result.passed else 1)

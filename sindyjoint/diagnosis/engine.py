@@ -52,22 +52,12 @@ class Explained(Generic[P]):
         return float(np.log(max(final, 1e-300))) + policy.step_cost * len(laws)
 
 
-def explain_gap(first: P, most: int, say: Say, advice: bool = True) -> Diagnosis:
-    """Add what is missing to a model, and return what that comes to.
+def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosis:
+    """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given leaves something unexplained, it is made again from the other
-    starts that the problem knows, and the one that ends best is used.
-
-    Parameters
-    ----------
-    first : Problem
-        A model and its data.
-    most : int
-        Most effects that are added.
-    say : callable
-        Called with the name of each stage.
-    advice : bool
-        Whether to look for runs that would tell the members of a class apart.
+    starts that the problem knows, and the one that ends best is used. Unless ``advised``, no runs are sought that would
+    tell rivals apart.
     """
     say("the gap")
     straight, steps = first.corrected()
@@ -81,7 +71,7 @@ def explain_gap(first: P, most: int, say: Say, advice: bool = True) -> Diagnosis
         note = _compare_starts(given, best)
     last = best.progress.problem.finished()
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
-    if advice:
+    if advised:
         say("advice")
     found = {
         "verdict": best.verdict,
@@ -92,7 +82,7 @@ def explain_gap(first: P, most: int, say: Say, advice: bool = True) -> Diagnosis
         "budget": best.straight.budget(first, last),
         "where": first.places() if best.verdict != "nothing_missing" else (),
         "steps": steps,
-        "advice": advise(last, steps, best.progress.rankings) if advice else (),
+        "advice": advise(last, steps, best.progress.rankings) if advised else (),
     }
     result = last.diagnosis(first, found)
     return replace(result, warnings=(note, *result.warnings)) if note else result

@@ -147,11 +147,6 @@ class ReportData:
     candidates: tuple[str, ...]
     groups: tuple[GroupFit, ...]
 
-    @property
-    def translation(self) -> bool:
-        """Whether displacement and force are meant."""
-        return self.model.joint.motion == "translation"
-
 
 def gather(result: Discovery) -> ReportData:
     """Return what a discovery has to show."""

@@ -10,6 +10,7 @@ import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.text import in_words_of
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -115,7 +116,7 @@ def effect_mathml(effect: FittedEffect, motion: str) -> str:
     variant = effect.variant
     lines = [
         (
-            _named_moment(effect.effect.name, motion),
+            _named_moment(in_words_of(motion, effect.effect.name), motion),
             "<mo>+</mo>".join(_product(printer, c.symbol, c.expression) for c in variant.columns),
         )
     ]

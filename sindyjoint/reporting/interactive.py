@@ -12,8 +12,8 @@ from sindyjoint.reporting.data import ReportData, run_labels
 from sindyjoint.reporting.figures.loops import loop_groups
 from sindyjoint.reporting.figures.verification import UNITS
 from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, SEQUENTIAL, prefixed
-from sindyjoint.reporting.units import quantities
 from sindyjoint.response.verification import RunVerification
+from sindyjoint.text import quantities
 
 # Beyond this many runs each loop is thinned, so that the page of a hundred runs stays small.
 DRAWN_SAMPLES = 24_000

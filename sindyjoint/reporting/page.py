@@ -73,7 +73,7 @@ def _environment() -> Environment:
     )
     environment.filters["number"] = number
     environment.filters["spelled"] = spelled
-    environment.filters["joined"] = lambda items: ", ".join(spelled(str(item)) for item in items)
+    environment.filters["joined"] = lambda items, motion: ", ".join(spelled(i, motion) for i in items)
     return environment
 
 

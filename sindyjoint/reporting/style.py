@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.text import superscript
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -46,6 +48,9 @@ _RC: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
+    # A fixed place: to look for one, matplotlib measures every tick label again.
+    "axes.titley": 1.0,
+    "axes.titlepad": 5.0,
     "axes.titlesize": 8,
     "axes.formatter.limits": (-3, 5),
     "font.size": 8,
@@ -68,7 +73,6 @@ _RC: dict[str, Any] = {
 }
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Fonts that hold letters which the built-in one lacks; whichever of them the machine has.
 _OTHER_SCRIPTS = (
     "Noto Sans CJK SC",
@@ -90,7 +94,7 @@ def pretty_unit(unit: str) -> str:
     >>> pretty_unit("N*m/rad^2")
     'N·m/rad²'
     """
-    text = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda found: found[1].translate(_SUPERSCRIPTS), unit)
+    text = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda found: superscript(found[1]), unit)
     return text.replace("*", "·")
 
 
@@ -166,13 +170,6 @@ def legend_above(ax: Axes, lines: int, columns: int = 1) -> None:
     ax.legend(loc="upper left", ncols=columns, borderaxespad=0.2, labelspacing=0.3, columnspacing=1)
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure in inches that belongs to nobody; call within :func:`style`."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
-
-
 def figure_bytes(figure: Figure, kind: str, dpi: int = 300) -> bytes:
     """Return a drawn figure as ``"svg"``, ``"pdf"`` or ``"png"``; the same figure gives the same bytes."""
     buffer = io.BytesIO()
@@ -180,7 +177,7 @@ def figure_bytes(figure: Figure, kind: str, dpi: int = 300) -> bytes:
         if kind == "svg":
             from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-            # savefig would draw a figure that was laid out a second time.
+            # savefig would draw it twice.
             FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})
         else:
             metadata: dict[str, Any] | None = {"CreationDate": None} if kind == "pdf" else None

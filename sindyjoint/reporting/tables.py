@@ -9,7 +9,7 @@ from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.text_table import TextTable, csv_text, terminal_table
-from sindyjoint.text import rounded
+from sindyjoint.text import in_words_of, rounded, superscript
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -63,7 +63,7 @@ def term_rows(model: JointModel) -> list[TermRow]:
         TermRow(
             id=term.id,
             symbol=term.symbol,
-            name=term.name,
+            name=in_words_of(model.joint.motion, term.name),
             formula=formula_pretty(term.expression, model.joint.motion),
             unit=pretty_unit(term.unit),
             value=superscripted(rounded(term.coefficient, term.standard_error)),
@@ -117,8 +117,7 @@ def superscripted(text: str) -> str:
 
 
 def _power(power: str) -> str:
-    digits = power.lstrip("e").translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"·10{digits}"
+    return f"·10{superscript(power.lstrip('e'))}"
 
 
 def terms_csv(model: JointModel) -> str:
@@ -126,7 +125,8 @@ def terms_csv(model: JointModel) -> str:
     rows = []
     for term in model.terms:
         numbers = map(repr, (term.coefficient, term.standard_error, *term.interval95))
-        text = (term.id, term.symbol, term.name, term.formula)
+        name = in_words_of(model.joint.motion, term.name)
+        text = (term.id, term.symbol, name, term.formula)
         rows.append((*text, *numbers, term.unit, repr(term.unique_share)))
     return csv_text(TERM_COLUMNS, rows)
 

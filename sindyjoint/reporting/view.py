@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from sindyjoint.reporting.packing import pack, unpack
-from sindyjoint.reporting.units import in_words_of
+from sindyjoint.text import in_words_of
 
 if TYPE_CHECKING:
     from sindyjoint.reporting.figures.kind import Kind
@@ -87,7 +87,7 @@ class View(Generic[R, D]):
     def figures(self, data: Any) -> Mapping[str, Kind]:
         """Return the kinds of figure of this kind of result, in the words of its kind of motion."""
         joint = getattr(getattr(data, "model", None), "joint", None)
-        if joint is None or joint.motion == "rotation":
+        if joint is None:
             return self.kinds_of(data)
         return {
             name: replace(

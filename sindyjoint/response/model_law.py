@@ -14,6 +14,7 @@ from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
+from sindyjoint.text import in_words_of
 
 Array = NDArray[np.float64]
 
@@ -157,10 +158,10 @@ def _build_formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> Formula
     for index, term in enumerate(terms):
         symbols = {symbol.name for symbol in term.expression.free_symbols}
         if symbols - {"theta", "omega"}:
-            motion = "angle and rate" if model.joint.motion == "rotation" else "displacement and velocity"
+            needed = in_words_of(model.joint.motion, "angle and rate, and inertia")
             raise InputError(
                 f"term {term.id!r} ({term.formula}) depends on {', '.join(sorted(symbols - {'theta', 'omega'}))}; a "
-                f"simulation needs terms of {motion}, and inertia"
+                f"simulation needs terms of {needed}"
             )
         # Numbered symbols: a coefficient of a user's catalogue may have the name of a symbol in a formula.
         symbol = f"coefficient_{index}"

@@ -16,6 +16,7 @@ from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import SimulatedRun, simulate_run
 from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
 from sindyjoint.states import force_states
+from sindyjoint.text import in_words_of, quantities
 
 Array = NDArray[np.float64]
 
@@ -67,12 +68,14 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
         )
     declared = campaign.joint.inertia
     if declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia):
-        warnings.append(f"the campaign declares the inertia {declared:g}, the model has {model.inertia:g}")
+        line = in_words_of(campaign.joint.motion, "the campaign declares the inertia")
+        warnings.append(f"{line} {declared:g}, the model has {model.inertia:g}")
     return warnings
 
 
 def _compare_run(simulated: SimulatedRun, campaign: Campaign, band: Band | None) -> RunVerification:
-    names = ("moment", "angle") if campaign.joint.motion == "rotation" else ("force", "displacement")
+    q = quantities(campaign.joint.motion)
+    names = q.moment.lower(), q.angle.lower()
     response = simulated.simulated_response
     measured = simulated.measured_response
     frequency = simulated.frequency

@@ -9,6 +9,7 @@ import numpy as np
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
+from sindyjoint.text import in_words_of
 
 
 def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
@@ -30,8 +31,8 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         lines.append(f"one run only: {held}")
     frequencies = [s.frequency for s in states if s.frequency is not None]
     if len(frequencies) == len(states) and max(frequencies) < POLICY.same_frequency * min(frequencies):
-        rate = "rate" if campaign.joint.motion == "rotation" else "velocity"
-        lines.append(f"one frequency only: effects of frequency, {rate} and inertia cannot be distinguished")
+        line = "one frequency only: effects of frequency, rate and inertia cannot be distinguished"
+        lines.append(in_words_of(campaign.joint.motion, line))
     ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
     if len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges):

@@ -13,6 +13,7 @@ from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
+from sindyjoint.text import in_words_of, quantities
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,8 @@ def _warn_of_delay(delay: ChannelDelay | None, model: JointModel, aligned: bool)
 
 def channel_words(model: JointModel) -> tuple[str, str]:
     """Return what the two channels are called for this joint's kind of motion."""
-    return ("moment", "angle") if model.joint.motion == "rotation" else ("force", "displacement")
+    q = quantities(model.joint.motion)
+    return q.moment.lower(), q.angle.lower()
 
 
 def _get_damping_unit(model: JointModel) -> str:
@@ -93,7 +95,8 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
     if backwards and feeding:
         yield "stiffness and dissipation are both negative in every run: the sign of one channel seems reversed"
     elif backwards:
-        yield "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
+        line = "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
+        yield in_words_of(model.joint.motion, line)
     elif feeding:
         load, motion = channel_words(model)
         yield (
@@ -109,7 +112,7 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
     if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
         return
     moment, angle = channel_words(model)
-    rate = "rate" if angle == "angle" else "velocity"
+    rate = quantities(model.joint.motion).rate.lower()
     yield (
         f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {_get_damping_unit(model)}: the "
         f"{moment} falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the "
@@ -135,7 +138,7 @@ def _warn_of_softening(model: JointModel) -> Iterator[str]:
         return
     beyond = np.abs(angle[tangent <= 0])
     if beyond.size:
-        unit = "rad" if model.joint.motion == "rotation" else "m"
+        unit = quantities(model.joint.motion).angle_unit
         moment, _ = channel_words(model)
         yield (
             f"the elastic {moment} softens to zero tangent at {beyond.min():.3g} {unit}, inside the tested range of "
@@ -165,7 +168,8 @@ def _warn_of_variety(campaign: Campaign, states: Sequence[ForceStates]) -> Itera
     elif len(frequencies) == 1:
         yield "one frequency only: whether the parameters depend on it cannot be determined"
     if campaign.joint.inertia is None and len(frequencies) == 1 and states[0].method == "periodic":
-        yield "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it"
+        line = "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it"
+        yield in_words_of(campaign.joint.motion, line)
 
 
 def _warn_of_sticking(states: Sequence[ForceStates]) -> Iterator[str]:

@@ -20,6 +20,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
+from sindyjoint.text import in_words_of
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
@@ -135,7 +136,10 @@ def _compared(
     tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
     columns = [evidence.ids.index(term) for term in found.model.ids if term in evidence.ids]
     words = (
-        tuple(in_words(pair, *_reach(found.model)) for pair in inseparable(evidence, columns))
+        tuple(
+            in_words_of(found.model.joint.motion, in_words(pair, *_reach(found.model)))
+            for pair in inseparable(evidence, columns)
+        )
         if columns
         else ()
     )

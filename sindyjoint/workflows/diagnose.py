@@ -38,6 +38,7 @@ def diagnose(
     effects: Sequence[Effect] | None = None,
     max_effects: int = CAMPAIGN.most_effects,
     hold_out: Sequence[str] = (),
+    advise: bool = True,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -65,6 +66,8 @@ def diagnose(
         Most effects that are added.
     hold_out : sequence of str
         Names of runs that are kept out of the fit, as if marked ``use = "validate"``.
+    advise : bool
+        Whether runs are sought that would tell rivals apart; often the longest part.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -98,7 +101,7 @@ def diagnose(
         campaign = kept_out(the_campaign(campaign, random_state), hold_out)
         say("force states")
         problem = CampaignProblem.build(campaign, model, base, known, policy)
-        return replace(explain_gap(problem, max_effects, say), hidden=hidden)
+        return replace(explain_gap(problem, max_effects, say, advise), hidden=hidden)
 
 
 @single_threaded()
@@ -110,6 +113,7 @@ def diagnose_structure(
     effects: Sequence[Effect] | None = None,
     max_effects: int = STRUCTURE.most_effects,
     hold_out: Sequence[Rig | str | Path] = (),
+    advise: bool = True,
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -138,6 +142,8 @@ def diagnose_structure(
     hold_out : sequence of Rig or path
         Other pulses of the same structure, which no fit sees; the gaps are told on them. Default: the second half of
         the time in which the record stands out of its noise.
+    advise : bool
+        Whether records are sought that would tell rivals apart.
     random_state : int, Generator or None
         Of the virtual pulse test.
     progress : callable, optional
@@ -164,7 +170,7 @@ def diagnose_structure(
     known = _known_effects(library, effects, max_effects)
     with spread(jobs, workers, cluster):
         problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
-        return explain_gap(problem, max_effects, say)
+        return explain_gap(problem, max_effects, say, advise)
 
 
 def _known_effects(

@@ -14,7 +14,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, regression_rows
-from sindyjoint.text import spelled
+from sindyjoint.text import in_words_of, quantities, spelled
 from sindyjoint.workflows.policy import POLICY
 from sindyjoint.workflows.verdict import Verdict
 
@@ -75,9 +75,10 @@ def search_again(
             best, used = end, name
     if best.regressor is regressor:
         return best
-    unit = "N*m" if campaign.joint.motion == "rotation" else "N"
+    unit = quantities(campaign.joint.motion).moment_unit
     residuals = " and ".join(f"{1e3 * value:.4g} m{unit} from {name}" for name, value in ends)
-    return replace(best, note=f"{COMPLETED}; residual: {residuals}; the end from {used} is used")
+    completed = in_words_of(campaign.joint.motion, COMPLETED)
+    return replace(best, note=f"{completed}; residual: {residuals}; the end from {used} is used")
 
 
 def _search_from(
@@ -150,9 +151,9 @@ def softened(
         return verdict
     if not _made_by_processing(paper, regressor, model, verdict, campaign, states):
         return verdict
-    names = " and ".join(spelled(term) for term in verdict.extra)
+    names = " and ".join(spelled(term, campaign.joint.motion) for term in verdict.extra)
     with_them, without = (1e3 * each.fitted.residual_rms for each in (model, paper))
-    unit = "N*m" if campaign.joint.motion == "rotation" else "N"
+    unit = quantities(campaign.joint.motion).moment_unit
     return replace(
         verdict,
         verdict="undecided",

@@ -13,7 +13,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.warnings import channel_words
-from sindyjoint.text import spelled
+from sindyjoint.text import in_words_of, spelled
 from sindyjoint.workflows.policy import POLICY
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def judge(
         )
     if verdict != "undecided" and unresolved is not None:
         verdict, reason = "undecided", _spell_delay(unresolved)
-    return Verdict(verdict, missing, extra, reason)
+    return Verdict(verdict, missing, extra, in_words_of(model.joint.motion, reason))
 
 
 def _spell_delay(delay: ChannelDelay) -> str:

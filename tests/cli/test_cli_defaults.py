@@ -30,7 +30,9 @@ REACHED = {
         name: ("workflows.compare:compare", name)
         for name in ("replicates", "margin", "random_state", *SPREAD)
     },
-    "diagnose": {name: ("workflows.diagnose:diagnose", name) for name in ("model", "random_state", *SPREAD)},
+    "diagnose": {
+        name: ("workflows.diagnose:diagnose", name) for name in ("model", "advise", "random_state", *SPREAD)
+    },
     "verify": {
         name: ("workflows.verify:verify", name)
         for name in ("tolerance", "draws", "window", "noise", "presliding", "loss_factor", "random_state")

@@ -98,7 +98,7 @@ def test_the_advised_run_resolves_what_was_ambiguous(name):
     advice = before.advice[0]
     assert name in advice.separates and advice.expected_confidence > 0.9
     more = one_more(hidden, advice.frequency, advice.level, advice.waveform, NOISE)
-    after = diagnose(hidden.campaign.with_runs((*hidden.campaign.runs, more)))
+    after = diagnose(hidden.campaign.with_runs((*hidden.campaign.runs, more)), advise=False)
     assert after.steps[0].members == (name,)
 
 

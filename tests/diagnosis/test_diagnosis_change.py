@@ -111,7 +111,7 @@ def test_the_law_of_a_drift_knows_the_time(variant, began):
 @pytest.mark.parametrize("name, seed", [("stiffness_drift", 1), ("stiffness_drift_on", 0)])
 def test_a_drift_of_the_stiffness_is_named_and_explains_the_gap(name, seed):
     hidden = hide(name, seed)
-    result = diagnose(hidden.campaign)
+    result = diagnose(hidden.campaign, advise=False)
     assert result.verdict == "named"
     step = result.steps[0]
     assert step.effect == "stiffness_drift" and step.members == ("stiffness_drift",)
@@ -133,12 +133,12 @@ def test_a_drift_of_the_stiffness_is_named_and_explains_the_gap(name, seed):
 @pytest.mark.parametrize("seed", [402, 403])
 def test_a_jump_of_the_stiffness_is_unknown_by_moment_and_by_motion(seed):
     """It is no drift, which would be in proportion to time, and nothing else of the catalogue."""
-    result = diagnose(hide("stiffness_jump", seed).campaign)
+    result = diagnose(hide("stiffness_jump", seed).campaign, advise=False)
     assert result.verdict == "unknown" and all(step.probability <= 0.5 for step in result.steps)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["moment_drift", "angle_drift"])
 def test_a_drift_of_a_channel_is_still_named(name):
-    result = diagnose(hide(name, 0).campaign)
+    result = diagnose(hide(name, 0).campaign, advise=False)
     assert result.steps[0].effect == name and result.verdict == "named"

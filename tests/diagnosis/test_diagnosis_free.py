@@ -83,13 +83,15 @@ def test_a_small_moment_moves_the_states_where_swings_end_as_the_rows_say():
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_nothing_is_missing_from_a_viscous_decay(seed):
-    result = diagnose(campaign(viscous, seed), base=base())
+    result = diagnose(campaign(viscous, seed), base=base(), advise=False)
     assert result.verdict == "nothing_missing"
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_coulomb_friction_is_named_and_the_swing_goes_on_as_said(seed):
-    result = diagnose(campaign(lambda a, r, way: viscous(a, r, way) + 0.1 * way, seed), base=base())
+    result = diagnose(
+        campaign(lambda a, r, way: viscous(a, r, way) + 0.1 * way, seed), base=base(), advise=False
+    )
     assert [s.effect for s in result.steps] == ["coulomb_friction"]
     assert result.steps[0].parameters["M_F"] == pytest.approx(0.1, rel=0.05)
     # Held out: the last third of the swing, from a fit to what comes before.
@@ -104,7 +106,7 @@ def test_coulomb_friction_and_quadratic_damping_that_hide_each_other_are_both_fo
     def both(angle, rate, way):
         return viscous(angle, rate, way) + 0.1 * way + 0.006 * rate * abs(rate)
 
-    result = diagnose(campaign(both, seed), base=base())
+    result = diagnose(campaign(both, seed), base=base(), advise=False)
     members = [set(s.members) for s in result.steps]
     assert len(members) == 2 and any("coulomb_friction" in m for m in members)
     assert any("quadratic_damping" in m for m in members)

@@ -7,6 +7,7 @@ import pytest
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
 from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
 
@@ -24,7 +25,7 @@ def test_a_slider_that_never_slips_stays_where_it_started():
     (variant, *_) = EFFECTS["backlash_play"].variants
     run = min(problem.runs, key=lambda run: np.ptp(run.angle))
     wide = np.array([0.5, 0.5]) * np.abs(run.angle).max() * 3
-    (state,) = variant.states_along(run.motion, wide)
+    (state,) = variant.states_along(JoinedMotions.of([run.motion]), wide)
     np.testing.assert_allclose(state, run.angle, atol=5e-3 * np.abs(run.angle).max())
 
 

@@ -48,7 +48,7 @@ KEYS = ["schema", "verdict", "reason", "gap", "budget", "where", "steps", "advic
 @pytest.mark.parametrize(("name", "seed", "noise", "family"), HIDDEN)
 def test_what_is_hidden_is_named_and_the_gap_falls_to_the_noise(name, seed, noise, family):
     hidden = hide(name, seed, noise, duration=4.0)
-    result = diagnose_structure(hidden.rig, hidden.model, effects=SOME if seed else None)
+    result = diagnose_structure(hidden.rig, hidden.model, effects=SOME if seed else None, advise=False)
     assert result.verdict in ("named", "ambiguous") and len(result.steps) == 1
     step = result.steps[0]
     wanted = {"dahl": "dahl_friction"}.get(name, name)
@@ -64,14 +64,14 @@ def test_what_is_hidden_is_named_and_the_gap_falls_to_the_noise(name, seed, nois
 @pytest.mark.parametrize(("seed", "noise"), [(0, 0.003), (1, 0.01), (2, 0.03)])
 def test_nothing_hidden_nothing_named(seed, noise):
     hidden = hide("nothing", seed, noise, duration=4.0)
-    result = diagnose_structure(hidden.rig, hidden.model, effects=SOME if seed else None)
+    result = diagnose_structure(hidden.rig, hidden.model, effects=SOME if seed else None, advise=False)
     assert result.verdict == "nothing_missing" and result.steps == () and result.where == ()
     assert result.final.response <= 1.3 * result.noise_floor.response
 
 
 def test_a_law_outside_the_catalogue_is_unknown_and_no_name_is_near_certain():
     hidden = hide("ripple", 0, 0.003, duration=4.0)
-    result = diagnose_structure(hidden.rig, hidden.model, effects=FEW, max_effects=1)
+    result = diagnose_structure(hidden.rig, hidden.model, effects=FEW, max_effects=1, advise=False)
     assert result.verdict == "unknown"
     assert all(step.probability <= 0.5 for step in result.steps)
 
@@ -82,19 +82,21 @@ def test_what_the_model_may_be_wrong_by_is_no_effect_and_what_it_may_not_is():
     truth = with_laws(rig, lambda hinge: replace(INTER_PANEL, k1=wrong)).respond().displacement["tip"]
     noise = 0.01 * np.std(truth) * np.random.default_rng(3).standard_normal(truth.size)
     rig = replace(rig, measured=MeasuredResponse("tip", truth + noise, rig.sample_rate))
-    unsure = diagnose_structure(rig, paper_model(0.02), effects=FEW)
+    unsure = diagnose_structure(rig, paper_model(0.02), effects=FEW, advise=False)
     assert unsure.verdict == "nothing_missing"
     assert unsure.model["linear_stiffness"].coefficient == pytest.approx(wrong, rel=0.005)
-    sure = diagnose_structure(rig, paper_model(0.0005), effects=FEW)
+    sure = diagnose_structure(rig, paper_model(0.0005), effects=FEW, advise=False)
     assert sure.steps and "linear_stiffness" in sure.steps[0].members
 
 
 def test_a_pulse_of_uncertain_size_is_no_effect():
     hidden = hide("pulse_scale", 0, 0.003, duration=4.0)
-    said = diagnose_structure(hidden.rig, hidden.model, effects=FEW)
+    said = diagnose_structure(hidden.rig, hidden.model, effects=FEW, advise=False)
     assert said.steps[0].effect == "pulse_scale"
     assert said.steps[0].parameters["delta_F/F"] == pytest.approx(hidden.size, rel=0.1)
-    unsure = diagnose_structure(replace(hidden.rig, pulse_uncertainty=0.05), hidden.model, effects=FEW)
+    unsure = diagnose_structure(
+        replace(hidden.rig, pulse_uncertainty=0.05), hidden.model, effects=FEW, advise=False
+    )
     assert unsure.verdict == "nothing_missing"
 
 
@@ -115,12 +117,12 @@ def test_another_pulse_and_another_point_are_predicted():
             ),
         ),
     )
-    result = diagnose_structure(hidden.rig, hidden.model, effects=FEW, hold_out=[other])
+    result = diagnose_structure(hidden.rig, hidden.model, effects=FEW, hold_out=[other], advise=False)
     assert result.steps[0].effect == "beam_loss"
     assert [record.name for record in result.records] == [f"tip of {other.name}"]
     assert result.final.response == pytest.approx(result.noise_floor.response, rel=0.15)
     # That record was made without the loss: two points that contradict each other leave something unknown.
-    torn = diagnose_structure(rig, hidden.model, effects=FEW, max_effects=1)
+    torn = diagnose_structure(rig, hidden.model, effects=FEW, max_effects=1, advise=False)
     assert [record.name for record in torn.records] == ["tip", "lower beam"]
     assert torn.final.response > 1.3 * torn.noise_floor.response
 
@@ -136,7 +138,7 @@ def test_what_one_record_cannot_tell_apart_the_advised_one_does():
     level = 0.01 * np.std(hidden.rig.measured.displacement)
     noisy = ideal + level * np.random.default_rng(1).standard_normal(ideal.size)
     second = replace(hidden.rig, also_measured=(MeasuredResponse("lower beam", noisy, 1000.0),))
-    again = diagnose_structure(second, hidden.model, effects=FEW)
+    again = diagnose_structure(second, hidden.model, effects=FEW, advise=False)
     assert again.verdict == "named" and again.steps[0].effect == "clamp_stiffness"
 
 

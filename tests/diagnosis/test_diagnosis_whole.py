@@ -18,7 +18,7 @@ from tests.made_models import model_of, term
 
 def test_an_effect_of_angle_and_rate_is_a_term_of_the_model_that_is_written():
     hidden = hide("quadratic_damping", 3, duration=4.0)
-    result = diagnose(hidden.campaign)
+    result = diagnose(hidden.campaign, advise=False)
     whole = JointModel.from_json(result.whole.to_json())
     (effect,) = result.effects
     angle, rate = np.linspace(-6e-4, 6e-4, 40), np.linspace(0.02, 0.001, 40)
@@ -30,7 +30,7 @@ def test_an_effect_of_angle_and_rate_is_a_term_of_the_model_that_is_written():
 
 
 def test_an_effect_with_a_memory_is_no_term():
-    result = diagnose(hide("jenkins_element", 3, duration=4.0).campaign, max_effects=1)
+    result = diagnose(hide("jenkins_element", 3, duration=4.0).campaign, max_effects=1, advise=False)
     assert result.effects and result.whole.ids == result.model.ids
 
 
@@ -38,7 +38,7 @@ def test_an_effect_with_a_memory_is_no_term():
 def test_the_term_has_the_unit_of_the_motion(motion, unit):
     hidden = hide("quadratic_damping", 3, duration=4.0)
     joint = replace(hidden.campaign.joint, motion=motion)
-    result = diagnose(replace(hidden.campaign, joint=joint), max_effects=1)
+    result = diagnose(replace(hidden.campaign, joint=joint), max_effects=1, advise=False)
     assert same_dimension(result.whole["quadratic_damping"].unit, unit)
 
 

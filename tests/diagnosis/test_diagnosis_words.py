@@ -71,7 +71,7 @@ def test_a_translation_has_force_displacement_and_velocity(tmp_path, capsys):
 @pytest.fixture(scope="module")
 def turned():
     """The diagnosis of a joint in rotation."""
-    return diagnose(slide(900.0, "rotation"))
+    return diagnose(slide(900.0, "rotation"), advise=False)
 
 
 def test_before_and_after_are_the_same_runs_and_effects_make_them_smaller(turned):
@@ -84,7 +84,7 @@ def test_before_and_after_are_the_same_runs_and_effects_make_them_smaller(turned
     # What is left of the mean periods is their noise; without the effect it is far above.
     noise = np.sqrt(np.mean([run.noise**2 for run in result.after]))
     assert left(result.after) < 1.2 * noise and left(result.before) > 2 * noise
-    nothing = diagnose(slide(0.0))
+    nothing = diagnose(slide(0.0), advise=False)
     assert nothing.verdict == "nothing_missing" and nothing.after == () and len(nothing.before) == 4
 
 

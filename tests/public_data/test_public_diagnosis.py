@@ -24,7 +24,7 @@ def terms(*ids):
 
 def test_emps_damps_differently_in_its_two_directions(public_data):
     base = terms("inertia", "linear_damping", "coulomb_friction", "constant_moment")
-    result = diagnose(public_data("emps"), base=base)
+    result = diagnose(public_data("emps"), base=base, advise=False)
     first = result.steps[0]
     assert first.effect == "direction_dependent_damping" and first.probability > 0.9
     # Owners: 4.08 % of the force without it and 3.11 % with it, on all samples. Measured, on stretches left out: 4.6
@@ -34,7 +34,9 @@ def test_emps_damps_differently_in_its_two_directions(public_data):
 
 
 def test_bouc_wen_has_hysteresis_and_its_parameters_come_back(public_data):
-    result = diagnose(public_data("bouc-wen"), base=terms("inertia", "linear_damping", "linear_stiffness"))
+    result = diagnose(
+        public_data("bouc-wen"), base=terms("inertia", "linear_damping", "linear_stiffness"), advise=False
+    )
     first = result.steps[0]
     assert first.effect == "bouc_wen_hysteresis" and len(result.steps) == 1
     # Made with m 2 kg, k 5e4 N/m, alpha 5e4 N/m, beta·gamma 800 1/m and delta/gamma -1.375 (shape 0.625).
@@ -49,7 +51,7 @@ def test_bouc_wen_has_hysteresis_and_its_parameters_come_back(public_data):
 
 def test_a_friction_damper_has_a_gap_before_its_friction(public_data):
     base = terms("linear_damping", "linear_stiffness", "cubic_stiffness", "coulomb_friction")
-    result = diagnose(public_data("friction-damper"), base=base)
+    result = diagnose(public_data("friction-damper"), base=base, advise=False)
     first = result.steps[0]
     assert first.effect == "backlash_play" and first.probability > 0.9
     # Those who fitted by hand: half a gap of 1.5 mm.
@@ -59,7 +61,9 @@ def test_a_friction_damper_has_a_gap_before_its_friction(public_data):
 
 
 def test_the_silverbox_has_a_cubic_stiffness(public_data):
-    result = diagnose(public_data("silverbox"), base=terms("inertia", "linear_damping", "linear_stiffness"))
+    result = diagnose(
+        public_data("silverbox"), base=terms("inertia", "linear_damping", "linear_stiffness"), advise=False
+    )
     names = [s.effect for s in result.steps]
     # Its input has a zero error, a quarter of the signal of this record.
     assert names[:2] == ["constant_moment", "cubic_stiffness"] and result.steps[1].probability > 0.9
@@ -67,7 +71,7 @@ def test_the_silverbox_has_a_cubic_stiffness(public_data):
 
 
 def test_a_pendulum_has_dry_friction(public_data):
-    result = diagnose(public_data("pendulum"), base=terms("gravity_moment", "linear_damping"))
+    result = diagnose(public_data("pendulum"), base=terms("gravity_moment", "linear_damping"), advise=False)
     assert any({"coulomb_friction", "quadratic_damping"} & set(s.members) for s in result.steps)
     # Measured: of the last third of the swing, seen by no fit, 1.5 % is missed, then 0.30 %.
     assert result.final.response < 0.22 * result.initial.response

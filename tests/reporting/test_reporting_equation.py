@@ -10,7 +10,7 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.reporting.equation import effect_mathml, mathml
 from sindyjoint.reporting.registry import kinds_of
-from sindyjoint.reporting.units import in_words_of
+from sindyjoint.text import in_words_of
 from tests.reporting.handmade_results import diagnosis
 
 EFFECTS = {effect.id: effect for effect in load_effects()}

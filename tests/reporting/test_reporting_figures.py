@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from handmade import HOSTILE, report_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.reporting.figures.discovery import KINDS as DISCOVERY
 from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.registry import draw, drawable
-from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, new_figure, style
+from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, style
 
 CASES = {
     "rotation": {},
@@ -63,7 +64,7 @@ def test_a_panel_returns_its_axes(kind):
     data = report_data()
     (panel,) = DISCOVERY[kind].panels(data)
     with style():
-        ax = new_figure(3.5, 2.5).add_subplot()
+        ax = Figure(figsize=(3.5, 2.5)).add_subplot()
         assert panel(data, ax) is ax
     assert ax.has_data() and ax.get_title(loc="left")
 

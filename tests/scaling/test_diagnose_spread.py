@@ -31,6 +31,10 @@ def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
     record = json.loads(results[0])
     assert record["steps"] and record["advice"]
     assert results[1:] == results[:1] * 2
+    # Without advice everything else is as it was, and nothing is said of a search for runs.
+    stages: list[str] = []
+    alone = diagnose(campaign, effects=effects, max_effects=1, advise=False, progress=stages.append).to_dict()
+    assert alone == {**record, "advice": []} and "advice" not in stages
 
 
 def where(shared, task):

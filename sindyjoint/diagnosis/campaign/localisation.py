@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.localisation import Place, Regions, most_telling
-
-# What a place is called, by kind of motion: angle and rate, several angles.
-NAMES = {
-    "rotation": ("angle", "rate", "angles"),
-    "translation": ("displacement", "velocity", "displacements"),
-}
+from sindyjoint.text import in_words_of
 
 
 def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place, ...]:
@@ -24,7 +19,7 @@ def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place,
     Of bands that overlap the one that tells most is named; words speak of the kind of motion, axes are called ``angle``
     and ``rate`` for both.
     """
-    angle_name, rate_name, sides = NAMES[motion]
+    sides = in_words_of(motion, "angles")
     excess = np.maximum(problem.residual**2 - 1.0, 0.0)
     if not excess.any():
         return ()
@@ -34,8 +29,8 @@ def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place,
     )
     regions = Regions(excess, "samples", problem.policy)
     for axis, values, what in (
-        ("angle", np.abs(angle), f"|{angle_name}|"),
-        ("rate", np.abs(rate), f"|{rate_name}|"),
+        ("angle", np.abs(angle), in_words_of(motion, "|angle|")),
+        ("rate", np.abs(rate), in_words_of(motion, "|rate|")),
     ):
         for low, high in ((0.0, 0.1), (0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.01)):
             top = min(high, 1.0)

@@ -8,32 +8,57 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.gap import gap_of
-from sindyjoint.diagnosis.campaign.repair import Repaired, refit
+from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.start import Work, first_model, is_free
+from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.problem import Say, Start
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.states import regression_rows
 
-if TYPE_CHECKING:
-    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-
 LIBRARY = "extended"
 
 
-def other_starts(straight: CampaignProblem, best: float, say: Say) -> Iterator[Start[CampaignProblem]]:
-    """Yield starts whose own gap is not far above ``best``, the final gap of the search so far."""
+class Restartable(Protocol):
+    """What is needed of the problem of a campaign."""
+
+    candidates: tuple[Effect, ...]
+    work: Work
+
+    @property
+    def policy(self) -> DiagnosisPolicy: ...
+    @property
+    def gap(self) -> Gap: ...
+    @property
+    def found(self) -> tuple[FittedEffect, ...]: ...
+    @property
+    def regression(self) -> GapRegression: ...
+    def add(self, best: FittedEffect) -> Any: ...
+    def units(self, fitted: FittedEffect) -> dict[str, str]: ...
+    def with_model(self, model: JointModel) -> Self: ...
+
+
+R = TypeVar("R", bound=Restartable)
+
+
+def other_starts(straight: R, best: float, say: Say) -> Iterator[tuple[R, tuple[Step, ...], str]]:
+    """Yield problems to start from, the steps that led there, and in words what they are.
+
+    The model of discovery is one where its own gap is not far above ``best``, the final gap of the search so far.
+    """
     policy = straight.policy
     delayed = None if is_free(straight.work.campaign) else with_delay(straight)
     if delayed is not None:
-        yield Start(*delayed, "the channels aligned", straight)
+        yield *delayed, "the channels aligned"
     for begun, words in ((straight, ""), (delayed and delayed[0], " and the channels aligned")):
         if begun is None:
             continue
@@ -44,11 +69,11 @@ def other_starts(straight: CampaignProblem, best: float, say: Say) -> Iterator[S
         problem, steps = found
         before = delayed[1] if begun is not straight else ()
         if problem.gap.moment <= policy.start_worth * best:
-            yield Start(problem, (*before, *steps), f"the terms that discovery finds{words}", straight)
+            yield problem, (*before, *steps), f"the terms that discovery finds{words}"
 
 
-def with_delay(problem: CampaignProblem) -> tuple[CampaignProblem, tuple[Step, ...]] | None:
-    """Return the problem with the delay between its channels removed, and the step that this is; None if there is none."""
+def with_delay(problem: R) -> tuple[R, tuple[Step, ...]] | None:
+    """Return the problem with the delay between its channels removed, and that step; None if there is no delay."""
     effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
     if effect is None:
         return None
@@ -64,7 +89,7 @@ def with_delay(problem: CampaignProblem) -> tuple[CampaignProblem, tuple[Step, .
     )
 
 
-def discovered(problem: CampaignProblem) -> tuple[CampaignProblem, tuple[Step, ...]] | None:
+def discovered(problem: R) -> tuple[R, tuple[Step, ...]] | None:
     """Return the problem with the terms that discovery finds on its states, and a step for each beyond its model's.
 
     None where discovery finds none, or those of the model.
@@ -82,23 +107,22 @@ def discovered(problem: CampaignProblem) -> tuple[CampaignProblem, tuple[Step, .
     if not regressor.model_.terms or set(regressor.model_.ids) <= known:
         return None
     model = first_model(campaign, work.states, regressor.model_, None, policy)
+    later = problem.with_model(model)
     shifts = tuple(e for e in problem.found if e.shifts)
-    rows = Work.build(campaign, work.runs, work.states, work.groups, model, (), policy)
-    later = replace(problem, work=rows, repaired=Repaired(model, shifts))
     extra = [t for t in model.terms if t.id not in known and t.id != INERTIA]
     dropped = tuple(sorted(known - set(model.ids)))
     return later, _steps(later, problem.gap, extra, shifts, dropped)
 
 
 def _steps(
-    problem: CampaignProblem,
+    problem: Restartable,
     before: Gap,
     extra: list[ModelTerm],
     shifts: tuple[FittedEffect, ...],
     dropped: tuple[str, ...],
 ) -> tuple[Step, ...]:
     """Return a step for each further term, in order of what it carries alone, with the gap of the law so far."""
-    model, steps = problem.work.model, []
+    steps: list[Step] = []
     ordered = sorted(extra, key=lambda term: -term.unique_share)
     for place, term in enumerate(ordered, 1):
         later = {each.id for each in ordered[place:]}
@@ -114,7 +138,7 @@ def _steps(
     return tuple(steps)
 
 
-def _gap_without(problem: CampaignProblem, ids: set[str], shifts: tuple[FittedEffect, ...]) -> Gap:
+def _gap_without(problem: Restartable, ids: set[str], shifts: tuple[FittedEffect, ...]) -> Gap:
     """Return the gap of the model without some terms, the others fitted anew."""
     work = problem.work
     smaller = _without(work.model, ids)

@@ -48,6 +48,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states
+from sindyjoint.text import in_words_of
 
 BASE = "paper"
 
@@ -199,7 +200,14 @@ class CampaignProblem(Problem):
     def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
         if self.drift is None and self.may_start_anew:
-            yield from other_starts(straight, last.gap.moment, say)
+            for problem, steps, words in other_starts(straight, last.gap.moment, say):
+                yield Start(problem, steps, words, straight)
+
+    def with_model(self, model: JointModel) -> Self:
+        """Return the problem of another model, fitted to these states; delays removed from them stay so."""
+        work = self.work
+        later = Work.build(work.campaign, work.runs, work.states, work.groups, model, (), self.policy)
+        return replace(self, work=later, repaired=Repaired(model, tuple(e for e in self.found if e.shifts)))
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
@@ -253,7 +261,7 @@ class CampaignProblem(Problem):
         """Return the result."""
         repaired, campaign = self.repaired, self.work.campaign
         return Diagnosis(
-            **found,
+            **{**found, "reason": in_words_of(campaign.joint.motion, found["reason"])},
             warnings=(
                 *identifiability_notes(campaign, self.states),
                 *warn_of_negative_damping(repaired.model),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from sindyjoint.diagnosis.campaign.rows.half_cycles import correlation
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.equation.model import JointModel
@@ -97,6 +99,10 @@ class GapRegression:
         residual = target - basis @ (basis.T @ target)
         return cls(tuple(runs), base, target, reference_scales(runs), explained, policy, basis, residual)
 
+    @cached_property
+    def _motions(self) -> JoinedMotions:
+        return JoinedMotions.of([run.motion for run in self.runs])
+
     @property
     def chi_square(self) -> float:
         """Sum of squares of the residual, in units of noise."""
@@ -149,12 +155,13 @@ class GapRegression:
 
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
-        parts = [variant.along(run.motion, values) for run in self.runs]
+        columns = variant.along(self._motions, values)
         # A state that no step of the search can follow has no column.
-        if not all(np.isfinite(part).all() for part in parts):
+        if not np.isfinite(columns).all():
             return 0.0, np.zeros(len(variant.columns))
-        white = [run.white(part) for run, part in zip(self.runs, parts, strict=True)]
-        return self.gain_of(variant, np.vstack(white))
+        ends = np.cumsum([run.motion.keep.size for run in self.runs])[:-1]
+        parts = zip(self.runs, np.split(columns, ends), strict=True)
+        return self.gain_of(variant, np.vstack([run.white(part) for run, part in parts]))
 
     def gain_of(self, variant: Variant, columns: Array) -> tuple[float, Array]:
         """Return the same for whitened columns, shape (N, n_columns)."""
@@ -166,8 +173,12 @@ class GapRegression:
         # A column inside the span of what is there already explains nothing, only rounding.
         if np.any(norm <= 1e-6 * size) or np.any(size == 0):
             return 0.0, np.zeros(columns.shape[1])
-        coefficients, *_ = np.linalg.lstsq(projected / norm, self.residual, rcond=None)
-        explained = (projected / norm) @ coefficients
+        unit = projected / norm
+        if unit.shape[1] == 1:
+            coefficients = unit.T @ self.residual
+        else:
+            coefficients, *_ = np.linalg.lstsq(unit, self.residual, rcond=None)
+        explained = unit @ coefficients
         coefficients = coefficients / norm
         for column, value in zip(variant.columns, coefficients, strict=True):
             if column.positive and value <= 0:

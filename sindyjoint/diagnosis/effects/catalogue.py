@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
+from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
 from sindyjoint.equation import dimensions
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
-from sindyjoint.equation.formula import compile_terms, formula_pretty, parameter_symbol, parse_formula
+from sindyjoint.equation.formula import compile_terms, formula_pretty, parse_formula
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
 
@@ -150,57 +151,31 @@ class Variant:
         return compile_terms([column.expression for column in self.columns], arguments)
 
     @cached_property
+    def _limit_function(self) -> Any:
+        return compile_terms([s.limit for s in self.states if s.limit is not None], self.names)
+
+    @cached_property
     def _state_program(self) -> Any:
-        from sindyjoint.diagnosis.effects.internal_states import program
+        from sindyjoint.diagnosis.effects.internal_states import dependent_rows, program
 
         arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
-        return program(compile_terms([state.rate for state in self.states], arguments))
+        rates = compile_terms([state.rate for state in self.states], arguments)
+        return *program(rates), *dependent_rows(rates, len(self.states))
 
-    def states_along(self, motion: MeasuredMotion, values: Array) -> Array:
-        """Return the internal states at the kept samples of a motion, shape (n_states, m)."""
-        from sindyjoint.diagnosis.effects.internal_states import integrate_states
+    def states_along(self, motions: JoinedMotions, values: Array) -> Array:
+        """Return the internal states at the kept samples of some motions, shape (n_states, m)."""
+        parameters = np.array(values, dtype=np.float64)
+        limits = np.full(len(self.states), np.inf)
+        known = [state.limit is not None for state in self.states]
+        if any(known):
+            limits[known] = self._limit_function(*parameters)[0]
+        return motions.states(parameters, limits, self._state_program)
 
-        substitution = {parameter_symbol(n): float(v) for n, v in zip(self.names, values, strict=True)}
-        limits = [np.inf if s.limit is None else float(s.limit.subs(substitution)) for s in self.states]
-        integrate: Any = integrate_states
-        every = motion.follow
-        rate = motion.rate[::every]
-        if motion.repeats:
-            # What repeats comes back: the rest of a mean over samples would carry a slider away, pass by pass.
-            rate = rate - rate.mean()
-        states = integrate(
-            motion.angle[::every],
-            rate,
-            motion.step * every,
-            np.asarray(values, dtype=np.float64),
-            np.array(limits),
-            *self._state_program,
-            # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
-            np.array([motion.angle[0] if np.isfinite(limit) else 0.0 for limit in limits]),
-            PASSES if motion.repeats else 1,
-            motion.substeps,
-        )
-        if every == 1:
-            return states[:, motion.keep]
-        places = np.arange(0, motion.angle.size, every)
-        return np.array([np.interp(motion.keep, places, z) for z in states])
-
-    def along(self, motion: MeasuredMotion, values: Array) -> Array:
-        """Return the columns at the kept samples of a motion, shape (m, n_columns)."""
-        keep = motion.keep
-        states = self.states_along(motion, values) if self.states else ()
-        signals = [getattr(motion, name)[keep] for name in ("angle", "rate", "acceleration")]
-        time = motion.time[keep]
-        others = [
-            motion.frequency, time, motion.began + time, motion.moment_rate[keep], motion.moment_slope[keep]
-        ]  # fmt: skip
-        return self._function(*signals, *others, *states, *map(float, values))
-
-
-# A motion that repeats is run through at most this often until its states repeat.
-PASSES = 20
-# While nonlinear parameters are searched, states follow a motion within this share of its RMS.
-ROUGH_ERROR = 1e-2
+    def along(self, motion: MeasuredMotion | JoinedMotions, values: Array) -> Array:
+        """Return the columns at the kept samples of a motion, or of several, shape (m, n_columns)."""
+        motions = motion if isinstance(motion, JoinedMotions) else JoinedMotions.of([motion])
+        states = self.states_along(motions, values) if self.states else ()
+        return self._function(*motions.signals, *states, *map(float, values))
 
 
 @dataclass(frozen=True)
@@ -215,62 +190,6 @@ class Effect:
     confused_with: tuple[str, ...]
     enters: Enters
     variants: tuple[Variant, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredMotion:
-    """A run's motion as effects see it.
-
-    Parameters
-    ----------
-    angle, rate, acceleration : ndarray, shape (n,)
-        The whole motion: one period where ``repeats``, the record otherwise.
-    step : float
-        s between samples.
-    time : ndarray, shape (n,)
-        Since the start of the run, s; the mean over its periods where ``repeats``.
-    frequency : float
-        Hz; zero where the run has none.
-    moment_rate, moment_slope : ndarray, shape (n,)
-        dM/dt and ∂M/∂θ of the model along the motion.
-    keep : ndarray of int, shape (m,)
-        Samples in which the joint moves.
-    repeats : bool
-    began : float
-        Start of the run since that of the campaign's first one, s.
-    substeps : int
-        Parts into which a step is cut where internal states are integrated.
-    follow : int
-        Internal states are integrated over every so-manieth sample and interpolated between.
-    """
-
-    angle: Array
-    rate: Array
-    acceleration: Array
-    step: float
-    time: Array
-    frequency: float
-    moment_rate: Array
-    moment_slope: Array
-    keep: NDArray[np.intp]
-    repeats: bool
-    began: float = 0.0
-    substeps: int = 1
-    follow: int = 1
-
-    def rough(self) -> MeasuredMotion:
-        """Return the motion for searching: internal states are integrated in longer steps."""
-        if self.substeps > 1:
-            return replace(self, substeps=1)
-        return replace(self, follow=max(1, int(1 / self.steps_to_follow(ROUGH_ERROR))))
-
-    def steps_to_follow(self, error: float) -> float:
-        """Return into how many parts a step is to be cut so that linear interpolation of the angle errs by so little.
-
-        ``error`` is relative to the RMS of the angle; the answer is below one where steps may be longer.
-        """
-        bend = float(np.sqrt(np.mean(self.acceleration**2)))
-        return self.step * float(np.sqrt(bend / (8 * error * max(float(np.std(self.angle)), 1e-300))))
 
 
 def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:

@@ -44,7 +44,7 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
     else:
         ax.set_xlabel("campaign, in the order of the table")
     ax.set_xlim(-0.7, values.size - 0.3)
-    ax.set_title(spelled(term))
+    ax.set_title(spelled(term, result.motion))
     ax.set_ylabel(unit)
     return ax
 
@@ -87,7 +87,7 @@ def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
     ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
     ax.set_xlabel("temperature (°C)" if trend.covariate == TEMPERATURE else plain(trend.covariate))
-    ax.set_ylabel(f"{spelled(term)} ({unit})")
+    ax.set_ylabel(f"{spelled(term, result.motion)} ({unit})")
     ax.set_title(
         f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),
         color=MUTED,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.figures.kind import Panel, spread
+from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.style import (
     DIVERGING,
     INK,
@@ -20,7 +21,7 @@ from sindyjoint.reporting.style import (
     prefixed,
     shortened,
 )
-from sindyjoint.reporting.units import quantities
+from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,7 +76,7 @@ def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale:
     )
     ax.grid(False)
     if scale:
-        ax.figure.colorbar(mesh, ax=ax, label=f"mean of measured less model ({unit})", pad=0.02)
+        colour_scale(ax, mesh, f"mean of measured less model ({unit})")
     ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
     ax.set_ylabel(f"{q.rate} {q.rate_symbol} ({y_unit})")
     ax.set_title(title)
@@ -103,21 +104,19 @@ def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
     return mean
 
 
+_MEASURED = {"color": PALETTE[0], "lw": 2.4, "alpha": 0.45}
+_BEFORE: dict[str, Any] = {"color": PALETTE[1], "lw": 0.9, "ls": (0, (4, 1.5))}
+_AFTER = {"color": INK, "lw": 0.8}
+
+
 def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
     """Draw the measured moment and the models' over the angle; over time where the run has no frequency."""
     q = quantities(result.model.joint.motion)
     factor, unit = prefixed(float(np.abs(before.measured).max()), q.moment_unit)
-    for x, y in _pieces(result, before, before.measured * factor):
-        ax.plot(x, y, color=PALETTE[0], lw=2.4, alpha=0.45)
-    for x, y in _pieces(result, before, before.model * factor):
-        ax.plot(x, y, color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)))
+    _curve(result, ax, before, before.measured * factor, "measured", _MEASURED)
+    _curve(result, ax, before, before.model * factor, "model alone", _BEFORE)
     if after is not None:
-        for x, y in _pieces(result, after, after.model * factor):
-            ax.plot(x, y, color=INK, lw=0.8)
-    ax.plot([], [], color=PALETTE[0], lw=2.4, alpha=0.45, label="measured")
-    ax.plot([], [], color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)), label="model alone")
-    if after is not None:
-        ax.plot([], [], color=INK, lw=0.8, label="with the effects")
+        _curve(result, ax, after, after.model * factor, "with the effects", _AFTER)
     _axes(result, ax, before, f"{_measured(result)} ({unit})")
     legend_above(ax, 2, columns=2)
     return ax
@@ -127,26 +126,21 @@ def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None)
     """Draw the residuals of a run together with its noise."""
     q = quantities(result.model.joint.motion)
     factor, unit = prefixed(float(np.abs(before.residual).max()), q.moment_unit)
-    for x, y in _pieces(result, before, before.residual * factor):
-        ax.plot(x, y, color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)))
+    noise, of = 2 * before.noise * factor, "noise of the mean period" if before.repeats else "noise"
+    ax.axhspan(-noise, noise, color=MUTED, alpha=0.2, lw=0, label=f"{of}, ±2σ")
+    _curve(result, ax, before, before.residual * factor, "residual of the model alone", _BEFORE)
     if after is not None:
-        for x, y in _pieces(result, after, after.residual * factor):
-            ax.plot(x, y, color=INK, lw=0.8)
-    noise = 2 * before.noise * factor
-    ax.axhspan(
-        -noise,
-        noise,
-        color=MUTED,
-        alpha=0.2,
-        lw=0,
-        label="noise of the mean period, ±2σ" if before.repeats else "noise, ±2σ",
-    )
-    ax.plot([], [], color=PALETTE[1], lw=0.9, ls=(0, (4, 1.5)), label="residual of the model alone")
-    if after is not None:
-        ax.plot([], [], color=INK, lw=0.8, label="residual with the effects")
+        _curve(result, ax, after, after.residual * factor, "residual with the effects", _AFTER)
     _axes(result, ax, before, f"Measured less model ({unit})")
     legend_above(ax, 3)
     return ax
+
+
+def _curve(result: Diagnosis, ax: Axes, run: RunGap, values: Array, label: str, look: dict[str, Any]) -> None:
+    """Draw a curve in its pieces, which have one entry in the legend."""
+    for x, y in _pieces(result, run, values):
+        ax.plot(x, y, **look)
+    ax.plot([], [], label=label, **look)
 
 
 def _axes(result: Diagnosis, ax: Axes, run: RunGap, vertical: str) -> None:

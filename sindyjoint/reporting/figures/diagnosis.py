@@ -6,10 +6,9 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 from sindyjoint.reporting.figures import before_after
-from sindyjoint.reporting.figures.kind import Kind, by_name, fixed
+from sindyjoint.reporting.figures.kind import Kind, bars, by_name, fixed
 from sindyjoint.reporting.style import (
     DASHES,
-    INK,
     MARKERS,
     MUTED,
     PALETTE,
@@ -17,15 +16,14 @@ from sindyjoint.reporting.style import (
     plain,
     shortened,
 )
-from sindyjoint.reporting.units import quantities
-from sindyjoint.text import percent, spelled
+from sindyjoint.text import percent, quantities, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from sindyjoint.diagnosis.result import Diagnosis
 
-NARROW = 5  # inches, below which a legend has one column
+NARROW = 4  # inches of a panel, below which a legend has one column
 MOST_RIVALS = 4
 FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
 
@@ -35,9 +33,10 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
 
     The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
     """
-    labels = ["model alone", *(f"+ {spelled(s.effect)}" for s in result.steps)]
+    motion = result.model.joint.motion
+    labels = ["model alone", *(f"+ {spelled(s.effect, motion)}" for s in result.steps)]
     gaps = [result.initial, *(s.gap_after for s in result.steps)]
-    names = {"moment": quantities(result.model.joint.motion).moment.lower(), "response": "response"}
+    names = {"moment": quantities(motion).moment.lower(), "response": "response"}
     shown = [100 * getattr(gap, name) for gap in gaps for name in names]
     shown = [value for value in shown if value == value and value > 0]
     floors = [100 * getattr(result.noise_floor, name) for name in names]
@@ -84,7 +83,7 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     ax.set_xlim(-0.3, len(labels) - 0.5)
     ax.set_ylabel("relative RMS (%)")
     ax.set_title("Gap between model and measurement")
-    narrow = ax.figure.bbox.width < NARROW * ax.figure.dpi
+    narrow = ax.bbox.width < NARROW * ax.figure.dpi
     legend_above(ax, 4 if narrow else 2, columns=1 if narrow else 2)
     return ax
 
@@ -94,13 +93,7 @@ def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
     names = ("state", "history", "run", "processing", "noise")
     total = result.budget.total or 1.0
     shares = [100 * getattr(result.budget, name) / total for name in names]
-    ax.barh(range(len(names)), shares, color=[*PALETTE[:4], MUTED])
-    for index, share in enumerate(shares):
-        ax.text(share + 0.8, index, f"{share:.1f} %", va="center", color=INK)
-    ax.set_yticks(range(len(names)), names)
-    ax.invert_yaxis()
-    ax.set_xlim(0, 112)
-    ax.set_xlabel("share of the mean square gap (%)")
+    bars(ax, names, shares, 112, "share of the mean square gap (%)", [*PALETTE[:4], MUTED], "{:.1f} %")
     ax.set_title("Budget of the first gap")
     return ax
 
@@ -112,17 +105,12 @@ def rivals_height(result: Diagnosis) -> float:
 
 def rivals(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the probability of the named effect of each step and of its rivals."""
-    rows = []
+    rows, motion = [], result.model.joint.motion
     for index, step in enumerate(result.steps):
-        rows.append((f"{index + 1}. {spelled(step.effect)}", step.probability, PALETTE[0]))
-        rows += [(f"    {spelled(name)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
-    for row, (_, probability, colour) in enumerate(rows):
-        ax.barh(row, probability, height=0.6, color=colour)
-        ax.text(probability + 0.008, row, f"{probability:.2f}", va="center", color=INK)
-    ax.set_yticks(range(len(rows)), [label for label, _, _ in rows])
-    ax.set_ylim(len(rows) - 0.5, -0.5)
-    ax.set_xlim(0, 1.08)
-    ax.set_xlabel("probability")
+        rows.append((f"{index + 1}. {spelled(step.effect, motion)}", step.probability, PALETTE[0]))
+        rows += [(f"    {spelled(name, motion)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
+    labels, values, colours = zip(*rows, strict=True)
+    bars(ax, labels, values, 1.08, "probability", colours, "{:.2f}", 0.6)
     ax.set_title("Named effects and their rivals")
     return ax
 
@@ -130,12 +118,9 @@ def rivals(result: Diagnosis, ax: Axes) -> Axes:
 def where(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the regions that hold more of the gap than their share of the samples."""
     regions = list(result.where)
-    ax.barh(range(len(regions)), [100 * region.share for region in regions], height=0.6, color=PALETTE[0])
     labels = [plain(fill(shortened(region.words.partition(":")[0], 60), 26)) for region in regions]
-    ax.set_yticks(range(len(regions)), labels)
-    ax.invert_yaxis()
-    ax.set_xlim(0, 100)
-    ax.set_xlabel("share of the mean square gap (%)")
+    shares = [100 * region.share for region in regions]
+    bars(ax, labels, shares, 100, "share of the mean square gap (%)", PALETTE[0], height=0.6)
     ax.set_title("Where the gap lies")
     return ax
 

@@ -10,6 +10,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.equation import split_symbol
+from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.figures.residuals import nothing
 from sindyjoint.reporting.style import (
     ACCENT,
@@ -24,8 +25,7 @@ from sindyjoint.reporting.style import (
     prefixed,
     pretty_unit,
 )
-from sindyjoint.reporting.units import quantities
-from sindyjoint.text import spelled
+from sindyjoint.text import in_words_of, quantities, spelled, superscript
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,7 +118,7 @@ def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
         ax.tick_params(axis="x", rotation=60)
     ax.set_xlim(-0.6, len(groups) - 0.4)
     ax.set_ylabel(f"{_math(item.symbol)}" + (f" ({unit})" if unit else ""))
-    ax.set_title(plain(item.name))
+    ax.set_title(plain(in_words_of(data.model.joint.motion, item.name)))
     return ax
 
 
@@ -134,7 +134,7 @@ def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     ax.margins(x=0.12)
     ax.set_xlabel("Frequency (Hz)")
     ax.set_ylabel(unit)
-    ax.set_title(plain(spelled(test.name)) + "\n" + plain(test.answer))
+    ax.set_title(plain(spelled(test.name, result.motion)) + "\n" + plain(test.answer))
     return ax
 
 
@@ -174,7 +174,7 @@ def covariance(data: ReportData, ax: Axes) -> Axes:
         for (row, column), value in np.ndenumerate(matrix):
             colour = FIXED_PAPER if abs(value) > 0.6 else FIXED_INK
             ax.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
-    ax.figure.colorbar(mesh, ax=ax, label="correlation", pad=0.02)
+    colour_scale(ax, mesh, "correlation")
     ax.set_title("Correlation of the coefficients' errors")
     return ax
 
@@ -220,7 +220,7 @@ def _scale(value: float, unit: str) -> tuple[float, str]:
     if -1 <= power < 5:
         return 1.0, pretty_unit(unit)
     power = 3 * (power // 3)
-    return 10.0**-power, rf"$10^{{{power}}}$ " + pretty_unit(unit)
+    return 10.0**-power, f"10{superscript(power)} {pretty_unit(unit)}"
 
 
 def _math(symbol: str) -> str:

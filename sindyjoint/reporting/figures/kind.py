@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from sindyjoint.reporting.style import new_figure, style
+from sindyjoint.reporting.figures.layout import arrange
+from sindyjoint.reporting.style import INK, style
+from sindyjoint.text import power_of_ten
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,26 +84,55 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
     cell = width / columns if len(panels) > 1 or chosen.wide else min(width, 4.6)
     height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))
     with style():
-        figure = new_figure(cell * columns, rows * height)
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(cell * columns, rows * height))
         grid = figure.add_gridspec(rows, columns)
         for index, panel in enumerate(panels):
             row, column = divmod(index, columns)
             # Of an odd number of panels in two columns the last takes the whole row.
             single = columns == 2 and index == len(panels) - 1 and column == 0
             cell_spec = grid[row, :] if single else grid[row, column]
-            _few_ticks(panel(data, figure.add_subplot(cell_spec, projection=chosen.projection)))
-        engine = figure.get_layout_engine()
-        assert engine is not None
-        engine.execute(figure)
-        # Laid out once: every later drawing would do it again, for half of the time that a figure takes.
-        figure.set_layout_engine("none")
+            _plain_ticks(panel(data, figure.add_subplot(cell_spec, projection=chosen.projection)))
+        arrange(figure, rows, columns)
     return figure
 
 
-def _few_ticks(ax: Axes) -> None:
-    """Keep to six ticks: easier to read, and ticks are what drawing spends its time on."""
-    from matplotlib.ticker import AutoLocator, MaxNLocator
+def bars(
+    ax: Axes,
+    names: Sequence[str],
+    values: Sequence[float],
+    end: float,
+    label: str,
+    color: Any,
+    written: str = "",
+    height: float = 0.8,
+) -> Axes:
+    """Draw bars from top to bottom on an axis from zero to ``end``; ``written`` formats the values behind them."""
+    ax.barh(range(len(names)), values, height=height, color=color)
+    for row, value in enumerate(values):
+        if written:
+            ax.text(value + 0.008 * end, row, written.format(value), va="center", color=INK)
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.set_xlim(0, end)
+    ax.set_xlabel(label)
+    return ax
+
+
+def _plain_ticks(ax: Axes) -> None:
+    """Keep to six ticks, and to text that is no mathematics: drawing spends its time on ticks."""
+    from matplotlib.ticker import AutoLocator, LogFormatter, MaxNLocator
+
+    class Powers(LogFormatter):
+        """Numbers of a logarithmic axis; which of them stand there is matplotlib's choice."""
+
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return power_of_ten(x) if super().__call__(x, pos) else ""
 
     for axis in (ax.xaxis, ax.yaxis):
         if isinstance(axis.get_major_locator(), AutoLocator):
             axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        if axis.get_scale() == "log":
+            axis.set_major_formatter(Powers())
+            axis.set_minor_formatter(Powers())

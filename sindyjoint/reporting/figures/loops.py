@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.reporting.data import Loop, ReportData
 from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.style import DASHES, INK, PALETTE, legend_above, plain, prefixed, shortened
-from sindyjoint.reporting.units import quantities
+from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

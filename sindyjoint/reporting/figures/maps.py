@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.data import ReportData
+from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.style import (
     DIVERGING,
     FIXED_INK,
@@ -18,7 +19,7 @@ from sindyjoint.reporting.style import (
     legend_above,
     prefixed,
 )
-from sindyjoint.reporting.units import quantities
+from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +152,7 @@ def _cells(
         rasterized=True,
     )
     ax.grid(False)
-    ax.figure.colorbar(mesh, ax=ax, label=label, pad=0.02)
+    colour_scale(ax, mesh, label)
     ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
     ax.set_ylabel(f"{q.rate} {q.rate_symbol} ({y_unit})")
 

@@ -10,7 +10,7 @@ from sindyjoint.reporting.data import ReportData, run_labels
 from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
-from sindyjoint.reporting.units import quantities
+from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.reporting.figures.kind import Kind, by_name, fixed
-from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
+from sindyjoint.reporting.figures.kind import Kind, bars, by_name, fixed
+from sindyjoint.reporting.style import DASHES, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,25 +97,17 @@ def heat(result: RigFigures, ax: Axes) -> Axes:
     """Draw who dissipates how much of what became heat."""
     total = sum(result.heat.values()) or 1.0
     shares = [100 * value / total for value in result.heat.values()]
-    return _bars(ax, list(result.heat), shares, "Share of what became heat, %", PALETTE[0])
+    return bars(ax, _names(result.heat), shares, 115, "Share of what became heat, %", PALETTE[0], "{:.1f}")
 
 
 def locked(result: RigFigures, ax: Axes) -> Axes:
     """Draw the share of the time in which each joint is locked."""
-    return _bars(
-        ax, list(result.joints), (100 * result.locked).tolist(), "Share of the time locked, %", MUTED
-    )
+    shares = (100 * result.locked).tolist()
+    return bars(ax, _names(result.joints), shares, 115, "Share of the time locked, %", MUTED, "{:.1f}")
 
 
-def _bars(ax: Axes, names: list[str], shares: list[float], label: str, color: str) -> Axes:
-    ax.barh(range(len(names)), shares, color=color)
-    for index, share in enumerate(shares):
-        ax.text(share + 1, index, f"{share:.1f}", va="center", color=INK)
-    ax.set_yticks(range(len(names)), [plain(shortened(name, 18)) for name in names])
-    ax.invert_yaxis()
-    ax.set_xlim(0, 115)
-    ax.set_xlabel(label)
-    return ax
+def _names(names: Iterable[str]) -> list[str]:
+    return [plain(shortened(name, 18)) for name in names]
 
 
 KINDS = by_name(

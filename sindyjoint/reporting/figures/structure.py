@@ -60,10 +60,8 @@ def overlay(record: RecordGap, ax: Axes) -> Axes:
     ax.set_title(plain(shortened(record.name)))
     if record.held_from:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
-        note = ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
-                           xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
-        # The layout would make room for it next to the panel, and the panel small.
-        note.set_in_layout(False)
+        ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
+                    xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
     legend_above(ax, 4, columns=1)
     return ax
 

@@ -88,8 +88,9 @@ class BatchView(View[Batch, Batch]):
             print(f"- {difference.id}: {difference.text}")
         for trend in result.population.trends:
             if trend.significant:
+                name = spelled(trend.coefficient, result.motion)
                 print(
-                    f"- trend: {spelled(trend.coefficient)} changes by {100 * trend.change:+.1f} % over the range "
+                    f"- trend: {name} changes by {100 * trend.change:+.1f} % over the range "
                     f"of the {trend.covariate} (p = {trend.p_adjusted:.2g})"
                 )
         for note in result.notes:
@@ -146,7 +147,7 @@ def _cell(value: Any) -> str:
 
 def _joints(result: Batch) -> TextTable:
     """Return the table that people read."""
-    units = [f"{spelled(term)} ({pretty_unit(result.units[term])})" for term in result.common]
+    units = [f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})" for term in result.common]
     temperature = any(record.joint.get("temperature") for record in result.records)
     serial = any(record.joint.get("serial") for record in result.records)
     head = [
@@ -181,7 +182,7 @@ def _scatter(result: Batch) -> TextTable:
         share = s.spread / abs(s.mean) if s.mean else float("nan")
         rows.append(
             (
-                f"{spelled(s.coefficient)} ({pretty_unit(result.units[s.coefficient])})",
+                f"{spelled(s.coefficient, result.motion)} ({pretty_unit(result.units[s.coefficient])})",
                 superscripted(rounded(s.mean, s.mean_error))
                 if np.isfinite(s.mean_error)
                 else f"{s.mean:.4g}",
@@ -201,7 +202,7 @@ def _trends(result: Batch) -> TextTable:
         per = f"{pretty_unit(result.units[t.coefficient])} per {'K' if t.covariate == 'temperature' else 'step'}"
         rows.append(
             (
-                f"{spelled(t.coefficient)} with {t.covariate}",
+                f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
                 f"{superscripted(rounded(t.slope, t.slope_error))} {per}",
                 f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH,
                 f"{t.p_value:.2g}",

@@ -9,8 +9,8 @@ import numpy as np
 from sindyjoint.record import Campaign
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned
-from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import View
+from sindyjoint.text import quantities
 
 
 class CampaignView(View[Campaign, None]):

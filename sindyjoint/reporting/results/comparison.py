@@ -16,9 +16,8 @@ from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, csv_text, short_number
-from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import rounded, spelled
+from sindyjoint.text import quantities, rounded, spelled
 from sindyjoint.workflows.comparison import Comparison
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ class ComparisonView(View[Comparison, Comparison]):
         tables.append(_against_terms("libraries", "Libraries against terms", result, result.libraries))
         tables.append(_coefficients(result))
         if result.tests:
-            tables.append(_tests(result.tests))
+            tables.append(_tests(result.tests, result.motion))
         if result.left_out:
             tables.append(_folds(result))
         return tuple(tables)
@@ -77,11 +76,11 @@ class ComparisonView(View[Comparison, Comparison]):
         wide = max(len(choice.name) for choice in (*result.methods, *result.libraries))
         for choice in (*result.methods, *result.frequencies, *result.libraries):
             error = f"  left-out {load} {_percent(choice.held_out)}" if np.isfinite(choice.held_out) else ""
-            print(f"  {choice.name:<{wide}}  {_difference(choice)}{error}")
+            print(f"  {choice.name:<{wide}}  {_difference(choice, result.motion)}{error}")
         if result.tests:
             print("\nthe same at every frequency?")
             for test in result.tests:
-                print(f"  {spelled(test.name)}: {test.answer}; {test.reason}")
+                print(f"  {spelled(test.name, result.motion)}: {test.answer}; {test.reason}")
         for text in (*result.undetermined, *result.warnings):
             print(f"\nnote: {text}")
 
@@ -112,7 +111,7 @@ def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[
         if any(choice[term] for choice in choices) or term in PAPER_TERMS:
             rows.append(
                 (
-                    f"{spelled(term)} ({pretty_unit(result.units.get(term, '?'))})",
+                    f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})",
                     *(_cell(c, term) for c in choices),
                 )
             )
@@ -135,7 +134,7 @@ def _coefficients(result: Comparison) -> TextTable:
     for term in result.model.terms:
         rows.append(
             (
-                f"{spelled(term.id)} ({pretty_unit(result.units[term.id])})",
+                f"{spelled(term.id, result.motion)} ({pretty_unit(result.units[term.id])})",
                 _percent(share.get(term.id, float("nan"))),
                 _value(term.coefficient, term.standard_error),
                 interval_text(*term.interval95, term.standard_error),
@@ -152,7 +151,7 @@ def _coefficients(result: Comparison) -> TextTable:
     )
 
 
-def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
+def _tests(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
     columns = (
         "term",
         *(f"{f:.4g} Hz" for f in tests[0].frequencies),
@@ -173,7 +172,7 @@ def _tests(tests: Sequence[FrequencyTest]) -> TextTable:
         if text == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
             text += f"; a change of {trend} is significant"
         answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), text)
-        rows.append((spelled(test.name), *values, *spread, *answer))
+        rows.append((spelled(test.name, motion), *values, *spread, *answer))
     return TextTable(
         "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)
     )
@@ -186,7 +185,7 @@ def _folds(result: Comparison) -> TextTable:
             _percent(fold.moment_error),
             "the same"
             if fold.kept == result.model.ids
-            else ", ".join(spelled(term) for term in fold.kept) or "none",
+            else ", ".join(spelled(term, result.motion) for term in fold.kept) or "none",
         )
         for kind, validation in result.left_out.items()
         for fold in validation.folds
@@ -240,18 +239,18 @@ def _markdown(result: Comparison, tables: Sequence[TextTable]) -> str:
     )
 
 
-def _difference(choice: Choice) -> str:
+def _difference(choice: Choice, motion: str) -> str:
     if not choice.terms:
         return "no model"
     if choice.agrees:
         return "the paper's five"
-    parts = [f"without {_list(choice.missing)}"] if choice.missing else []
-    parts += [f"with {_list(choice.extra)}"] if choice.extra else []
+    parts = [f"without {_list(choice.missing, motion)}"] if choice.missing else []
+    parts += [f"with {_list(choice.extra, motion)}"] if choice.extra else []
     return f"{len(choice.terms)} terms: the paper's " + ", ".join(parts)
 
 
-def _list(terms: Sequence[str]) -> str:
-    return " and ".join(spelled(term) for term in terms)
+def _list(terms: Sequence[str], motion: str) -> str:
+    return " and ".join(spelled(term, motion) for term in terms)
 
 
 def _cell(choice: Choice, term: str) -> str:

@@ -16,9 +16,8 @@ from sindyjoint.reporting.page import markup, number
 from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.tables import model_table
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, terminal, terminal_table
-from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import View
-from sindyjoint.text import percent, spelled
+from sindyjoint.text import in_words_of, percent, quantities, spelled
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Advice, Gap, RecordGap, Step
@@ -73,11 +72,12 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
 
     def tables(self, result: Diagnosis) -> tuple[TextTable, ...]:
         """Return the gap by step, the parameters of the effects, and the model's terms."""
-        moment = quantities(result.model.joint.motion).moment
+        motion = result.model.joint.motion
+        moment = quantities(motion).moment
         columns = ("Step", f"{moment} gap", "Response gap", "Probability", "Indistinguishable from")
         caption = "Gap between model and measurement, relative RMS, after each named effect."
         parameters = tuple(
-            (spelled(step.effect), name, number(value, 4), parameter_unit(step, name) or DASH)
+            (spelled(step.effect, motion), name, number(value, 4), parameter_unit(step, name) or DASH)
             for step in result.steps
             for name, value in step.parameters.items()
         )
@@ -106,15 +106,17 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             for name, called in names.items()
             if np.isfinite(getattr(result.noise_floor, name))
         ]
-        named = ", ".join(spelled(step.effect) for step in result.steps) or "none"
-        lines = [mathml(result.whole or result.model, [e.effect.name for e in result.moments])]
+        named = ", ".join(spelled(step.effect, motion) for step in result.steps) or "none"
+        lines = [
+            mathml(result.whole or result.model, [in_words_of(motion, e.effect.name) for e in result.moments])
+        ]
         lines += [effect_mathml(effect, motion) for effect in result.moments]
         return {
             "title": f"{result.model.joint.name}: what its model lacks",
             "badge": badge,
             "headline": headline,
             "facts": [*gaps, ("Effects named", str(len(result.steps)), named)],
-            "advices": [f"T{advice_words(a, _amount(a.level, unit))[1:]}." for a in result.advice],
+            "advices": [f"T{advice_words(a, _amount(a.level, unit), motion)[1:]}." for a in result.advice],
             "equation": markup("".join(lines)),
         }
 
@@ -129,7 +131,8 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         console = terminal()
         console.print(f"{escape(result.model.joint.name)}: [bold]{result.verdict.replace('_', ' ')}[/]")
         console.print(escape(result.reason) + "\n")
-        gap = f"{quantities(result.model.joint.motion).moment.lower()} gap"
+        motion = result.model.joint.motion
+        gap = f"{quantities(motion).moment.lower()} gap"
         columns = ("", gap, "response gap", "probability", "indistinguishable from")
         console.print(terminal_table(columns, _step_rows(result, dropped=False), "lrrrl", wraps=True))
         for step in result.steps:
@@ -137,7 +140,8 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
                 f"{name} = {value:.4g} {parameter_unit(step, name)}".rstrip()
                 for name, value in step.parameters.items()
             )
-            console.print(f"\n{spelled(step.effect)}: {escape(values)}{_dropped(step)}", soft_wrap=False)
+            named = spelled(step.effect, motion)
+            console.print(f"\n{named}: {escape(values)}{_dropped(step, motion)}", soft_wrap=False)
         budget = result.budget
         if budget.total > 0:
             parts = ", ".join(
@@ -147,9 +151,10 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         for region in result.where:
             console.print(f"- {escape(region.words)}")
         for advice in result.advice:
-            console.print(escape(advice_words(advice, f"{advice.level:.3g} {result.level_unit}")))
+            level = f"{advice.level:.3g} {result.level_unit}"
+            console.print(escape(advice_words(advice, level, motion)))
         if result.hidden is not None:
-            console.print(f"\nhidden in this virtual test was: [bold]{spelled(result.hidden)}[/]")
+            console.print(f"\nhidden in this virtual test was: [bold]{spelled(result.hidden, motion)}[/]")
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
 
@@ -173,9 +178,9 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             yield from aligned([columns, *map(_record_row, result.records)])
 
 
-def advice_words(advice: Advice, level: str) -> str:
+def advice_words(advice: Advice, level: str, motion: str) -> str:
     """Return in a sentence which run to make, at a level in its unit, or that none would help."""
-    *first, last = map(spelled, advice.separates)
+    *first, last = (spelled(name, motion) for name in advice.separates)
     apart = f"to tell {', '.join(first)} and {last} apart"
     if not advice.frequency:
         return f"{apart}: {advice.waveform.removeprefix('none: ')}"
@@ -192,9 +197,10 @@ def parameter_unit(step: Step, name: str) -> str:
 def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...], ...]:
     """Return the gap of the model alone, after each step, and the noise floor."""
     rows: list[tuple[str, ...]] = [("model alone", *_gap(result.initial), "", "")]
+    motion = result.model.joint.motion
     for step in result.steps:
-        others = ", ".join(spelled(member) for member in step.members if member != step.effect)
-        named = f"+ {spelled(step.effect)}{_dropped(step) if dropped else ''}"
+        others = ", ".join(spelled(member, motion) for member in step.members if member != step.effect)
+        named = f"+ {spelled(step.effect, motion)}{_dropped(step, motion) if dropped else ''}"
         rows.append((named, *_gap(step.gap_after), f"{step.probability:.2f}", others or DASH))
     return (*rows, ("noise floor", *_gap(result.noise_floor), "", ""))
 
@@ -205,9 +211,10 @@ def _record_row(record: RecordGap) -> tuple[str, ...]:
     return record.name, samples, noise, f"{record.held_from:.3g} s", *map(percent, gaps)
 
 
-def _dropped(step: Step) -> str:
+def _dropped(step: Step, motion: str) -> str:
     """Return which terms a step made needless, to stand behind its name."""
-    return f"; no longer needed: {', '.join(map(spelled, step.terms_dropped))}" if step.terms_dropped else ""
+    terms = ", ".join(spelled(term, motion) for term in step.terms_dropped)
+    return f"; no longer needed: {terms}" if terms else ""
 
 
 def _gap(gap: Gap) -> tuple[str, str]:

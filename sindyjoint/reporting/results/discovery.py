@@ -28,9 +28,8 @@ from sindyjoint.reporting.text_table import (
     terminal,
     terminal_table,
 )
-from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import rounded
+from sindyjoint.text import quantities, rounded
 from sindyjoint.workflows.discover import Discovery
 
 if TYPE_CHECKING:
@@ -104,6 +103,7 @@ class DiscoveryView(View[Discovery, ReportData]):
             "symbols": [markup(symbol_html(term.symbol)) for term in data.model.terms],
             "runs": run_rows(data),
             "steps": step_rows(data),
+            "motion": data.model.joint.motion,
             "quantities": quantities(data.model.joint.motion),
             "payload": {"map": map_payload(data), "loops": loops_payload(data)},
         }
@@ -186,10 +186,10 @@ def _terms(table: TextTable, console: Console) -> Table:
 def _show_fit(result: Discovery, console: Console) -> None:
     """Print the inertia, how well the model fits, and the delay between the channels."""
     model, fitted = result.model, result.model.fitted
-    rotation = model.joint.motion == "rotation"
-    what, unit = ("moment", "N·m") if rotation else ("force", "N")
+    q = quantities(model.joint.motion)
+    what, unit = q.moment.lower(), pretty_unit(q.moment_unit)
     if model.joint.inertia is not None:
-        console.print(f"inertia {model.joint.inertia:g} {'kg·m²' if rotation else 'kg'}, declared")
+        console.print(f"{q.inertia.lower()} {model.joint.inertia:g} {pretty_unit(q.inertia_unit)}, declared")
     console.print(
         f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
         f"({100 * (fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0):.2f} %), "
@@ -197,7 +197,7 @@ def _show_fit(result: Discovery, console: Console) -> None:
     )
     delay = result.skew
     if delay is not None:
-        other = "angle" if rotation else "displacement"
+        other = q.angle.lower()
         size = rounded(1e3 * abs(delay.time), 1e3 * delay.standard_error)
         console.print(
             f"the delay between {what} and {other} is not determined within {1e3 * abs(delay.time):.0f} ms"
@@ -278,8 +278,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
             f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
         ),
     ]
-    unit = "kg" if data.translation else "kg*m^2"
-    facts.append(("Mass" if data.translation else "Inertia", f"{inertia:.4g} {pretty_unit(unit)}", known))
+    facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
     return facts
 
 

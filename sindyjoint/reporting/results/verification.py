@@ -22,10 +22,9 @@ from sindyjoint.reporting.text_table import (
     terminal,
     terminal_table,
 )
-from sindyjoint.reporting.units import quantities
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import Verification
-from sindyjoint.text import percent
+from sindyjoint.text import percent, quantities
 
 # Of each run, as it is.
 PRINTED = ("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles, reversals
 from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun
 from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel_noise_factor, slopes
-from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
+from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.states import ForceStates

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles
-from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
+from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.terms import Reference
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.catalogue import MeasuredMotion
+from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.model import JointModel
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import WIDEST, smoothing_kernels

@@ -1,0 +1,28 @@
+"""Draw the pictures of the guide's pages on diagnosis: ``python docs/write_images.py``, some minutes."""
+
+from pathlib import Path
+
+from sindyjoint.reporting.figures.before_after import overlays
+from sindyjoint.reporting.figures.diagnosis import gap_by_step
+from sindyjoint.reporting.figures.kind import Kind, drawn
+from sindyjoint.reporting.registry import draw
+from sindyjoint.reporting.style import figure_bytes
+from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
+
+IMAGES = Path(__file__).parent / "images"
+
+
+def main() -> None:
+    """Write both pictures."""
+    found = diagnose(None, random_state=2)
+    kind = Kind(
+        "gap", "Gap", "Gap by step, and the residual of one run.", lambda result: [], height=lambda _: 3.0
+    )
+    panels = [gap_by_step, overlays(found)[-1]]
+    (IMAGES / "diagnosis-gap.png").write_bytes(figure_bytes(drawn(kind, panels, found, 8.0), "png", 150))
+    structure = diagnose_structure("pulse-rig", random_state=5)
+    (IMAGES / "structure-gap.png").write_bytes(figure_bytes(draw("overlay", structure, 7.0), "png", 130))
+
+
+if __name__ == "__main__":
+    main()

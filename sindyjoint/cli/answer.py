@@ -1,0 +1,50 @@
+"""What every command does with its result: find it, write it, tell of it, print it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import typer
+
+from sindyjoint.cli.progress import Progress
+
+R = TypeVar("R")
+
+
+def answer(
+    find: Callable[[Progress], R],
+    out: Path | None,
+    as_json: bool,
+    progress: Progress,
+    seed: object = None,
+    files: Sequence[Path | str] = (),
+    written: str = "report: report.html",
+) -> R:
+    """Find a result, write it into a folder if one is given, and print it; ``written`` tells of what lies there."""
+    from sindyjoint.files.atomic import check_output
+
+    if out is not None:
+        check_output(out)
+    with progress:
+        # Not before the output is known to be writable: the imports take two seconds.
+        result = find(progress)
+        if out is not None:
+            from sindyjoint.reporting.output import write_results
+
+            progress.say("writing the report")
+            write_results(result, out, ["sindyjoint", *sys.argv[1:]], seed, files)
+        progress.tell(result)
+    from sindyjoint.reporting.registry import show
+
+    if as_json:
+        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))  # type: ignore[attr-defined]
+        return result
+    show(result)
+    if out is not None and written:
+        label, _, name = written.partition(": ")
+        typer.echo(f"\n{label}: {out / name}")
+    return result

@@ -1,0 +1,147 @@
+"""A measured motion as effects see it, and several of them, one after the other, along which columns are evaluated.
+
+A trial of nonlinear parameters costs a few hundred steps of integration per run; a call of its own for each run would
+cost more than the steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# A motion that repeats is run through at most this often until its states repeat.
+PASSES = 20
+# While nonlinear parameters are searched, states follow a motion within this share of its RMS.
+ROUGH_ERROR = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """A run's motion as effects see it.
+
+    Parameters
+    ----------
+    angle, rate, acceleration : ndarray, shape (n,)
+        The whole motion: one period where ``repeats``, the record otherwise.
+    step : float
+        s between samples.
+    time : ndarray, shape (n,)
+        Since the start of the run, s; the mean over its periods where ``repeats``.
+    frequency : float
+        Hz; zero where the run has none.
+    moment_rate, moment_slope : ndarray, shape (n,)
+        dM/dt and ∂M/∂θ of the model along the motion.
+    keep : ndarray of int, shape (m,)
+        Samples in which the joint moves.
+    repeats : bool
+    began : float
+        Start of the run since that of the campaign's first one, s.
+    substeps : int
+        Parts into which a step is cut where internal states are integrated.
+    follow : int
+        Internal states are integrated over every so-manieth sample and interpolated between.
+    """
+
+    angle: Array
+    rate: Array
+    acceleration: Array
+    step: float
+    time: Array
+    frequency: float
+    moment_rate: Array
+    moment_slope: Array
+    keep: NDArray[np.intp]
+    repeats: bool
+    began: float = 0.0
+    substeps: int = 1
+    follow: int = 1
+
+    def rough(self) -> MeasuredMotion:
+        """Return the motion for searching: internal states are integrated in longer steps."""
+        if self.substeps > 1:
+            return replace(self, substeps=1)
+        return replace(self, follow=max(1, int(1 / self.steps_to_follow(ROUGH_ERROR))))
+
+    def steps_to_follow(self, error: float) -> float:
+        """Return into how many parts a step is to be cut so that linear interpolation of the angle errs by so little.
+
+        ``error`` is relative to the RMS of the angle; the answer is below one where steps may be longer.
+        """
+        bend = float(np.sqrt(np.mean(self.acceleration**2)))
+        return self.step * float(np.sqrt(bend / (8 * error * max(float(np.std(self.angle)), 1e-300))))
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedMotions:
+    """Motions as columns of an effect see them.
+
+    Parameters
+    ----------
+    signals : tuple of ndarray, shape (m,)
+        At the kept samples of all motions: angle, rate, acceleration, frequency, time, time since the campaign began,
+        moment rate and moment slope.
+    angle, rate : ndarray, shape (n,)
+        What internal states follow, by every so-manieth sample.
+    ends : ndarray of int
+        Where the followed samples of each motion end.
+    timing : tuple of ndarray
+        Per motion: s between followed samples, passes, parts of a step.
+    kept : tuple of (ndarray, int)
+        Per motion: its kept samples, and every how-manieth sample is followed.
+    """
+
+    signals: tuple[Array, ...]
+    angle: Array
+    rate: Array
+    ends: NDArray[np.int64]
+    timing: tuple[Array, NDArray[np.int64], NDArray[np.int64]]
+    kept: tuple[tuple[NDArray[np.intp], int], ...]
+
+    @classmethod
+    def of(cls, motions: Sequence[MeasuredMotion]) -> JoinedMotions:
+        """Join motions."""
+        kept = [
+            [signal[m.keep] for signal in (m.angle, m.rate, m.acceleration)]
+            + [np.full(m.keep.size, m.frequency), m.time[m.keep], m.began + m.time[m.keep]]
+            + [m.moment_rate[m.keep], m.moment_slope[m.keep]]
+            for m in motions
+        ]
+        angles = [m.angle[:: m.follow] for m in motions]
+        return cls(
+            signals=tuple(np.concatenate(parts) for parts in zip(*kept, strict=True)),
+            angle=np.concatenate(angles),
+            rate=np.concatenate([_followed_rate(m) for m in motions]),
+            ends=np.cumsum([angle.size for angle in angles]),
+            timing=(
+                np.array([m.step * m.follow for m in motions]),
+                np.array([PASSES if m.repeats else 1 for m in motions]),
+                np.array([m.substeps for m in motions]),
+            ),
+            kept=tuple((m.keep, m.follow) for m in motions),
+        )
+
+    def states(self, parameters: Array, limits: Array, program: tuple[Any, ...]) -> Array:
+        """Return internal states at the kept samples, shape (n_states, m)."""
+        from sindyjoint.diagnosis.effects.internal_states import integrate_runs
+
+        integrate: Any = integrate_runs
+        states = integrate(self.angle, self.rate, self.ends, *self.timing, parameters, limits, *program)
+        parts, begin = [], 0
+        for (keep, every), end in zip(self.kept, self.ends, strict=True):
+            own = states[:, begin:end]
+            places = every * np.arange(end - begin)
+            parts.append(own[:, keep] if every == 1 else np.array([np.interp(keep, places, z) for z in own]))
+            begin = end
+        return np.hstack(parts)
+
+
+def _followed_rate(motion: MeasuredMotion) -> Array:
+    rate = motion.rate[:: motion.follow]
+    # What repeats comes back: the rest of a mean over samples would carry a slider away, pass by pass.
+    return rate - rate.mean() if motion.repeats else rate
