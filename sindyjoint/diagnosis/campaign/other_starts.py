@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any
 
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.gap import gap_of
-from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import refit
-from sindyjoint.diagnosis.campaign.start import Work, first_model, is_free
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.campaign.start import first_model, is_free
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
@@ -27,30 +24,11 @@ from sindyjoint.states import regression_rows
 
 LIBRARY = "extended"
 
-
-class Restartable(Protocol):
-    """What is needed of the problem of a campaign."""
-
-    candidates: tuple[Effect, ...]
-    work: Work
-
-    @property
-    def policy(self) -> DiagnosisPolicy: ...
-    @property
-    def gap(self) -> Gap: ...
-    @property
-    def found(self) -> tuple[FittedEffect, ...]: ...
-    @property
-    def regression(self) -> GapRegression: ...
-    def add(self, best: FittedEffect) -> Any: ...
-    def units(self, fitted: FittedEffect) -> dict[str, str]: ...
-    def with_model(self, model: JointModel) -> Self: ...
+# The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
+Problem = Any
 
 
-R = TypeVar("R", bound=Restartable)
-
-
-def other_starts(straight: R, best: float, say: Say) -> Iterator[tuple[R, tuple[Step, ...], str]]:
+def other_starts(straight: Problem, best: float, say: Say) -> Iterator[tuple[Problem, tuple[Step, ...], str]]:
     """Yield problems to start from, the steps that led there, and in words what they are.
 
     The model of discovery is one where its own gap is not far above ``best``, the final gap of the search so far.
@@ -67,12 +45,12 @@ def other_starts(straight: R, best: float, say: Say) -> Iterator[tuple[R, tuple[
         if found is None:
             continue
         problem, steps = found
-        before = delayed[1] if begun is not straight else ()
+        before = () if begun is straight or delayed is None else delayed[1]
         if problem.gap.moment <= policy.start_worth * best:
             yield problem, (*before, *steps), f"the terms that discovery finds{words}"
 
 
-def with_delay(problem: R) -> tuple[R, tuple[Step, ...]] | None:
+def with_delay(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     """Return the problem with the delay between its channels removed, and that step; None if there is no delay."""
     effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
     if effect is None:
@@ -89,7 +67,7 @@ def with_delay(problem: R) -> tuple[R, tuple[Step, ...]] | None:
     )
 
 
-def discovered(problem: R) -> tuple[R, tuple[Step, ...]] | None:
+def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     """Return the problem with the terms that discovery finds on its states, and a step for each beyond its model's.
 
     None where discovery finds none, or those of the model.
@@ -115,7 +93,7 @@ def discovered(problem: R) -> tuple[R, tuple[Step, ...]] | None:
 
 
 def _steps(
-    problem: Restartable,
+    problem: Problem,
     before: Gap,
     extra: list[ModelTerm],
     shifts: tuple[FittedEffect, ...],
@@ -138,7 +116,7 @@ def _steps(
     return tuple(steps)
 
 
-def _gap_without(problem: Restartable, ids: set[str], shifts: tuple[FittedEffect, ...]) -> Gap:
+def _gap_without(problem: Problem, ids: set[str], shifts: tuple[FittedEffect, ...]) -> Gap:
     """Return the gap of the model without some terms, the others fitted anew."""
     work = problem.work
     smaller = _without(work.model, ids)
