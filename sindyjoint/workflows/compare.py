@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,8 @@ LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "pap
 # Over the angles of such joints sin θ is θ: no test tells gravity from stiffness.
 NEVER_VISIBLE = ("gravity_moment",)
 REPLICATES = 500
+# Not a method of its own but the same rows in weak form: only where it is asked for.
+WEAK = "weak"
 
 
 @single_threaded()
@@ -57,7 +60,8 @@ def compare(
     library : str, Path, Catalogue, or sequence of these
         Candidates for the comparison of methods and of frequencies.
     methods : sequence of str, optional
-        Of :data:`~sindyjoint.discovery.methods.METHODS`. Default: all.
+        Of :data:`~sindyjoint.discovery.methods.METHODS`, default: all; and ``"weak"``, after another one: its way of
+        choosing, on the weak form of the rows by pysindy's test functions.
     libraries : sequence of str
         Names of catalogues, several joined by "+"; compared with the first method.
     replicates : int
@@ -78,10 +82,7 @@ def compare(
     InputError, UnknownNameError
         For data or options that cannot be used.
     """
-    names = tuple(methods or METHODS)
-    unknown = [name for name in names if name not in METHODS]
-    if unknown:
-        raise UnknownNameError(f"method is {unknown[0]!r}; expected one of {', '.join(METHODS)}")
+    names = _checked(tuple(methods or METHODS))
     if replicates < 10 or not margin > 0:
         raise InputError(
             f"{replicates} replicates and a margin of {margin!r} given; expected at least 10 and a positive one"
@@ -90,6 +91,15 @@ def compare(
         return _compared(
             campaign, library, names, libraries, replicates, margin, random_state, progress, options
         )
+
+
+def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
+    unknown = [name for name in names if name not in (*METHODS, WEAK)]
+    if unknown:
+        raise UnknownNameError(f"method is {unknown[0]!r}; expected one of {', '.join((*METHODS, WEAK))}")
+    if names[0] == WEAK:
+        raise InputError(f"{WEAK!r} cannot lead the comparison: name another method before it")
+    return names
 
 
 def _compared(
@@ -117,9 +127,7 @@ def _compared(
         "significance": found.regressor.significance,
         "least_share": found.regressor.least_share_,
     }
-    by_method = tuple(
-        clock.run("methods", side_by_side, _method, names, [evidence, random_state, rule], threads=False)
-    )
+    by_method = clock.run("methods", _methods, found, names, random_state, rule)
     by_frequency = clock.run(
         "single frequencies", _frequencies, found, evidence, names[0], random_state, rule
     )
@@ -180,6 +188,30 @@ class _Clock:
         result = work(*arguments, **options)
         self.stop(started)
         return result
+
+
+def _methods(
+    found: Discovery, names: Sequence[str], random_state: Any, rule: dict[str, Any]
+) -> tuple[Choice, ...]:
+    """Return what each method finds; the weak form has rows of its own and the first method's way through them."""
+    evidence = found.regressor.evidence_
+    plain = [name for name in names if name != WEAK]
+    done = side_by_side(_method, plain, [evidence, random_state, rule], threads=False)
+    by_name = dict(zip(plain, done, strict=True))
+    if WEAK in names:
+        by_name[WEAK] = _weak(found, names[0], random_state, rule)
+    return tuple(by_name[name] for name in names)
+
+
+def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]) -> Choice:
+    """Return what the weak form finds; its held-out error is that of integrals of the moment, not of the moment."""
+    from sindyjoint.discovery.weak import weak_evidence
+
+    start = time.perf_counter()
+    evidence = weak_evidence(found.regressor.terms_, found.states, found.campaign.joint.inertia)
+    fixed = found.regressor.fixed
+    choice = _method(evidence.fixing(fixed) if fixed else evidence, random_state, rule, method)
+    return replace(choice, name=WEAK, seconds=time.perf_counter() - start)
 
 
 def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: str) -> Choice:
@@ -275,8 +307,6 @@ def _hold_out_groups(
 
 def _add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
     """Add the error of the simulated response of held-out frequencies, each distinct set of terms once."""
-    from dataclasses import replace
-
     known: dict[tuple[str, ...], tuple[float, str]] = {(): (float("nan"), "no model")}
     for choice in choices:
         if choice.ids not in known:
@@ -316,8 +346,6 @@ def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) 
 
 def _fitted_model(found: Discovery, ids: tuple[str, ...], fit: Fit) -> JointModel:
     """Return the model of some of the candidates with the coefficients of a fit and given ones."""
-    from dataclasses import replace
-
     resolved = {term.id: term for term in found.regressor.terms_}
     terms = model_terms(
         [resolved[name] for name in ids], fit.coefficients, fit.covariance, fit.unique_share, fit.effective_degrees,
