@@ -84,8 +84,8 @@ class DiscoveryPolicy:
         source="virtual tests at 5 % noise: at half and at three times of it more terms are lost",
     )
     shortest_stretch: int = limit(
-        24,
-        "least samples of a moving stretch in the weak form: a test function then spans seven",
+        16,
+        "least samples of a moving stretch in the weak form: a test function then spans four",
         source=JUDGEMENT,
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.methods import METHODS
+from sindyjoint.discovery.methods import METHODS, NOT_GIVEN
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
@@ -163,7 +163,10 @@ def _compared(
         bias=bias,
         model=model,
         undetermined=words,
-        warnings=found.warnings,
+        warnings=(
+            *found.warnings,
+            *(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
+        ),
         seconds=clock.seconds,
         discovery=found,
     )
@@ -207,8 +210,12 @@ def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]
     """Return what the weak form finds; its held-out error is that of integrals of the moment, not of the moment."""
     from sindyjoint.discovery.weak import weak_evidence
 
-    start = time.perf_counter()
-    evidence = weak_evidence(found.regressor.terms_, found.states, found.campaign.joint.inertia)
+    start, terms = time.perf_counter(), found.regressor.terms_
+    try:
+        evidence = weak_evidence(terms, found.states, found.campaign.joint.inertia)
+    except InputError as cause:
+        # The other methods have their answers.
+        return Choice(WEAK, (), str(cause), len(terms))
     fixed = found.regressor.fixed
     choice = _method(evidence.fixing(fixed) if fixed else evidence, random_state, rule, method)
     return replace(choice, name=WEAK, seconds=time.perf_counter() - start)
@@ -232,8 +239,9 @@ def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: s
         for step in found.selection.path
     )
     return Choice(
-        name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path
-    )
+        name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path,
+        not_given=NOT_GIVEN[name],
+    )  # fmt: skip
 
 
 def _terms(found: Found) -> tuple[ChosenTerm, ...]:

@@ -24,7 +24,11 @@ def test_places_of_test_functions_are_seeded_and_the_global_generator_is_left_al
     np.random.seed(3)
     expected = np.random.uniform()
     np.random.seed(3)
-    first, again, other = integral_weights(60, 1e-3), integral_weights(60, 1e-3), integral_weights(60, 1e-3, seed=1)
+    first, again, other = (
+        integral_weights(60, 1e-3),
+        integral_weights(60, 1e-3),
+        integral_weights(60, 1e-3, seed=1),
+    )
     assert np.random.uniform() == expected
     assert np.array_equal(first[0], again[0]) and not np.array_equal(first[0], other[0])
 
@@ -59,8 +63,8 @@ def test_a_run_of_short_stretches_is_one_line(found):
     from dataclasses import replace
 
     state = found.states[0]
-    gaps = replace(state, moving=state.moving & (np.arange(state.moving.size) % 20 != 0))
-    with pytest.raises(InputError, match="no stretch of 24 samples in which the joint moves one way"):
+    gaps = replace(state, moving=state.moving & (np.arange(state.moving.size) % 14 != 0))
+    with pytest.raises(InputError, match="no stretch of 16 samples in which the joint moves one way"):
         weak_evidence(found.regressor.terms_, [gaps, *found.states[1:]], 0.02)
 
 
