@@ -10,8 +10,10 @@ import warnings
 import numpy as np
 import pysindy
 import pytest
+import sklearn
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
+from sklearn.utils.fixes import parse_version
 
 from sindyjoint.mechanics.virtual import virtual_campaign
 
@@ -34,6 +36,10 @@ def quiet(fit):
         return fit()
 
 
+@pytest.mark.skipif(
+    parse_version(sklearn.__version__) < parse_version("1.9"),
+    reason="only since scikit-learn 1.9 is LinearRegression's tol a cut-off of singular values",
+)
 def test_the_default_refit_loses_small_columns():
     matrix, moment = columns()
     found = quiet(lambda: pysindy.STLSQ(threshold=0.0, alpha=0.0).fit(matrix, moment[:, None])).coef_[0]
