@@ -8,6 +8,7 @@ Seeds 0, 1, 2, ... of the random joints of ``tests/recovery``; short records at 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,7 @@ def table(found: list[dict[str, Any]]) -> list[str]:
     lines = [
         f"{each['name']:<22}{each['terms']:>3} terms  {each['difference']:.1e}"
         if "difference" in each
-        else f"{each['name']:<22}no door takes it: {each['refused']}"
+        else f"{each['name']:<22}refused: {each['refused']}"
         for each in found
     ]
     largest = max((each["difference"] for each in found if "difference" in each), default=float("nan"))
@@ -72,9 +73,14 @@ def main() -> None:
     )
     parser.add_argument("--joints", type=int, default=50)
     parser.add_argument("--data", type=Path, default=HERE.parent.parent / "shared" / "data")
+    parser.add_argument("--json", action="store_true", help="one line for ``python -m benchmarks``")
     given = parser.parse_args()
+    found = [*of_joints(given.joints), *of_data(given.data)]
+    if given.json:
+        print(json.dumps(found))
+        return
     print("largest relative difference of a coefficient between the doors; inf: other terms")
-    print("\n".join(table([*of_joints(given.joints), *of_data(given.data)])))
+    print("\n".join(table(found)))
 
 
 if __name__ == "__main__":

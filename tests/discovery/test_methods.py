@@ -71,6 +71,8 @@ def test_signs_are_tried_on_every_path(evidence):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_what_a_search_is_not_given_makes_no_difference(name, evidence):
+    evidence = evidence.take(range(10))
+
     def sets(of, signs=None):
         return METHODS[name](of, (), signs or {}, np.random.default_rng(0))
 
