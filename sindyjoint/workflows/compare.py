@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
+from sindyjoint.discovery.crossvalidation import CrossValidation, Fold, Found, cross_validate, find
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.discovery.methods import METHODS, NOT_GIVEN
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
@@ -207,7 +207,7 @@ def _methods(
 
 
 def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]) -> Choice:
-    """Return what the weak form finds; its held-out error is that of integrals of the moment, not of the moment."""
+    """Return what the weak form finds."""
     from sindyjoint.discovery.weak import weak_evidence
 
     start, terms = time.perf_counter(), found.regressor.terms_
@@ -216,9 +216,26 @@ def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]
     except InputError as cause:
         # The other methods have their answers.
         return Choice(WEAK, (), str(cause), len(terms))
-    fixed = found.regressor.fixed
-    choice = _method(evidence.fixing(fixed) if fixed else evidence, random_state, rule, method)
-    return replace(choice, name=WEAK, seconds=time.perf_counter() - start)
+    fixed, spent = found.regressor.fixed, time.perf_counter() - start
+    evidence = evidence.fixing(fixed) if fixed else evidence
+    choice = _method(evidence, random_state, rule, method)
+    held_out = choice.held_out
+    if np.isfinite(held_out):
+        folds = cross_validate(evidence, method=method, random_state=random_state, **rule).folds
+        held_out = _sample_error(folds, found.regressor.evidence_)
+    return replace(choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out)
+
+
+def _sample_error(folds: Sequence[Fold], samples: Evidence) -> float:
+    """Return the error of held-out samples of the moment, as of the other methods, not of its integrals."""
+    errors = []
+    for fold in folds:
+        coefficients = np.zeros(len(samples.ids))
+        coefficients[[samples.ids.index(name) for name in fold.kept]] = fold.coefficients
+        held_out = [run.pooled for run in samples.runs if run.name in fold.runs]
+        total = sum(factor.squared_target for factor in held_out)
+        errors.append(sum(factor.squared_error(coefficients) for factor in held_out) / total)
+    return float(np.sqrt(np.mean(errors)))
 
 
 def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: str) -> Choice:

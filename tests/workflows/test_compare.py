@@ -53,8 +53,8 @@ def test_the_weak_form_is_compared_where_it_is_asked_for(campaign):
     result = compare(campaign, methods=["stlsq", "weak"], libraries=["paper"], replicates=20)
     weak = result.methods[1]
     assert weak.name == "weak" and weak.ids == PAPER_TERMS and weak.not_given == ("groups", "signs")
-    # Integrals over a third of a stretch: less noise than single samples, and less that tells the terms apart.
-    assert 0 < weak.held_out < result.methods[0].held_out < 0.02
+    # Of samples, as of the other method: integrals alone would have a third of it.
+    assert weak.held_out == pytest.approx(result.methods[0].held_out, rel=0.02)
     assert weak["coulomb_friction"].coefficient == pytest.approx(1.867, rel=0.01)
     with pytest.raises(InputError, match="'weak' cannot lead the comparison: name another method before it"):
         compare(campaign, methods=["weak"])
