@@ -4,6 +4,7 @@
     python -m benchmarks --rows 100000000     # 2.4 GB on disk, in --folder
     python -m benchmarks --campaigns 200      # the batch on one process, two processes, two Dask workers
     python -m benchmarks --only restart --campaigns 200     # the batch killed at half, and a worker of it killed
+    python -m benchmarks --only doors         # coefficients by pysindy.SINDy, JointRegressor and discover: 50 joints
 
 Prints a table of ratios and writes all numbers to --out. Every measurement has a process of its own; ratios compare
 processes of one call. On a machine that others use too, believe processor times before those of the clock.
@@ -162,6 +163,25 @@ def restarts(campaigns: int, folder: str) -> dict[str, Any]:
     return record
 
 
+def doors() -> list[dict[str, Any]]:
+    record = run("--json", "--joints", 50, module="bench_doors.py")
+    known = [each for each in record if "difference" in each]
+    refused = [each["name"] for each in record if "refused" in each]
+    for kind, found in (
+        ("random joints", [each for each in known if each["name"].startswith("joint ")]),
+        ("public campaigns", [each for each in known if not each["name"].startswith("joint ")]),
+    ):
+        if found:
+            worst = max(found, key=lambda each: each["difference"])
+            line(f"largest difference between three doors, {len(found)} {kind}",
+                 f"{worst['difference']:.1e}", f"{worst['name']}, {worst['terms']} terms")  # fmt: skip
+        else:
+            print(f"no {kind}: the data is not beside the checkout")
+    if refused:
+        line("  refused", f"{len(refused)}", ", ".join(refused))
+    return record
+
+
 def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(
@@ -170,7 +190,7 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=10_000_000, help="most rows from disk [1e7]")
     parser.add_argument("--campaigns", type=int, default=0, help="campaigns of the batch; 0: no batch")
     parser.add_argument(
-        "--only", nargs="+", choices=["fit", "disk", "statistics", "others", "batch", "restart"]
+        "--only", nargs="+", choices=["fit", "disk", "statistics", "others", "batch", "restart", "doors"]
     )
     parser.add_argument("--folder", help="where large files are made and kept; default: a temporary one")
     parser.add_argument("--out", default="benchmarks.json", help="file for all numbers")
@@ -197,6 +217,8 @@ def main() -> None:
             record["batch"] = batches(given.campaigns or 12, folder)
         if "restart" in wanted:
             record["restart"] = restarts(given.campaigns or 12, folder)
+        if "doors" in wanted:
+            record["doors"] = doors()
         record["load at the end"] = os.getloadavg()[0]
     Path(given.out).write_text(json.dumps(record, indent=1) + "\n")
     print(f"all numbers: {given.out}")

@@ -9,14 +9,18 @@ smooth      the same with its SmoothedFiniteDifference
 states      default STLSQ on sindyjoint's force states: exact derivatives, sticking left out, SI units
 scaled      the same with RMS-scaled candidates (TermLibrary as it comes)
 oracle      the same, and the best of 31 thresholds picked by someone who knows the answer
+plugged     pysindy with TermLibrary and UniqueShareSTLSQ on the same force states, with the labels of their rows
+bare        the same without any label: pysindy hands none on, and the optimizer cuts the rows into segments
 sindyjoint  ``discover`` as it comes
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -84,14 +88,42 @@ def best_of_thresholds(data: tuple[list, list]) -> set[str]:
     return next((terms for terms in tried if terms == set(TERMS)), tried[0])
 
 
+def plugged(campaign: Any, labelled: bool) -> set[str]:
+    """Return the terms that pysindy keeps with this package's library and optimizer."""
+    import pysindy
+
+    from sindyjoint import TermLibrary, UniqueShareSTLSQ
+    from sindyjoint.states import campaign_states, regression_rows
+
+    rows = regression_rows(campaign_states(campaign), campaign.joint.inertia)
+    library, labels = TermLibrary("extended"), {}
+    if labelled:
+        replicate = np.asarray(library.fit(rows.X).transform(rows.X_replicate)), rows.y_replicate
+        labels = dict(groups=rows.groups, runs=rows.runs, blocks=rows.blocks, replicate=replicate)
+    model = pysindy.SINDy(feature_library=library, optimizer=UniqueShareSTLSQ(**labels))
+    model.fit(rows.X, 1e-3, x_dot=rows.y[:, None])
+    return {n for n, c in zip(model.get_feature_names(), model.coefficients()[0], strict=True) if c}
+
+
+def campaign_of(joint: str, noise: float, seed: int) -> Any:
+    """Return the virtual test of one of the paper's joints, or a short one of a random joint."""
+    from sindyjoint.mechanics.virtual import virtual_campaign
+
+    if joint != "random":
+        return virtual_campaign(joint, noise=noise, random_state=seed)
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "recovery"))
+    from random_joints import random_plan
+
+    return random_plan(seed, duration=4.0, sample_rate=500.0).campaign(noise)
+
+
 def one(joint: str, noise: float, seed: int) -> dict[str, set[str]]:
     """Return the terms that each way finds."""
     import pysindy
 
-    from sindyjoint.mechanics.virtual import virtual_campaign
     from sindyjoint.workflows.discover import discover
 
-    campaign = virtual_campaign(joint, noise=noise, random_state=seed)
+    campaign = campaign_of(joint, noise, seed)
     states = moving(campaign)
     return {
         "plain": terms_of(plain(campaign, pysindy.FiniteDifference), None),
@@ -99,6 +131,8 @@ def one(joint: str, noise: float, seed: int) -> dict[str, set[str]]:
         "states": terms_of(states, None),
         "scaled": terms_of(states, "rms"),
         "oracle": best_of_thresholds(states),
+        "plugged": plugged(campaign, labelled=True),
+        "bare": plugged(campaign, labelled=False),
         "sindyjoint": set(discover(campaign).model.ids),
     }
 
@@ -108,7 +142,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--joints", nargs="+", default=["inter-panel", "panel-root"])
+    parser.add_argument("--joints", nargs="+", default=["inter-panel", "panel-root"], help="or random")
     parser.add_argument("--noise", type=float, nargs="+", default=[0.001, 0.01, 0.05])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=2)

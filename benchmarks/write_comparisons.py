@@ -38,11 +38,13 @@ PARTS = (
     (
         "pysindy on the same campaigns",
         "How often exactly the paper's five terms come back, from the same candidates and the same runs. `plain` is "
-        "pysindy as it comes; `oracle` has the best of 31 thresholds picked by someone who knows the answer.",
+        "pysindy as it comes; `oracle` has the best of 31 thresholds picked by someone who knows the answer; `plugged` "
+        "is pysindy with `TermLibrary` and `UniqueShareSTLSQ` on force states, `bare` the same without labels of the "
+        "rows.",
         "bench_pysindy.py",
         {
-            "full": ["--seeds", "20", "--noise", "0.001", "0.01", "0.05"],
-            "middle": ["--seeds", "4", "--noise", "0.001", "0.01", "0.05"],
+            "full": ["--seeds", "20", "--joints", "inter-panel", "panel-root", "random"],
+            "middle": ["--seeds", "6", "--joints", "inter-panel", "panel-root", "random"],
             "quick": ["--seeds", "3", "--noise", "0.01", "--joints", "inter-panel"],
         },
     ),

@@ -35,7 +35,10 @@ def compare(
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option("--method", help="Compare these methods only; the first one leads. Repeatable. [all]"),
+        typer.Option(
+            "--method",
+            help="Compare these methods only, and 'weak' for the weak form; the first one leads. Repeatable. [all]",
+        ),
     ] = None,
     replicates: Annotated[
         int, typer.Option(help="Resampled campaigns behind the inclusion probabilities.")

@@ -167,6 +167,13 @@ METHODS: dict[str, Method] = {
     "lasso_lars": _lasso_lars,
 }
 
+# What the search for sets cannot be given: the runs that are held out together, the signs of coefficients. The choice
+# among the sets has the groups whatever the method, and a set that breaks a sign stands there without the offenders.
+NOT_GIVEN: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(METHODS, ("groups", "signs")),
+    "best_subset": ("groups",),
+}
+
 
 # ``pysindy:SR3`` is any optimiser of pysindy with its default settings.
 PREFIX = "pysindy:"

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find
+from sindyjoint.discovery.crossvalidation import CrossValidation, Fold, Found, cross_validate, find
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.methods import METHODS
+from sindyjoint.discovery.methods import METHODS, NOT_GIVEN
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
@@ -31,6 +32,8 @@ LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "pap
 # Over the angles of such joints sin θ is θ: no test tells gravity from stiffness.
 NEVER_VISIBLE = ("gravity_moment",)
 REPLICATES = 500
+# Not a method of its own but the same rows in weak form: only where it is asked for.
+WEAK = "weak"
 
 
 @single_threaded()
@@ -58,7 +61,8 @@ def compare(
     library : str, Path, Catalogue, or sequence of these
         Candidates for the comparison of methods and of frequencies.
     methods : sequence of str, optional
-        Of :data:`~sindyjoint.discovery.methods.METHODS`. Default: all.
+        Of :data:`~sindyjoint.discovery.methods.METHODS`, default: all; and ``"weak"``, after another one: its way of
+        choosing, on the weak form of the rows by pysindy's test functions.
     libraries : sequence of str
         Names of catalogues, several joined by "+"; compared with the first method.
     replicates : int
@@ -79,10 +83,7 @@ def compare(
     InputError, UnknownNameError
         For data or options that cannot be used.
     """
-    names = tuple(methods or METHODS)
-    unknown = [name for name in names if name not in METHODS]
-    if unknown:
-        raise UnknownNameError(f"method is {unknown[0]!r}; expected one of {', '.join(METHODS)}")
+    names = _checked(tuple(methods or METHODS))
     if replicates < 10 or not margin > 0:
         raise InputError(
             f"{replicates} replicates and a margin of {margin!r} given; expected at least 10 and a positive one"
@@ -91,6 +92,15 @@ def compare(
         return _compared(
             campaign, library, names, libraries, replicates, margin, random_state, progress, options
         )
+
+
+def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
+    unknown = [name for name in names if name not in (*METHODS, WEAK)]
+    if unknown:
+        raise UnknownNameError(f"method is {unknown[0]!r}; expected one of {', '.join((*METHODS, WEAK))}")
+    if names[0] == WEAK:
+        raise InputError(f"{WEAK!r} cannot lead the comparison: name another method before it")
+    return names
 
 
 def _compared(
@@ -118,9 +128,7 @@ def _compared(
         "significance": found.regressor.significance,
         "least_share": found.regressor.least_share_,
     }
-    by_method = tuple(
-        clock.run("methods", side_by_side, _method, names, [evidence, random_state, rule], threads=False)
-    )
+    by_method = clock.run("methods", _methods, found, names, random_state, rule)
     by_frequency = clock.run(
         "single frequencies", _frequencies, found, evidence, names[0], random_state, rule
     )
@@ -159,7 +167,10 @@ def _compared(
         bias=bias,
         model=model,
         undetermined=words,
-        warnings=found.warnings,
+        warnings=(
+            *found.warnings,
+            *(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
+        ),
         seconds=clock.seconds,
         discovery=found,
     )
@@ -186,6 +197,51 @@ class _Clock:
         return result
 
 
+def _methods(
+    found: Discovery, names: Sequence[str], random_state: Any, rule: dict[str, Any]
+) -> tuple[Choice, ...]:
+    """Return what each method finds; the weak form has rows of its own and the first method's way through them."""
+    evidence = found.regressor.evidence_
+    plain = [name for name in names if name != WEAK]
+    done = side_by_side(_method, plain, [evidence, random_state, rule], threads=False)
+    by_name = dict(zip(plain, done, strict=True))
+    if WEAK in names:
+        by_name[WEAK] = _weak(found, names[0], random_state, rule)
+    return tuple(by_name[name] for name in names)
+
+
+def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]) -> Choice:
+    """Return what the weak form finds."""
+    from sindyjoint.discovery.weak import weak_evidence
+
+    start, terms = time.perf_counter(), found.regressor.terms_
+    try:
+        evidence = weak_evidence(terms, found.states, found.campaign.joint.inertia)
+    except InputError as cause:
+        # The other methods have their answers.
+        return Choice(WEAK, (), str(cause), len(terms))
+    fixed, spent = found.regressor.fixed, time.perf_counter() - start
+    evidence = evidence.fixing(fixed) if fixed else evidence
+    choice = _method(evidence, random_state, rule, method)
+    held_out = choice.held_out
+    if np.isfinite(held_out):
+        folds = cross_validate(evidence, method=method, random_state=random_state, **rule).folds
+        held_out = _sample_error(folds, found.regressor.evidence_)
+    return replace(choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out)
+
+
+def _sample_error(folds: Sequence[Fold], samples: Evidence) -> float:
+    """Return the error of held-out samples of the moment, as of the other methods, not of its integrals."""
+    errors = []
+    for fold in folds:
+        coefficients = np.zeros(len(samples.ids))
+        coefficients[[samples.ids.index(name) for name in fold.kept]] = fold.coefficients
+        held_out = [run.pooled for run in samples.runs if run.name in fold.runs]
+        total = sum(factor.squared_target for factor in held_out)
+        errors.append(sum(factor.squared_error(coefficients) for factor in held_out) / total)
+    return float(np.sqrt(np.mean(errors)))
+
+
 def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: str) -> Choice:
     start = time.perf_counter()
     found = find(evidence, name, random_state, **rule)
@@ -204,8 +260,9 @@ def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: s
         for step in found.selection.path
     )
     return Choice(
-        name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path
-    )
+        name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path,
+        not_given=NOT_GIVEN[name],
+    )  # fmt: skip
 
 
 def _terms(found: Found) -> tuple[ChosenTerm, ...]:
@@ -279,8 +336,6 @@ def _hold_out_groups(
 
 def _add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
     """Add the error of the simulated response of held-out frequencies, each distinct set of terms once."""
-    from dataclasses import replace
-
     known: dict[tuple[str, ...], tuple[float, str]] = {(): (float("nan"), "no model")}
     for choice in choices:
         if choice.ids not in known:
@@ -320,8 +375,6 @@ def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) 
 
 def _fitted_model(found: Discovery, ids: tuple[str, ...], fit: Fit) -> JointModel:
     """Return the model of some of the candidates with the coefficients of a fit and given ones."""
-    from dataclasses import replace
-
     resolved = {term.id: term for term in found.regressor.terms_}
     terms = model_terms(
         [resolved[name] for name in ids], fit.coefficients, fit.covariance, fit.unique_share, fit.effective_degrees,

@@ -71,6 +71,8 @@ class Choice:
     path : tuple of SizeScore
     offers_paper_terms : bool
         Whether all five of the paper's terms were among the candidates.
+    not_given : tuple of str
+        What the search of a method for sets of terms cannot be given.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Choice:
     not_simulated: str = ""
     path: tuple[SizeScore, ...] = ()
     offers_paper_terms: bool = True
+    not_given: tuple[str, ...] = ()
 
     @property
     def ids(self) -> tuple[str, ...]:

@@ -1,9 +1,12 @@
 """Every method behind one door: same problem, fresh optimiser, sets from large to small."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.methods import METHODS, column_path, obedient
+from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.methods import METHODS, NOT_GIVEN, column_path, obedient
 from sindyjoint.discovery.selection import choose_by_evidence, path_of
 
 PAPER = (0, 1, 2, 3, 4)
@@ -64,3 +67,17 @@ def test_signs_are_tried_on_every_path(evidence):
     assert all(
         c != 4 or v < 0 for c, v in zip(selection.step.columns, selection.step.fit.coefficients, strict=True)
     )
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_what_a_search_is_not_given_makes_no_difference(name, evidence):
+    evidence = evidence.take(range(10))
+
+    def sets(of, signs=None):
+        return METHODS[name](of, (), signs or {}, np.random.default_rng(0))
+
+    groups = (replace(run, group="one") for run in evidence.runs)
+    one_group = Evidence(evidence.ids, tuple(groups))
+    wrong = {evidence.ids.index("coulomb_friction"): -1}
+    assert (sets(evidence) == sets(one_group)) == ("groups" in NOT_GIVEN[name])
+    assert (sets(evidence) == sets(evidence, wrong)) == ("signs" in NOT_GIVEN[name])

@@ -10,8 +10,10 @@ import warnings
 import numpy as np
 import pysindy
 import pytest
+import sklearn
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
+from sklearn.utils.fixes import parse_version
 
 from sindyjoint.mechanics.virtual import virtual_campaign
 
@@ -34,6 +36,10 @@ def quiet(fit):
         return fit()
 
 
+@pytest.mark.skipif(
+    parse_version(sklearn.__version__) < parse_version("1.9"),
+    reason="only since scikit-learn 1.9 is LinearRegression's tol a cut-off of singular values",
+)
 def test_the_default_refit_loses_small_columns():
     matrix, moment = columns()
     found = quiet(lambda: pysindy.STLSQ(threshold=0.0, alpha=0.0).fit(matrix, moment[:, None])).coef_[0]
@@ -154,3 +160,31 @@ def test_a_plain_install_lacks_the_mixed_integer_optimiser():
     except ImportError:
         with pytest.raises((ImportError, AttributeError, NameError)):
             pysindy.MIOSR().fit(*columns(100))
+
+
+def weak_library(time):
+    polynomials = pysindy.PolynomialLibrary(degree=1, include_bias=False)
+    return pysindy.WeakPDELibrary(function_library=polynomials, spatiotemporal_grid=time, K=20)
+
+
+def test_the_weak_library_takes_no_target_beside_the_states():
+    matrix, moment = columns(400)
+    time, states = 1e-2 * np.arange(400), matrix[:, [0, 3]]
+    model = pysindy.SINDy(feature_library=quiet(lambda: weak_library(time)))
+    with pytest.raises(ValueError, match="could not be broadcast"):
+        quiet(lambda: model.fit(states, time, x_dot=moment[:, None]))
+
+
+def test_the_weak_library_takes_no_runs_of_different_length():
+    matrix, _ = columns(400)
+    time, states = 1e-2 * np.arange(400), matrix[:, [0, 3]]
+    model = pysindy.SINDy(feature_library=quiet(lambda: weak_library(time)))
+    with pytest.raises(IndexError):
+        quiet(lambda: model.fit([states, states[:200]], [time, time[:200]]))
+
+
+def test_the_weak_library_places_its_test_functions_at_random():
+    time = 1e-2 * np.arange(400)
+    assert "random_state" not in inspect.signature(pysindy.WeakPDELibrary).parameters
+    one, other = (quiet(lambda: weak_library(time)).inds_k for _ in range(2))
+    assert any(not np.array_equal(a[0], b[0]) for a, b in zip(one, other, strict=True))

@@ -49,6 +49,32 @@ def test_every_method_frequency_and_library_is_asked(result):
     assert result.methods[0].agrees and result.methods[0].ids == PAPER_TERMS
 
 
+def test_the_weak_form_is_compared_where_it_is_asked_for(campaign):
+    result = compare(campaign, methods=["stlsq", "weak"], libraries=["paper"], replicates=20)
+    weak = result.methods[1]
+    assert weak.name == "weak" and weak.ids == PAPER_TERMS and weak.not_given == ("groups", "signs")
+    # Of samples, as of the other method: integrals alone would have a third of it.
+    assert weak.held_out == pytest.approx(result.methods[0].held_out, rel=0.02)
+    assert weak["coulomb_friction"].coefficient == pytest.approx(1.867, rel=0.01)
+    with pytest.raises(InputError, match="'weak' cannot lead the comparison: name another method before it"):
+        compare(campaign, methods=["weak"])
+
+
+def test_where_the_weak_form_cannot_be_the_others_stand():
+    coarse = virtual_campaign(
+        frequencies=[6], levels=[0.9, 0.5], sample_rate=150, duration=4.0, random_state=0
+    )
+    result = compare(coarse, methods=["stlsq", "weak"], libraries=["paper"], replicates=20)
+    assert result.methods[0].terms and not result.methods[1].terms
+    assert "no stretch of 16 samples in which the joint moves one way" in result.warnings[-1]
+
+
+def test_a_table_says_what_a_method_cannot_be_given(result):
+    rows = {row[0]: row[1:] for row in view_of(result).tables(result)[0].rows}
+    given = dict(zip(METHODS, rows["its search is not given"], strict=True))
+    assert given["sr3"] == "groups, signs" and given["best_subset"] == "groups"
+
+
 def test_the_agreement_counts_what_the_choices_say(result):
     agreeing = sum(set(choice.ids) == set(PAPER_TERMS) for choice in result.methods)
     assert f"{agreeing} of {len(METHODS)} methods" in result.agreement

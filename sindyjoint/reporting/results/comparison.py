@@ -124,6 +124,8 @@ def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[
         rows.append(("error of left-out response", *(_percent(c.response) for c in choices)))
     if any(np.isfinite(c.seconds) for c in choices):
         rows.append(("time of the path, s", *(f"{c.seconds:.2f}" for c in choices)))
+    if any(c.not_given for c in choices):
+        rows.append(("its search is not given", *(", ".join(c.not_given) or DASH for c in choices)))
     return TextTable(name, title, ("term", *(c.name for c in choices)), tuple(rows))
 
 

@@ -1,0 +1,157 @@
+"""The weak form of a joint's equation: what pysindy's test functions make of moving stretches of force states.
+
+Multiplied by a test function φ that vanishes at both ends of a stretch and integrated over it, M − I·θ̈ = Σ cⱼ fⱼ(θ, θ̇)
+becomes ∫φM dt + I·∫φ′θ̇ dt = Σ cⱼ·∫φfⱼ dt, without the acceleration. The joint must move throughout: where it sticks,
+the moment is no function of (θ, θ̇).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.policy import POLICY
+from sindyjoint.discovery.rows import RowLabels, gather_columns
+from sindyjoint.equation.model import INERTIA
+from sindyjoint.equation.terms import ResolvedTerm, term_columns
+from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.states import ForceStates
+from sindyjoint.states.rows import group_labels
+
+Array = NDArray[np.float64]
+# Degree of pysindy's test functions (1 − s²)ᵖ, its default.
+DEGREE = 4
+
+
+def weak_evidence(
+    terms: Sequence[ResolvedTerm], states: Sequence[ForceStates], inertia: float | None, seed: int = 0
+) -> Evidence:
+    """Return the factors of a campaign's moment and terms in weak form, by run and replicate block.
+
+    Parameters
+    ----------
+    terms : sequence of ResolvedTerm
+    states : sequence of ForceStates
+    inertia : float or None
+        kg·m²; ``None``: the inertia is one of the terms.
+    seed : int
+        Of the places of the test functions.
+
+    Raises
+    ------
+    InputError
+        For a run without a moving stretch that is long enough.
+    MissingExtraError
+        Where the installed pysindy has no weak library.
+    """
+    parts = [_run_rows(terms, state, inertia or 0.0, seed) for state in states]
+    sizes = [len(part[0]) for part in parts]
+    columns, target, other, other_target, blocks = (np.concatenate(each) for each in zip(*parts, strict=True))
+    groups = runs = None
+    if len(states) > 1:
+        groups = np.repeat(group_labels(states), sizes)
+        runs = np.repeat([state.run for state in states], sizes)
+    labels = RowLabels.of(len(columns), groups, runs, blocks)
+    return gather_columns([term.id for term in terms], columns, target, labels, None, other, other_target)
+
+
+def integral_weights(samples: int, interval: float, seed: int = 0) -> tuple[Array, Array]:
+    """Return weights w, v of evenly spaced samples: w @ f are the integrals ∫φf dt and v @ f the ∫φf′ dt = −∫φ′f dt.
+
+    Parameters
+    ----------
+    samples : int
+    interval : float
+        s.
+    seed : int
+        Of the centres of the test functions.
+
+    Returns
+    -------
+    ndarray, shape (K, samples), twice
+    """
+    import pysindy
+
+    if not hasattr(pysindy, "WeakPDELibrary"):
+        raise MissingExtraError(
+            f"the weak form needs pysindy's WeakPDELibrary, which pysindy {version('pysindy')} does not have; "
+            "leave 'weak' out"
+        )
+    # A unit impulse at each sample: what the library makes of them are its weights.
+    impulses = np.eye(samples)
+    before = np.random.get_state()
+    # pysindy draws the centres from NumPy's global generator.
+    np.random.seed(seed)
+    try:
+        with warnings.catch_warnings():
+            # It labels the axes of its own grid one too many.
+            warnings.simplefilter("ignore")
+            library = pysindy.WeakPDELibrary(
+                function_library=pysindy.PolynomialLibrary(degree=1, include_bias=False),
+                spatiotemporal_grid=interval * np.arange(samples),
+                K=POLICY.test_functions,
+                H_xt=[POLICY.test_half_width * interval * (samples - 1)],
+                p=DEGREE,
+            )
+            weights = np.asarray(library.fit(impulses).transform(impulses))
+            return weights, np.asarray(library.convert_u_dot_integral(impulses))
+    finally:
+        np.random.set_state(before)
+
+
+_weights = lru_cache(maxsize=512)(integral_weights)
+
+
+def _run_rows(
+    terms: Sequence[ResolvedTerm], state: ForceStates, inertia: float, seed: int
+) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
+    """Return columns and target of a run in weak form, both once more as each block gives them, and the blocks."""
+    motion = (state.angle, state.rate, state.acceleration)
+    stretches = [part for part in _moving_stretches(state) if part.size >= POLICY.shortest_stretch]
+    if not stretches:
+        raise InputError(
+            f"run {state.run!r}: no stretch of {POLICY.shortest_stretch} samples in which the joint moves one way, as "
+            "the weak form needs; leave 'weak' out, or sample faster"
+        )
+    whole = _integrals(terms, motion, state, stretches, inertia, seed)
+    other = whole if state.replicate is None else _integrals(
+        terms, state.replicate, state, stretches, inertia, seed)  # fmt: skip
+    blocks = np.repeat([state.block[part[0]] for part in stretches], POLICY.test_functions)
+    return *whole, *other, blocks
+
+
+def _integrals(
+    terms: Sequence[ResolvedTerm],
+    motion: tuple[Array, Array, Array],
+    state: ForceStates,
+    stretches: Sequence[NDArray[np.intp]],
+    inertia: float,
+    seed: int,
+) -> tuple[Array, Array]:
+    columns = term_columns(list(terms), *motion)
+    by_parts = next((i for i, term in enumerate(terms) if term.id == INERTIA), None)
+    rate, found, target = motion[1], [], []
+    for part in stretches:
+        weights, slopes = _weights(part.size, 1.0 / state.sample_rate, seed)
+        integrals, accelerations = weights @ columns[part], slopes @ rate[part]
+        if by_parts is not None:
+            integrals[:, by_parts] = accelerations
+        found.append(integrals)
+        target.append(weights @ state.moment[part] - inertia * accelerations)
+    return np.vstack(found), np.concatenate(target)
+
+
+def _moving_stretches(state: ForceStates) -> list[NDArray[np.intp]]:
+    """Return the samples of each stretch of one block in which the joint moves one way without a gap."""
+    at = np.flatnonzero(state.moving)
+    if not at.size:
+        return []
+    way, block = np.sign(state.rate[at]), state.block[at]
+    ends = (np.diff(at) > 1) | (np.diff(way) != 0) | (np.diff(block) != 0)
+    return np.split(at, np.flatnonzero(ends) + 1)

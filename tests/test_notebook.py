@@ -1,0 +1,37 @@
+"""The notebook runs, and prints what it shows; the wrong answer of the plain script stands beside the joint model."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+NOTEBOOK = Path(__file__).resolve().parents[1] / "examples" / "from_sindy_to_joint.ipynb"
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?")
+
+
+def printed(notebook):
+    return "".join(out.get("text", "") for cell in notebook.cells for out in cell.get("outputs", []))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of the machinery between the kernel and this process
+def test_the_notebook_prints_what_it_shows():
+    nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed: the notebook is not run")
+    pytest.importorskip("ipykernel", reason="ipykernel is not installed: the notebook is not run")
+    import nbformat
+
+    shown = nbformat.read(NOTEBOOK, as_version=4)
+    run = nbclient.NotebookClient(nbformat.read(NOTEBOOK, as_version=4), timeout=240).execute()
+    assert not [out for cell in run.cells for out in cell.get("outputs", []) if out.output_type != "stream"]
+    before, now = printed(shown), printed(run)
+    assert NUMBER.sub("#", now) == NUMBER.sub("#", before)
+    assert [*map(float, NUMBER.findall(now))] == pytest.approx(
+        [*map(float, NUMBER.findall(before))], rel=1e-3
+    )
+    # Term, truth, pysindy's default, the joint model.
+    table = {row[0]: [float(value) for value in row[1:]] for row in map(str.split, now.splitlines()) if len(row) == 4
+             and row[0] in ("linear_stiffness", "cubic_stiffness", "coulomb_friction")}  # fmt: skip
+    assert (
+        all(joint == pytest.approx(truth, rel=0.01) for truth, _, joint in table.values()) and len(table) == 3
+    )
+    assert table["linear_stiffness"][1] == pytest.approx(5281, rel=1e-3) and table["cubic_stiffness"][1] == 0
