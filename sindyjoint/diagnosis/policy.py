@@ -62,9 +62,6 @@ class DiagnosisPolicy:
     step_cost: float = convention(
         0.02, "share by which each name must make the gap smaller for one start to be better than another"
     )
-    delay_gain: float = convention(
-        25.0, "fall of χ² from which a delay is removed first: five standard errors"
-    )
     start_worth: float = convention(
         1.1, "gap of a start over the best one so far up to which it is searched from"
     )

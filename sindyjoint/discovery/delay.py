@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.catalogue import Reference, term_columns
+from sindyjoint.equation.catalogue import Reference, load_catalogue, term_columns
 from sindyjoint.equation.terms import ResolvedTerm
+from sindyjoint.errors import InputError
 from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
@@ -110,6 +111,20 @@ def _delay_signal(signal: Array, samples: float) -> Array:
     first = margin - whole + 1
     terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
     return np.asarray(sum(terms))
+
+
+def find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelDelay | None:
+    """Return the delay under the paper's law and a constant; None where the data do not carry that law."""
+    if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
+        return None
+    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
+    if inertia is None:
+        law = law.union(load_catalogue("inertia"))
+    try:
+        return estimate_delay(states, law.resolve(reference_of(states)), inertia)
+    except (np.linalg.LinAlgError, InputError):
+        # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
+        return None
 
 
 def estimate_delay(

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, reference_of, shifted
+from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
 from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_long_runs
-from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -184,7 +183,7 @@ def discover(
     say("force states")
     force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
     say("time delay between the channels")
-    delay = _find_delay(force_states, inertia)
+    delay = find_delay(force_states, inertia)
     lag = delay.time if align and delay is not None and delay.significant else 0.0
     force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
@@ -311,17 +310,3 @@ def _unresolved_delay(
     except (np.linalg.LinAlgError, InputError):
         return None
     return found if found.significant else None
-
-
-def _find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelDelay | None:
-    """Estimate the delay under the paper's law and a constant; None where the data do not carry that law."""
-    if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
-        return None
-    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
-    if inertia is None:
-        law = law.union(load_catalogue("inertia"))
-    try:
-        return estimate_delay(states, law.resolve(reference_of(states)), inertia)
-    except (np.linalg.LinAlgError, InputError):
-        # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
-        return None

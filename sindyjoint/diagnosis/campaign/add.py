@@ -15,7 +15,10 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.discovery.delay import shifted
+from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
+
+LONGEST = POLICY.longest_delay  # that the linear steps may reach
 
 Retested = dict[str, Ranking[FittedEffect] | None]
 
@@ -55,7 +58,7 @@ def _aligned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tup
     total, policy, gain = 0.0, work.policy, delay.gain
     states = work.states
     for _ in range(4):
-        total += float(delay.coefficients[0])
+        total = float(np.clip(total + delay.coefficients[0], -LONGEST, LONGEST))
         states = tuple(shifted(s, total) for s in work.states)
         rows = gap_runs(states, work.model, work.groups, policy)
         model: JointModel = refit(rows, work.model, others, policy).model

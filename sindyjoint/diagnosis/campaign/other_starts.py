@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.gap import gap_of
-from sindyjoint.diagnosis.campaign.repair import refit
+from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.start import first_model, is_free
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.discovery.delay import find_delay, shifted
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.states import regression_rows
@@ -53,18 +55,22 @@ def other_starts(straight: Problem, best: float, say: Say) -> Iterator[tuple[Pro
 def with_delay(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     """Return the problem with the delay between its channels removed, and that step; None if there is no delay."""
     effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
-    if effect is None:
+    work = problem.work
+    lag = None if effect is None else find_delay(work.states, work.campaign.joint.inertia)
+    if effect is None or lag is None or not lag.significant or lag.at_limit:
         return None
-    variant = effect.variants[0]
-    gain, coefficients = problem.regression.gain(variant, np.empty(0))
-    fitted = FittedEffect(effect, variant, np.empty(0), coefficients, gain)
-    if gain < problem.policy.delay_gain:
-        return None
-    later = problem.add(fitted).problem
-    delay = next(e for e in later.found if e.shifts)
-    return later, (
-        _step(delay.name, delay.family, delay.parameters, problem.units(delay), problem.gap, later.gap),
-    )
+    delay = FittedEffect(effect, effect.variants[0], np.empty(0), np.array([lag.time]), 0.0)
+    aligned = work.again(work.model, (), tuple(shifted(s, lag.time) for s in work.states))
+    model = refit(aligned.rows, work.model, (), problem.policy).model
+    later = replace(problem, work=replace(aligned, model=model), repaired=Repaired(model, (delay,)))
+    belief = _belief(lag.time / lag.standard_error, problem.policy)
+    step = _step(delay.name, delay.family, delay.parameters, problem.units(delay), problem.gap, later.gap)
+    return later, (replace(step, probability=belief),)
+
+
+def _belief(ratio: float, policy: DiagnosisPolicy) -> float:
+    """Return the probability that a number of so many standard errors is not zero, tempered as likelihoods are."""
+    return float(1 / (1 + np.exp(-0.5 * min(ratio**2 / policy.temper, 1e3))))
 
 
 def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
@@ -105,9 +111,7 @@ def _steps(
     for place, term in enumerate(ordered, 1):
         later = {each.id for each in ordered[place:]}
         after = problem.gap if not later else _gap_without(problem, later, shifts)
-        # So many standard errors, tempered as likelihoods of effects are.
-        ratio = term.coefficient / max(term.standard_error, 1e-300)
-        belief = float(1 / (1 + np.exp(-0.5 * min(ratio**2 / problem.policy.temper, 1e3))))
+        belief = _belief(term.coefficient / max(term.standard_error, 1e-300), problem.policy)
         numbers, units = {term.symbol: term.coefficient}, {term.symbol: term.unit}
         steps.append(replace(_step(term.id, term.family, numbers, units, before, after), probability=belief))
         before = after

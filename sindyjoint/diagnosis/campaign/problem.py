@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign.add import add_effect
+from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
 from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
@@ -177,6 +177,8 @@ class CampaignProblem(Problem):
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
         if candidate is not None:
             return number_complaint(candidate, self.regression.reference, self.policy)
+        if any(e.shifts and abs(e.coefficients[0]) >= LONGEST for e in self.found):
+            return f"the delay between the channels would be longer than {1e3 * LONGEST:.0f} ms"
         effects = tuple(e for e in self.found if e.effect.enters == "moment")
         return law_complaint(replace(self.repaired, effects=effects), self.work.rows, self.policy)
 
