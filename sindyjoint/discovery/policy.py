@@ -84,7 +84,6 @@ class DiscoveryPolicy:
     shortest_stretch: int = limit(
         16,
         "least samples of a moving stretch in the weak form: a test function then spans four",
-        source=JUDGEMENT,
     )
 
 
