@@ -99,12 +99,15 @@ def ordered_map(
 _here: ContextVar[Executor | None] = ContextVar("executor", default=None)
 
 
-def side_by_side(function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()) -> list[R]:
+def side_by_side(
+    function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = (), threads: bool = True
+) -> list[R]:
     """Return the results of all tasks in their order, from where :func:`spread` has them run.
 
-    For tasks that lie deep inside an analysis; see :func:`ordered_map`. Without :func:`spread` they run on threads.
+    For tasks that lie deep inside an analysis; see :func:`ordered_map`. Without :func:`spread` they run on threads, or
+    with ``threads=False`` one after the other.
     """
-    return ordered_map(_here.get() or _Threads(), function, tasks, shared)
+    return ordered_map(_here.get() or (_Threads() if threads else _Serial()), function, tasks, shared)
 
 
 @contextmanager
