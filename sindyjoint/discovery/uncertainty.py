@@ -111,18 +111,25 @@ def bootstrap(
     return Bootstrap(tuple(evidence.ids[c] for c in columns), fit.coefficients, draws)
 
 
-def inclusion(evidence: Evidence, replicates: int = 500, random_state: Any = None) -> Inclusion:
+def inclusion(
+    evidence: Evidence,
+    replicates: int = 500,
+    significance: float = POLICY.term_significance,
+    least_share: float = POLICY.least_share,
+    random_state: Any = None,
+) -> Inclusion:
     """Return inclusion probabilities of all candidates.
 
     Each replicate weighs runs and draws block scores anew. Of its best subsets of every size it takes the largest in
-    which each term is significant and material: the rule of choice (see
-    :func:`~sindyjoint.discovery.selection.choose_by_evidence`) without its checks between groups, which a resampled
-    campaign would not repeat.
+    which each term is significant and material: the rule of choice without its checks between groups, which a
+    resampled campaign would not repeat.
 
     Parameters
     ----------
     evidence : Evidence
     replicates : int
+    significance, least_share : float
+        As in :func:`~sindyjoint.discovery.selection.choose_by_evidence`.
     random_state : int, Generator or None
     """
     rng = np.random.default_rng(random_state)
@@ -137,7 +144,7 @@ def inclusion(evidence: Evidence, replicates: int = 500, random_state: Any = Non
     scores, _ = block_scores(evidence, range(p), fit.coefficients)
     meat = scores.T @ scores / np.outer(norms, norms) / target**2
     subsets = replicate_subsets(triangles, min(POLICY.largest_set, p))
-    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees)
+    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, significance, least_share)
     sets: dict[tuple[str, ...], int] = {}
     for row in chosen:
         key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
@@ -227,6 +234,8 @@ def _largest_passing(
     gram: Array,
     meat: Array,
     degrees: int,
+    significance: float,
+    least_share: float,
 ) -> NDArray[np.bool_]:
     """Return for each replicate the largest of its subsets in which every term passes, shape (replicates, p)."""
     p = gram.shape[1] - 1
@@ -236,7 +245,7 @@ def _largest_passing(
         marks = subsets[waiting, size]
         active = np.nonzero(marks)[1].reshape(-1, size)
         t, share = _t_and_share(triangles[waiting], gram[waiting], meat, active, degrees)
-        passes = (t.min(axis=1) >= POLICY.term_significance) & (share.min(axis=1) >= POLICY.least_share)
+        passes = (t.min(axis=1) >= significance) & (share.min(axis=1) >= least_share)
         chosen[waiting[passes]] = marks[passes]
         waiting = waiting[~passes]
         if not waiting.size:
