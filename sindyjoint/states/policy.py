@@ -74,6 +74,24 @@ class StatesPolicy:
         "density just below a signal's end, in noise floors, beyond which it was cut there instead of fading",
         source=JUDGEMENT,
     )
+    skirt: float = limit(
+        6.0,
+        "ratio of the spectral densities of the lower and the upper half of the top third of the band, beyond which "
+        "the spectrum falls there as a filter's skirt and holds no noise floor",
+        source="white noise has 1, a first-order low-pass at half the band 8",
+    )
+    white_differences: float = limit(
+        1.5,
+        "ratio of the noise by second differences at two samples' distance to that at one, beyond which they are the "
+        "signal's",
+        source="white noise has 1, a smooth signal 4",
+    )
+    estimates_agree: float = limit(
+        2.0,
+        "ratio of the noise by the spectrum to that by differences beyond which the top of the spectrum is the tail of "
+        "the signal's steps",
+        source=JUDGEMENT,
+    )
     rate_sigmas: float = limit(
         4.0, "standard errors of the rate below which its sign is not known", source=JUDGEMENT
     )
@@ -88,6 +106,12 @@ class StatesPolicy:
     )
     periodic_guard_limit: float = limit(
         0.03, "the same at most", unit="periods of the excitation", source=JUDGEMENT
+    )
+    coarse_period: float = limit(
+        24.0,
+        "samples per period below which the guard is one sample instead of two: two would leave none of ten",
+        unit="samples",
+        source=JUDGEMENT,
     )
     dwelling: float = limit(
         0.47,

@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.campaign.add import add_effect
 from sindyjoint.diagnosis.campaign.budget import explained_by_state, make_budget
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
-from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
+from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.outside import outside_probability
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
@@ -127,7 +127,7 @@ class CampaignProblem(Problem):
 
     @property
     def noise_floor(self) -> Gap:
-        """What does not repeat."""
+        """Noise of the runs of which the gap is told; NaN where it is not known."""
         return noise_floor(self.work)
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
@@ -200,7 +200,8 @@ class CampaignProblem(Problem):
 
     def _unexplained_once(self, first: Self) -> float:
         """Return the same share where nothing repeats: what a law without memory could still win, cross-validated."""
-        noise, initial = first.noise_floor.moment, first.gap.moment
+        # Where no noise is known none is subtracted: what a law could win is then not booked as noise.
+        noise, initial = float(np.nan_to_num(first.noise_floor.moment)), first.gap.moment
         beyond = initial**2 - noise**2
         if beyond <= 0 or self.gap.moment <= self.policy.significant_gap * noise:
             return 0.0
@@ -214,7 +215,7 @@ class CampaignProblem(Problem):
         return make_budget(
             moments,
             total,
-            first.noise_floor.moment**2,
+            float(np.nan_to_num(first.noise_floor.moment)) ** 2,
             processing_error(first.work),
             total - self.gap.moment**2,
         )
@@ -242,8 +243,10 @@ class CampaignProblem(Problem):
             whole=whole_model(
                 replace(repaired, effects=tuple(e for e in self.found if not e.shifts)), self.work.rows
             ),
-            before=run_gaps(first.work.moment_rows(), first.work.model),
-            after=run_gaps(self.work.moment_rows(), repaired.model, self.found) if found["steps"] else (),
+            before=run_gaps(gap_rows(first.work, first.work.model), first.work.model),
+            after=run_gaps(gap_rows(self.work, repaired.model, self.found), repaired.model, self.found)
+            if found["steps"]
+            else (),
         )
 
 
