@@ -17,8 +17,11 @@ Array = NDArray[np.float64]
 WIDEST = 0.38
 # Where, below a signal's end, it is asked whether it was cut there.
 JUST_BELOW = 0.9
-# Differences of values that are alike but for rounding, relative to the largest value.
-ROUNDING = 1e-9
+# Differences of values that are alike but for rounding, relative to the largest value; and by how much a difference may
+# miss a multiple of the quantisation step, in steps.
+ROUNDING, OFF_STEP = 1e-9, 0.02
+# Noise of so many quantisation steps is no longer coarse.
+FINE = 8
 
 
 @dataclass(frozen=True)
@@ -84,29 +87,34 @@ def signal_end(signal: Array, sample_rate: float) -> SignalEnd:
 
 
 def quantisation_step(signal: Array) -> float:
-    """Return the step between neighbouring values that a channel takes; about zero where it has no steps."""
+    """Return the step of which all differences between the values of a channel are multiples; zero without one."""
     steps = np.diff(np.unique(signal))
     steps = steps[steps > ROUNDING * np.max(np.abs(signal))]
-    return float(steps.min()) if steps.size else 0.0
+    if not steps.size:
+        return 0.0
+    multiples = steps / steps.min()
+    off = np.abs(multiples - np.round(multiples))
+    return float(steps.min()) if np.quantile(off, 0.95) < OFF_STEP else 0.0
 
 
-def difference_noise(signal: Array, lag: int = 1) -> float:
+def difference_noise(signal: Array, lag: int = 1, order: int = 1) -> float:
     """Return the RMS of the white noise of a smooth signal with steps.
 
-    Second differences of white noise have variance 6σ², at any lag; their median absolute value ignores steps and
-    turning points (1.4826·MAD is σ for Gaussian noise). Of a quantised signal each difference stands for all values
-    within half a quantisation step.
+    Second differences of white noise have variance 6σ², at any lag, and second differences of these 70σ² (``order``
+    2); their median absolute value ignores steps and turning points (1.4826·MAD is σ for Gaussian noise). Of a
+    quantised signal each difference stands for all values within half a quantisation step.
     """
-    second = signal[2 * lag :] - 2 * signal[lag:-lag] + signal[: -2 * lag]
-    away = np.abs(second - np.median(second))
+    differences = signal
+    for _ in range(order):
+        differences = differences[2 * lag :] - 2 * differences[lag:-lag] + differences[: -2 * lag]
+    away = np.abs(differences - np.median(differences))
     step = quantisation_step(signal)
     middle = float(np.median(away))
-    if step > 0 and middle < 8 * step:
-        share = np.cumsum(np.bincount(np.minimum(np.round(away / step), 32).astype(int))) / away.size
-        middle = step * float(
-            np.interp(0.5, np.append(0.0, share), np.append(0.0, np.arange(share.size) + 0.5))
-        )
-    return float(1.4826 * middle / np.sqrt(6.0))
+    if step > 0 and middle < FINE * step:
+        count = np.bincount(np.minimum(np.round(away / step), 4 * FINE).astype(int))
+        share = np.append(0.0, np.cumsum(count) / away.size)
+        middle = step * float(np.interp(0.5, share, np.append(0.0, np.arange(count.size) + 0.5)))
+    return float(1.4826 * middle / np.sqrt(6.0 if order == 1 else 70.0))
 
 
 def moment_noise(moment: Array, sample_rate: float, declared: float | None = None) -> tuple[float, bool]:
@@ -136,7 +144,7 @@ def moment_noise(moment: Array, sample_rate: float, declared: float | None = Non
     rounding = quantisation_step(moment) / np.sqrt(12.0)
     if rounding >= noise:
         return rounding, True
-    white = difference_noise(moment, 2) <= POLICY.white_differences * by_differences
+    white = difference_noise(moment, 2, 2) <= POLICY.white_differences * difference_noise(moment, 1, 2)
     flat = end.flat and end.noise <= POLICY.estimates_agree * noise
     return noise, flat or (by_differences == noise and white)
 

@@ -82,9 +82,9 @@ class StatesPolicy:
     )
     white_differences: float = limit(
         1.5,
-        "ratio of the noise by second differences at two samples' distance to that at one, beyond which they are the "
+        "ratio of the noise by fourth differences at two samples' distance to that at one, beyond which they are the "
         "signal's",
-        source="white noise has 1, a smooth signal 4",
+        source="white noise has 1, a smooth signal 16",
     )
     estimates_agree: float = limit(
         2.0,

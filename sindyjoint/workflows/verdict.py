@@ -109,9 +109,9 @@ def _reach_verdict(
         those = "five terms" if not (missing or extra) else "terms found"
         if not np.isfinite(model.fitted.noise_floor):
             return "undecided", (
-                f"no noise floor could be measured: {100 * gap:.1f} % of the {word} is not of the {those}, and how much "
-                f"of that is noise is not known; their smallest unique share is {100 * least:.1f} %; runs that repeat, or "
-                "noise declared in [channels], would tell"
+                f"no noise floor could be measured: {100 * gap:.1f} % of the {word} is not of the {those}, and how "
+                f"much of that is noise is not known; their smallest unique share is {100 * least:.1f} %; runs that "
+                "repeat, or noise declared in [channels], would tell"
             )
         return "undecided", (
             f"the {those} are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
