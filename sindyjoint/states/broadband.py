@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit
-from sindyjoint.states.noise import WIDEST, moment_noise, motion_noise, signal_end
+from sindyjoint.states.noise import WIDEST, coherent_to_the_top, moment_noise, motion_noise, signal_end
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 
@@ -146,6 +146,7 @@ def broadband_states(
         int(POLICY.broadband_guard_limit * _measure_reversal_spacing(rate)),
     )
     of_moment, moment_measured = moment_noise(run.moment, run.sample_rate, declared.moment)
+    shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
     slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
     return ForceStates(
@@ -166,8 +167,8 @@ def broadband_states(
             angle_noise,
             rate_noise,
             acceleration_noise,
-            measured=moment_measured,
-            motion_measured=angle_measured and motion_measured,
+            measured=moment_measured and (declared.moment is not None or not shared),
+            motion_measured=angle_measured and motion_measured and (declared.angle is not None or not shared),
         ),
         method="broadband",
         bandwidth=cutoff,

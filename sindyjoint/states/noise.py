@@ -22,6 +22,7 @@ JUST_BELOW = 0.9
 ROUNDING, OFF_STEP = 1e-9, 0.02
 # Noise of so many quantisation steps is no longer coarse.
 FINE = 8
+SEGMENTS = 16
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,21 @@ def motion_noise(signal: Array, sample_rate: float, declared: float | None = Non
     end = signal_end(signal, sample_rate)
     rounding = quantisation_step(signal) / np.sqrt(12.0)
     return (rounding, True) if rounding >= end.noise else (end.noise, end.flat)
+
+
+def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool:
+    """Return whether two channels share the top third of their band: what they share is signal and no noise."""
+    from scipy.signal import coherence
+
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        return False
+    # Short segments: the coherence of a few of them is high by chance.
+    segment = int(np.clip(first.size // SEGMENTS, 16, 256))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        _, shared = coherence(
+            first, second, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+        )
+    return bool(np.nanmedian(shared[2 * shared.size // 3 :]) > POLICY.shared_top)
 
 
 def transfer_noise(states: ForceStates, inertia: float) -> float:

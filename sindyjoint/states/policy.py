@@ -92,6 +92,11 @@ class StatesPolicy:
         "the signal's steps",
         source=JUDGEMENT,
     )
+    shared_top: float = limit(
+        0.5,
+        "median coherence of angle and moment in the top third of the band, beyond which most of it is signal",
+        source="half of the power",
+    )
     rate_sigmas: float = limit(
         4.0, "standard errors of the rate below which its sign is not known", source=JUDGEMENT
     )

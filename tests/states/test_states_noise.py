@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfilt
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run, SensorNoise
 from sindyjoint.states import force_states, pooled_noise
-from sindyjoint.states.noise import moment_noise, motion_noise, quantisation_step
+from sindyjoint.states.noise import coherent_to_the_top, moment_noise, motion_noise, quantisation_step
 
 RATE, N = 1000.0, 20_000
 
@@ -62,9 +62,10 @@ def test_only_a_lattice_has_a_quantisation_step():
     assert quantisation_step(np.sin(2 * np.pi * 20 * np.arange(N) / RATE)) == 0.0
 
 
-def test_a_moment_that_changes_from_sample_to_sample_has_no_floor():
-    stepping = np.repeat(np.random.default_rng(5).normal(size=N // 10), 10).cumsum()
-    assert not moment_noise(smooth()[::25] + 0.01 * stepping[::25], RATE / 25)[1]
+def test_a_signal_up_to_half_the_sampling_rate_is_told_by_coherence():
+    angle = smooth(480.0)
+    assert coherent_to_the_top(angle + noise(0.1), 5e3 * angle + noise(500.0, 7), RATE)
+    assert not coherent_to_the_top(smooth() + noise(0.1), 5e3 * smooth() + noise(500.0, 7), RATE)
 
 
 def aperiodic_run(filtered=False, declared=None):
