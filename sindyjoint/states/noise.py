@@ -78,13 +78,29 @@ def signal_end(signal: Array, sample_rate: float) -> SignalEnd:
     edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
     lowest = 8 * sample_rate / signal.size
     just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))
-    lower, upper = (float(np.median(half)) for half in np.array_split(top, 2))
     return SignalEnd(
         bandwidth=float(np.clip(edge, lowest, WIDEST * sample_rate)),
         noise=float(np.sqrt(floor * sample_rate / 2)),
         abrupt=just_below > POLICY.cut_off_abruptly * floor,
-        flat=lower <= POLICY.skirt * upper,
+        flat=_is_flat(signal, sample_rate, segment),
     )
+
+
+def _is_flat(signal: Array, sample_rate: float, segment: int) -> bool:
+    """Return whether the top third of a spectrum does not fall like a skirt.
+
+    Of second differences, whose gain 2 − 2cos(2πf/f_s) is divided out: what a strong slow signal leaks through the
+    window is level, too, and would be taken for a floor.
+    """
+    from scipy.signal import welch
+
+    frequency, density = welch(
+        np.diff(signal, 2), sample_rate, window="blackmanharris", nperseg=min(segment, signal.size - 2)
+    )
+    top = slice(2 * density.size // 3, None)
+    level = density[top] / (2 - 2 * np.cos(2 * np.pi * frequency[top] / sample_rate)) ** 2
+    lower, upper = (float(np.median(half)) for half in np.array_split(level, 2))
+    return lower <= POLICY.skirt * upper
 
 
 def quantisation_step(signal: Array) -> float:
