@@ -1,6 +1,7 @@
 """How far the evidence can be trusted: coverage of intervals, size and power of the frequency tests.
 
 python benchmarks/bench_evidence.py coverage --campaigns 300 --noise 0.01
+python benchmarks/bench_evidence.py coverage --campaigns 100 --samples 10 12
 python benchmarks/bench_evidence.py power --campaigns 60
 python benchmarks/bench_evidence.py time
 """
@@ -35,11 +36,34 @@ NAMES = ("k1", "k2", "k3", "c1", "M_F")
 APERIODIC = ("multisine", "sweep")
 
 
-def plan_of(seed: int, drive: str | None = None):
+def plan_of(seed: int, drive: str | None = None, sample_rate: float = 1000.0):
     fixed = {"drive": "moment" if drive in APERIODIC else drive} if drive else {}
     return random_plan(
-        seed, frequencies=FREQUENCIES, levels=LEVELS, sample_rate=1000.0, duration=5.0, **fixed
+        seed, frequencies=FREQUENCIES, levels=LEVELS, sample_rate=sample_rate, duration=5.0, **fixed
     )
+
+
+def sparse_campaign(seed, noise, drive, samples):
+    """Return a campaign whose highest frequency has a random number of samples per period between two limits.
+
+    Of sinusoids each run has its own rate; of a multisine or a sweep, 20 s long, the line at 8 Hz counts.
+    """
+    plan = plan_of(seed, drive)
+    per = float(np.random.default_rng((30_000, seed)).uniform(*samples))
+    if drive in APERIODIC:
+        plan = plan_of(seed, drive, sample_rate=8.0 * per)
+        return plan, aperiodic_campaign(plan, noise, drive, duration=20.0)
+    parts = [
+        plan.campaign(
+            noise,
+            frequencies=(frequency,),
+            sample_rate=per * frequency,
+            duration=20.0,
+            random_state=(10_000 + seed, index),
+        )
+        for index, frequency in enumerate(plan.frequencies)
+    ]
+    return plan, parts[0].with_runs(tuple(run for part in parts for run in part.runs))
 
 
 def analyse(campaign, library="paper", states="auto"):
@@ -69,11 +93,14 @@ def row_bootstrap(found, replicates=200, seed=0):
     return np.percentile(drawn, [2.5, 97.5], axis=0)
 
 
-def one_coverage(seed: int, noise: float, drive: str | None, states: str) -> dict:
+def one_coverage(seed: int, noise: float, drive: str | None, states: str, samples=None) -> dict:
     from sindyjoint.workflows.independence import frequency_tests
 
-    plan = plan_of(seed, drive)
-    campaign = aperiodic_campaign(plan, noise, drive) if drive in APERIODIC else plan.campaign(noise)
+    if samples:
+        plan, campaign = sparse_campaign(seed, noise, drive, samples)
+    else:
+        plan = plan_of(seed, drive)
+        campaign = aperiodic_campaign(plan, noise, drive) if drive in APERIODIC else plan.campaign(noise)
     found, fixed = analyse(campaign, states=states)
     if found.model.ids != TRUE_IDS:
         return dict(seed=seed, drive=plan.drive, ids=found.model.ids)
@@ -100,7 +127,7 @@ def one_coverage(seed: int, noise: float, drive: str | None, states: str) -> dic
 
 def coverage(given) -> None:
     records = Parallel(n_jobs=given.jobs)(
-        delayed(one_coverage)(seed, given.noise, given.drive, given.states)
+        delayed(one_coverage)(seed, given.noise, given.drive, given.states, given.samples)
         for seed in range(given.first, given.first + given.campaigns)
     )
     good = [r for r in records if "p" in r]
@@ -110,14 +137,15 @@ def coverage(given) -> None:
     )
     for drive in ("all", *sorted({r["drive"] for r in good})):
         part = [r for r in good if drive in ("all", r["drive"])]
-        print(f"\n{drive} ({len(part)})" + " " * 24 + "".join(f"{name:>8}" for name in NAMES))
+        print(f"\n{drive} ({len(part)})" + " " * 24 + "".join(f"{name:>8}" for name in (*NAMES, "pooled")))
         lines = {
             "coverage, no correction": ("plain", 100),
             "coverage, bias corrected": ("corrected", 100),
             "coverage, bootstrap of rows": ("rows", 100),
         }
         for label, (key, factor) in lines.items():
-            _row(label, factor * np.mean([r[key] for r in part], axis=0))
+            values = factor * np.mean([r[key] for r in part], axis=0)
+            _row(label, [*values, np.mean(values)])
         for label, key in (
             ("RMS error %, no correction", "error"),
             ("RMS error %, corrected", "corrected_error"),
@@ -254,6 +282,13 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=300)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--noise", type=float, default=0.01)
+    parser.add_argument(
+        "--samples",
+        type=float,
+        nargs=2,
+        metavar=("LEAST", "MOST"),
+        help="per period of the highest frequency",
+    )
     parser.add_argument("--states", default="auto", choices=["auto", "periodic", "broadband"])
     parser.add_argument("--drive", choices=["moment", "rig", "displacement", *APERIODIC])
     parser.add_argument("--jobs", type=int, default=2)

@@ -104,6 +104,32 @@ class LongRecord:
         return len(self.edges) - 1
 
 
+@dataclass(frozen=True)
+class SensorNoise:
+    """RMS noise of single samples as a data sheet or a calibration gives it; None where nothing is declared.
+
+    Parameters
+    ----------
+    moment, angle, rate : float, optional
+        N·m, rad, rad/s (N, m, m/s).
+    """
+
+    moment: float | None = None
+    angle: float | None = None
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("moment", "angle", "rate"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"noise of the {name} is {value!r}; expected a finite number above zero")
+
+    def scaled(self, factor: float) -> SensorNoise:
+        """Return the noise of all channels times a factor, as that of a mean of samples is."""
+        values = (self.moment, self.angle, self.rate)
+        return SensorNoise(*(None if value is None else factor * value for value in values))
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One measured run, uniformly sampled.
@@ -126,6 +152,8 @@ class Run:
     source : Source, optional
     whole : LongRecord, optional
         Where all of its samples are, if the run is longer than what is in memory.
+    noise : SensorNoise
+        Of the sensors, as declared.
 
     Raises
     ------
@@ -144,6 +172,7 @@ class Run:
     use: Use = "identify"
     source: Source | None = field(default=None)
     whole: LongRecord | None = field(default=None)
+    noise: SensorNoise = SensorNoise()
 
     def __post_init__(self) -> None:
         for name in ("moment", "angle", "rate"):

@@ -21,6 +21,7 @@ from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, Harmonics
 from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.mask import moving_mask
+from sindyjoint.states.periodic import BAND_SHARE
 from sindyjoint.states.policy import POLICY as STATES
 
 Array = NDArray[np.float64]
@@ -300,7 +301,10 @@ def _simulate_driven(
         error = np.hypot(error, exciter_inertia * speed**2 * angle_error)
     keep = significant_harmonics(np.abs(drive), error) & (known | (exciter_inertia == 0))
     orders = np.flatnonzero(keep) + 1
-    if not law.inertia > 0 or not orders.size or orders[-1] >= highest:
+    if not law.inertia > 0 or not orders.size:
+        return None
+    # Where sampling cuts the angle's harmonics, and not the noise, their number tells nothing.
+    if orders[-1] >= highest and highest + 1 < _sampled_orders(state):
         return None
     points = max(n, LEAST_DRIVE_POINTS)
     excitation = repeated(series(drive[keep], orders, points, spectrum.mean), 1 / frequency)
@@ -322,9 +326,14 @@ def _simulate_driven(
     return last, motion.rate[-n:], motion.acceleration[-n:], motion.moment[-n:]
 
 
+def _sampled_orders(state: ForceStates) -> int:
+    """Return the number of harmonics of the excitation that the sampling rate can show."""
+    return int(BAND_SHARE * state.sample_rate / _frequency(state))
+
+
 def _matches_measured(replicate: Complex, state: ForceStates, spectrum: Spectrum) -> bool:
     """Return whether a replicate's harmonics match those measured, within their errors and those of the model."""
-    most = min(2 * spectrum.angle.size + 2, replicate.size - 1)
+    most = min(2 * spectrum.angle.size + 2, replicate.size - 1, max(2, _sampled_orders(state)))
     orders = np.arange(2, most + 1)
     measured = np.zeros(most, dtype=complex)
     measured[: spectrum.angle.size] = spectrum.angle[:most]

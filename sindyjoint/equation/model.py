@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -74,7 +75,7 @@ class Fitted:
     ----------
     moment_rms, residual_rms, noise_floor : float
         Of the transfer moment over moving samples, N·m. The noise floor is the part of the residual that the data
-        themselves cannot repeat.
+        themselves cannot repeat; NaN where it could not be measured.
     moving_fraction : float
     samples : int
         Moving samples.
@@ -99,8 +100,9 @@ class Fitted:
 
     @property
     def misfit(self) -> float:
-        """Share of the moment's RMS that neither model nor noise accounts for."""
-        beyond = max(self.residual_rms**2 - self.noise_floor**2, 0.0)
+        """Share of the moment's RMS that neither model nor noise explains; all that is left where no noise is known."""
+        floor = self.noise_floor if math.isfinite(self.noise_floor) else 0.0
+        beyond = max(self.residual_rms**2 - floor**2, 0.0)
         return float(np.sqrt(beyond)) / self.moment_rms if self.moment_rms > 0 else 0.0
 
 
@@ -219,6 +221,8 @@ class JointModel:
         """Return the model as plain JSON data; floats keep every bit."""
         data = asdict(self)
         data["joint"]["labels"] = dict(self.joint.labels)
+        if math.isnan(self.fitted.noise_floor):
+            data["fitted"]["noise_floor"] = None  # JSON has no NaN
         return {"schema": SCHEMA, "kind": "JointModel", **data}
 
     def to_json(self) -> str:
@@ -248,6 +252,8 @@ class JointModel:
                 for term in data["terms"]
             )
             fitted = {**data["fitted"], "frequencies": tuple(data["fitted"]["frequencies"])}
+            if fitted.get("noise_floor", 0.0) is None:
+                fitted["noise_floor"] = math.nan
             model = cls(
                 joint=Joint(**data["joint"]),
                 terms=terms,

@@ -10,7 +10,7 @@ import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.blocks import open_blocks
-from sindyjoint.files.channels import KEYS, RunReader, check_keys
+from sindyjoint.files.channels import KEYS, RunReader, check_keys, declared_noise
 from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
 from sindyjoint.files.readers import read_table, sha256_of
 from sindyjoint.files.readers.table import Table
@@ -158,6 +158,7 @@ class _RunLoader:
                 use=table.use,
                 source=Source(table.file, sha256),
                 whole=whole,
+                noise=declared_noise(channels, self.motion, f"{self.file}: [channels]"),
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error

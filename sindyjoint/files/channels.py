@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.manifest import Channel, Channels, Column, RigTable
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import advanced, check_order, margin, resampled, uniform_rate
-from sindyjoint.files.units import conversion, parse_quantity
-from sindyjoint.record import Motion
+from sindyjoint.files.units import conversion, parse_quantity, split_quantity
+from sindyjoint.record import Motion, SensorNoise
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
 
 Array = NDArray[np.float64]
@@ -239,6 +239,39 @@ def _measured(channel: Channel, columns: dict[Column, Array], unit: str, where: 
     factor = conversion(channel.unit, unit, where, channel.gain)
     offset = 0.0 if channel.offset is None else parse_quantity(channel.offset, unit, f"{where}.offset")
     return _scaled(columns[channel.column], factor, offset, where)
+
+
+def declared_noise(channels: Channels, motion: Motion, where: str) -> SensorNoise:
+    """Return the noise that the channels declare, in SI units.
+
+    Raises
+    ------
+    UnitError
+        For text that is no quantity of the channel's kind, or of its file's unit.
+    InputError
+        For noise that is not above zero.
+    """
+    values = {}
+    for quantity, (key, unit) in KEYS[motion].items():
+        channel: Channel | None = getattr(channels, key, None)
+        if channel is not None and channel.noise is not None:
+            values[quantity] = _noise(channel, unit, f"{where} {key}")
+    try:
+        return SensorNoise(**values)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _noise(channel: Channel, unit: str, where: str) -> float:
+    """Return declared noise in SI units: of the quantity itself or, multiplied by the gain, of what the file holds."""
+    assert channel.noise is not None
+    number, own = split_quantity(channel.noise, f"{where}.noise", unit)
+    if channel.gain is not None:
+        try:
+            return number * abs(conversion(own, unit, f"{where}.noise", channel.gain))
+        except UnitError:
+            pass  # not in volts, then in the quantity's own unit
+    return number * conversion(own, unit, f"{where}.noise")
 
 
 def _scaled(values: Array, factor: float, offset: float, where: str) -> Array:

@@ -53,6 +53,10 @@ class Channel(StrictTable):
     offset: str | None = Field(
         default=None, description="Added after the gain, with its unit, such as '-0.2 deg'."
     )
+    noise: str | None = Field(
+        default=None,
+        description="RMS noise of a sample, such as '0.02 N*m'; in the unit of the file it is multiplied by the gain.",
+    )
     constant: str | None = Field(
         default=None, description="Value of a quantity that was not recorded, such as '0 N*m'."
     )
@@ -61,8 +65,8 @@ class Channel(StrictTable):
     def _column_or_constant(self) -> Channel:
         if (self.column is None) == (self.constant is None):
             raise ValueError("expected either column (with unit) or constant")
-        if self.constant is not None and (self.unit or self.gain or self.offset):
-            raise ValueError("a constant carries its unit; unit, gain and offset belong to a column")
+        if self.constant is not None and (self.unit or self.gain or self.offset or self.noise):
+            raise ValueError("a constant carries its unit; unit, gain, offset and noise belong to a column")
         if self.column is not None and self.unit is None:
             raise ValueError("key 'unit' is missing")
         return self

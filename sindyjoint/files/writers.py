@@ -168,10 +168,11 @@ def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> d
         # A moment that never changes, as in a free decay, is declared: a constant column is a dead channel.
         constant = np.ptp(run.moment) == 0
         value = _quantity(run.moment[0], units[moment])
-        channels[moment] = f"{{ constant = {value} }}" if constant else _channel(moment, units[moment])
-        channels[angle] = _channel(angle, units[angle])
+        written = _channel(moment, units[moment], run.noise.moment)
+        channels[moment] = f"{{ constant = {value} }}" if constant else written
+        channels[angle] = _channel(angle, units[angle], run.noise.angle)
     if run.rate is not None:
-        channels[rate] = _channel(rate, units[rate])
+        channels[rate] = _channel(rate, units[rate], run.noise.rate)
     return channels
 
 
@@ -188,8 +189,9 @@ def _rig_lines(rig: SensorRig) -> list[str]:
     ]
 
 
-def _channel(column: str, unit: str) -> str:
-    return f"{{ column = {_string(column)}, unit = {_string(unit)} }}"
+def _channel(column: str, unit: str, noise: float | None = None) -> str:
+    declared = "" if noise is None else f", noise = {_quantity(noise, unit)}"
+    return f"{{ column = {_string(column)}, unit = {_string(unit)}{declared} }}"
 
 
 def _quantity(value: float, unit: str) -> str:

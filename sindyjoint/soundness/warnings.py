@@ -183,9 +183,13 @@ def _warn_of_misfit(model: JointModel) -> Iterator[str]:
     if model.terms and fitted.misfit > EQUATION.tolerated_misfit:
         explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
         moment, _ = channel_words(model)
+        unknown = "how much of it is noise could not be measured"
+        if np.isfinite(fitted.noise_floor):
+            rest = f"is neither model nor noise (noise floor {100 * (fitted.noise_floor / fitted.moment_rms):.1f} %)"
+        else:
+            rest = f"is not the model's ({unknown})"
         yield (
             f"the model explains {100 * explained:.1f} % of the mean square {moment}; "
-            f"{100 * fitted.misfit:.1f} % of the RMS {moment} is neither model nor noise (noise floor "
-            f"{100 * (fitted.noise_floor / fitted.moment_rms):.1f} %): hysteresis, play or another effect "
+            f"{100 * fitted.misfit:.1f} % of the RMS {moment} {rest}: hysteresis, play or another effect "
             "outside this library is likely"
         )

@@ -1,6 +1,7 @@
 """From measured moment and angle to force states (θ, θ̇, θ̈, M, moving)."""
 
 from sindyjoint.states.build import campaign_states, force_states
+from sindyjoint.states.noise import pooled_noise, transfer_noise
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 from sindyjoint.states.rows import RegressionRows, regression_rows
 
@@ -11,5 +12,7 @@ __all__ = [
     "RegressionRows",
     "campaign_states",
     "force_states",
+    "pooled_noise",
     "regression_rows",
+    "transfer_noise",
 ]

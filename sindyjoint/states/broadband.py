@@ -8,18 +8,17 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.noise import WIDEST, coherent_to_the_top, moment_noise, motion_noise, signal_end
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 
 Array = NDArray[np.float64]
 
 BLOCKS = 32
-# Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
-WIDEST = 0.38
 ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
 # A signal far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls
 # from 0.8 to 1.2 of the cut-off, must fall beyond it. One that fades has as much noise as signal there.
-JUST_BELOW, ROOM = 0.9, 1.2
+ROOM = 1.2
 
 
 def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, Array]:
@@ -54,68 +53,6 @@ def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, 
     # What sampling and the cut at five sigmas leave over: a constant has no derivative, a line has no second one.
     low, first, second = s0 * g, s1 * g + s0 * g1, s2 * g + 2 * s1 * g1 + s0 * g2
     return low / low.sum(), first - first.mean(), second - second.mean()
-
-
-def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
-    """Return the frequency at which a signal first falls to its noise floor, Hz, and the RMS of that noise.
-
-    As :func:`signal_end`, which also returns whether the signal fades there.
-    """
-    return signal_end(signal, sample_rate)[:2]
-
-
-def signal_end(signal: Array, sample_rate: float) -> tuple[float, float, bool]:
-    """Return the frequency at which a signal first falls to its noise floor, and the RMS of that noise.
-
-    The floor is the median spectral density over the top third of the band. Going up from the strongest line, the
-    signal ends where the running median of its density falls below four times the floor; single lines above it
-    (mains, a mode of the sensor) do not count. Beyond that frequency a derivative gains more noise than signal.
-
-    Returns
-    -------
-    bandwidth : float
-        Hz, at most 0.38 of the sampling rate.
-    noise : float
-        RMS of white noise of the floor's density over the whole band, in the unit of the signal.
-    abrupt : bool
-        Whether the signal is far above its floor just below: it does not fade, but was cut there.
-    """
-    from scipy.ndimage import median_filter
-    from scipy.signal import welch
-
-    segment = int(min(signal.size, max(256, signal.size // 24)))
-    frequency, density = welch(
-        signal, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
-    )
-    floor = float(np.median(density[2 * density.size // 3 :]))
-    smooth = median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
-    peak = int(np.argmax(density))
-    sunk = np.flatnonzero(smooth[peak:] <= POLICY.signal_to_noise * floor)
-    edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
-    lowest = 8 * sample_rate / signal.size
-    just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))
-    abrupt = just_below > POLICY.cut_off_abruptly * floor
-    noise = float(np.sqrt(floor * sample_rate / 2))
-    return float(np.clip(edge, lowest, WIDEST * sample_rate)), noise, abrupt
-
-
-def difference_noise(signal: Array) -> float:
-    """Return the RMS of the white noise of a smooth signal with steps.
-
-    Second differences of white noise have variance 6σ²; their median absolute value ignores steps and turning
-    points (1.4826·MAD is σ for Gaussian noise).
-    """
-    second = signal[2:] - 2 * signal[1:-1] + signal[:-2]
-    return float(1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0))
-
-
-def moment_noise(moment: Array, sample_rate: float) -> float:
-    """Return the RMS of the moment's white noise: the smaller of two estimates, by differences and by the spectrum.
-
-    Differences ignore friction steps but take a moment that changes from sample to sample for noise; the top of the
-    spectrum ignores such a moment while it is band-limited, but holds the tail of friction steps.
-    """
-    return min(difference_noise(moment), signal_bandwidth(moment, sample_rate)[1])
 
 
 def dwells(rate: Array) -> bool:
@@ -166,8 +103,8 @@ def broadband_states(
     """
     from scipy.signal import fftconvolve
 
-    found, angle_noise, abrupt = signal_end(run.angle, run.sample_rate)
-    highest = bandwidth or (ROOM * found if abrupt else found)
+    end = signal_end(run.angle, run.sample_rate)
+    highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)
     cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
     low, first, second = smoothing_kernels(cutoff, run.sample_rate)
     half = low.size // 2
@@ -189,14 +126,17 @@ def broadband_states(
         return fftconvolve(signal, kernel, mode="valid")
 
     angle = smooth(run.angle - run.angle[0], low) + run.angle[0]
+    declared = run.noise
+    angle_noise, angle_measured = motion_noise(run.angle, run.sample_rate, declared.angle)
     if run.rate is None:
         # Centred first: a large offset times the kernel's rounding would show in the second derivative.
         rate, acceleration = (smooth(run.angle - np.mean(run.angle), k) for k in (first, second))
         rate_noise, acceleration_noise = (angle_noise * float(np.linalg.norm(k)) for k in (first, second))
+        motion_measured = angle_measured
     else:
         rate, acceleration = smooth(run.rate, low), smooth(run.rate, first)
-        measured = signal_bandwidth(run.rate, run.sample_rate)[1]
-        rate_noise, acceleration_noise = (measured * float(np.linalg.norm(k)) for k in (low, first))
+        of_rate, motion_measured = motion_noise(run.rate, run.sample_rate, declared.rate)
+        rate_noise, acceleration_noise = (of_rate * float(np.linalg.norm(k)) for k in (low, first))
     if dwells(rate):
         share, guard_periods = POLICY.sticking_rate_share, POLICY.sticking_guard
     else:
@@ -205,6 +145,8 @@ def broadband_states(
         int(np.ceil(guard_periods * run.sample_rate / cutoff)),
         int(POLICY.broadband_guard_limit * _measure_reversal_spacing(rate)),
     )
+    of_moment, moment_measured = moment_noise(run.moment, run.sample_rate, declared.moment)
+    shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
     slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
     return ForceStates(
@@ -221,7 +163,12 @@ def broadband_states(
         block=np.minimum(np.arange(angle.size) * BLOCKS // angle.size, BLOCKS - 1),
         replicate=None,
         noise=NoiseFloor(
-            moment_noise(run.moment, run.sample_rate), angle_noise, rate_noise, acceleration_noise
+            of_moment,
+            angle_noise,
+            rate_noise,
+            acceleration_noise,
+            measured=moment_measured and (declared.moment is not None or not shared),
+            motion_measured=angle_measured and motion_measured and (declared.angle is not None or not shared),
         ),
         method="broadband",
         bandwidth=cutoff,

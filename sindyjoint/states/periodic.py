@@ -79,7 +79,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     )
     moving = moving_mask(motion[1], slowest, guard)
     moment = run.moment[start:stop]
-    moment_noise = repeat_noise(moment, run.sample_rate, frequency, moving)
+    moment_noise = max(repeat_noise(moment, run.sample_rate, frequency, moving), run.noise.moment or 0.0)
     return ForceStates(
         run=run.name,
         frequency=frequency,
@@ -93,7 +93,9 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         moving=moving,
         block=np.repeat(np.arange(edges.size - 1), np.diff(edges)),
         replicate=replicate,
-        noise=NoiseFloor(moment_noise, angle.noise, rate_noise, acceleration_noise),
+        noise=NoiseFloor(
+            moment_noise, max(angle.noise, run.noise.angle or 0.0), rate_noise, acceleration_noise
+        ),
         method="periodic",
         bandwidth=angle.highest,
         dropped=start / run.sample_rate,
@@ -105,9 +107,12 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
 
 def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
     """Return the samples left out on either side of a reversal; the motion has harmonics up to ``highest`` Hz."""
-    guard = max(2, int(np.ceil(POLICY.periodic_guard * sample_rate / highest)))
+    per = sample_rate / frequency
+    # Of ten samples per period two on either side of each reversal would leave none.
+    least = 2 if per >= POLICY.coarse_period else 1
+    guard = max(least, int(np.ceil(POLICY.periodic_guard * sample_rate / highest)))
     # Displacement-driven runs have one harmonic; half its period would leave no samples.
-    return min(guard, max(2, int(POLICY.periodic_guard_limit * sample_rate / frequency)))
+    return min(guard, max(least, int(POLICY.periodic_guard_limit * per)))
 
 
 def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:

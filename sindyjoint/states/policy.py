@@ -60,6 +60,28 @@ class StatesPolicy:
         40.0,
         "density just below a signal's end, in noise floors, beyond which it was cut there instead of fading",
     )
+    skirt: float = limit(
+        6.0,
+        "ratio of the spectral densities of the lower and the upper half of the top third of the band, beyond which "
+        "the spectrum falls there as a filter's skirt and holds no noise floor",
+        source="white noise has 1, a first-order low-pass at half the band 8",
+    )
+    white_differences: float = limit(
+        1.5,
+        "ratio of the noise by fourth differences at two samples' distance to that at one, beyond which they are the "
+        "signal's",
+        source="white noise has 1, a smooth signal 16",
+    )
+    estimates_agree: float = limit(
+        2.0,
+        "ratio of the noise by the spectrum to that by differences beyond which the top of the spectrum is the tail of "
+        "the signal's steps",
+    )
+    shared_top: float = limit(
+        0.5,
+        "median coherence of angle and moment in the top third of the band, beyond which most of it is signal",
+        source="half of the power",
+    )
     rate_sigmas: float = limit(4.0, "standard errors of the rate below which its sign is not known")
     periodic_rate_share: float = limit(
         0.05, "share of the peak rate below which a sample of a periodic run is reversal"
@@ -70,6 +92,11 @@ class StatesPolicy:
         unit="periods of the highest kept harmonic",
     )
     periodic_guard_limit: float = limit(0.03, "the same at most", unit="periods of the excitation")
+    coarse_period: float = limit(
+        24.0,
+        "samples per period below which the guard is one sample instead of two: two would leave none of ten",
+        unit="samples",
+    )
     dwelling: float = limit(
         0.47,
         "samples within 5 % of the peak rate, as a share of those within 15 %, beyond which the joint sticks instead "

@@ -26,12 +26,17 @@ class NoiseFloor:
         rad/s, standard error of the estimated angular velocity.
     acceleration : float
         rad/s², standard error of the estimated angular acceleration.
+    measured, motion_measured : bool
+        Whether the noise of the moment, and that of angle and rate, was measured or declared. Where nothing repeats and
+        a channel has no flat floor the numbers are only what its noise would be if it were white.
     """
 
     moment: float
     angle: float
     rate: float
     acceleration: float
+    measured: bool = True
+    motion_measured: bool = True
 
 
 @dataclass(frozen=True, eq=False)

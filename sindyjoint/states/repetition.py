@@ -69,7 +69,8 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
         1 if count > POLICY.fewest_repetitions - 1 and away[0] > POLICY.transient * np.median(away[1:]) else 0
     )
     mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
-    return replace(run, source=None, **mean), skipped * period
+    noise = run.noise.scaled(1 / np.sqrt(count - skipped))
+    return replace(run, source=None, noise=noise, **mean), skipped * period
 
 
 def _autocorrelation(signal: Array) -> Array:

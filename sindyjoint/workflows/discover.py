@@ -19,7 +19,9 @@ from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
+from sindyjoint.workflows.policy import POLICY
 from sindyjoint.workflows.second_search import campaign_model, search_again, softened
 from sindyjoint.workflows.verdict import Verdict, judge, noise_alike
 
@@ -111,7 +113,7 @@ class Discovery:
             "fit": {
                 "moment_rms": fitted.moment_rms,
                 "residual_rms": fitted.residual_rms,
-                "noise_floor": fitted.noise_floor,
+                "noise_floor": fitted.noise_floor if np.isfinite(fitted.noise_floor) else None,
                 "moving_fraction": fitted.moving_fraction,
                 "samples": fitted.samples,
                 "runs": fitted.runs,
@@ -270,7 +272,29 @@ def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: obj
         nuisance=nuisance,
         **options,  # type: ignore[arg-type]
     )
-    return replace(result, model=refinement.model, warnings=(*result.warnings, *refinement.notes))
+    apart = _warn_of_disagreement(result.model, refinement.model) if refinement.refined else ()
+    return replace(result, model=refinement.model, warnings=(*result.warnings, *refinement.notes, *apart))
+
+
+def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, ...]:
+    """Return a warning for terms that regression and simulation give values that their errors do not reconcile."""
+    apart = []
+    for term in after.terms:
+        if term.id not in before:
+            continue
+        other = before[term.id]
+        error = float(np.hypot(term.standard_error, other.standard_error))
+        if abs(term.coefficient - other.coefficient) > POLICY.refined_apart * error:
+            apart.append(
+                f"{spelled(term.id)} ({other.coefficient:.4g} ± {other.standard_error:.2g} by regression, "
+                f"{term.coefficient:.4g} ± {term.standard_error:.2g} on the response)"
+            )
+    if not apart:
+        return ()
+    return (
+        f"regression and simulated response disagree by more than {POLICY.refined_apart:g} standard errors: "
+        f"{'; '.join(apart)}; the model lacks something, or samples are too few for derivatives",
+    )
 
 
 def the_campaign(

@@ -27,6 +27,12 @@ class VerdictPolicy:
         "ratio of residuals below which the end of the second search for terms is used",
         source="chosen by judgement",
     )
+    refined_apart: float = limit(
+        3.0,
+        "combined standard errors by which coefficients by regression and on the simulated response may differ without "
+        "a warning",
+        source="convention",
+    )
     verification_tolerance: float = limit(
         0.05, "largest response NRMSE beyond the noise floor that passes", source="chosen by judgement"
     )

@@ -13,7 +13,7 @@ from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
-from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.states import ForceStates, pooled_noise, regression_rows
 from sindyjoint.text import in_words_of, quantities, spelled
 from sindyjoint.workflows.policy import POLICY
 from sindyjoint.workflows.verdict import Verdict
@@ -201,12 +201,10 @@ def campaign_model(
     if inertia is None and INERTIA in model:
         inertia = model[INERTIA].coefficient
     moving = np.array([each.moving for each in counts], dtype=float)
-    # What one sample of the transfer moment cannot repeat: sensor noise, and the inertia times noise of θ̈.
-    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
     fitted = Fitted(
         moment_rms=model.fitted.moment_rms,
         residual_rms=model.fitted.residual_rms,
-        noise_floor=float(np.sqrt(np.average(variance, weights=moving))),
+        noise_floor=pooled_noise(states, inertia or 0.0, moving),
         moving_fraction=float(moving.sum() / sum(each.samples for each in counts)),
         samples=int(moving.sum()),
         runs=len(states),

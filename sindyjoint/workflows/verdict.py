@@ -107,6 +107,12 @@ def _reach_verdict(
     if gap > _tolerated(model, least):
         # What is not understood is larger than the weakest term found: it may be a term, or stand behind one.
         those = "five terms" if not (missing or extra) else "terms found"
+        if not np.isfinite(model.fitted.noise_floor):
+            return "undecided", (
+                f"no noise floor could be measured: {100 * gap:.1f} % of the {word} is not of the {those}, and how "
+                f"much of that is noise is not known; their smallest unique share is {100 * least:.1f} %; runs that "
+                "repeat, or noise declared in [channels], would tell"
+            )
         return "undecided", (
             f"the {those} are the best of these candidates, yet {100 * gap:.1f} % of the {word} is neither they nor "
             f"noise; their smallest unique share is {100 * least:.1f} %"
@@ -144,7 +150,8 @@ def _reach_verdict(
 
 def _tolerated(model: JointModel, least: float) -> float:
     """Return the misfit up to which terms are judged, of which the weakest has the unique share ``least``."""
-    uncertainty = POLICY.noise_uncertainty * model.fitted.noise_floor / model.fitted.moment_rms
+    floor = np.nan_to_num(model.fitted.noise_floor)
+    uncertainty = float(POLICY.noise_uncertainty * floor / model.fitted.moment_rms)
     return min(max(least, uncertainty), EQUATION.tolerated_misfit)
 
 
@@ -169,7 +176,7 @@ def _paper_terms_suffice(regressor: JointRegressor, model: JointModel) -> bool:
 
 def noise_alike(residual: float, model: JointModel) -> bool:
     """Return whether a residual is that of the noise, or of a model, within the uncertainty of the noise."""
-    least = max(model.fitted.noise_floor, model.fitted.residual_rms)
+    least = max(float(np.nan_to_num(model.fitted.noise_floor)), model.fitted.residual_rms)
     return bool(residual**2 < (1 + POLICY.noise_uncertainty**2) * least**2)
 
 

@@ -43,6 +43,29 @@ def test_gain_and_offset(bench):
     np.testing.assert_allclose(bench.load().runs[0].moment, bench.columns["m"] * 3000 - 2, rtol=1e-14)
 
 
+@pytest.mark.parametrize(
+    "unit, noise, found",
+    [
+        ('unit = "N*m"', "0.02 N*m", 0.02),
+        ('unit = "N*m"', "20 mN*m", 0.02),
+        ('unit = "V", gain = "-3 N*m/mV"', "2 mV", 6.0),
+        ('unit = "V", gain = "3 N*m/mV"', "0.5 N*m", 0.5),
+    ],
+)
+def test_declared_noise(bench, unit, noise, found):
+    bench.replace('"m", unit = "N*m"', f'"m", {unit}, noise = "{noise}"')
+    noise = bench.load().runs[0].noise
+    assert noise.moment == pytest.approx(found)
+    assert noise.angle is None
+
+
+@pytest.mark.parametrize("noise", ["0.02 rad", "0.02", "-1 N*m", "0 N*m"])
+def test_declared_noise_that_is_none(bench, noise):
+    bench.replace('"m", unit = "N*m"', f'"m", unit = "N*m", noise = "{noise}"')
+    with pytest.raises(SindyJointError, match="noise"):
+        bench.load()
+
+
 def test_declared_constant_moment(bench):
     bench.replace('column = "m", unit = "N*m"', 'constant = "2 N*m"')
     assert set(bench.load().runs[0].moment) == {2.0}

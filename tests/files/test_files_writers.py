@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files import load_campaign, write_campaign
 from sindyjoint.files.writers import ENCODERS
-from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.record import Campaign, Joint, Run, SensorNoise
 from sindyjoint.rig import SensorRig
 
 RIG = SensorRig(2333.0, 0.02, 0.06, 1.02)
@@ -34,6 +34,7 @@ def assert_same(one: Campaign, other: Campaign, tolerance: float = 0.0) -> None:
             assert getattr(mine, name) == getattr(theirs, name)
         np.testing.assert_allclose(theirs.moment, mine.moment, rtol=tolerance, atol=tolerance)
         np.testing.assert_allclose(theirs.angle, mine.angle, rtol=tolerance, atol=tolerance)
+        assert theirs.noise == mine.noise
         assert (mine.rate is None) == (theirs.rate is None)
         if mine.rate is not None:
             np.testing.assert_array_equal(theirs.rate, mine.rate)
@@ -45,7 +46,7 @@ CAMPAIGN = Campaign(
         run("4 Hz/low", level='l"o'),
         run("4 Hz-low", 1, use="validate", rate=np.sin(T)),
         run("../../etc", 2, sample_rate=612.3456789),
-        run("", 3),
+        run("", 3, noise=SensorNoise(moment=0.02, angle=1 / 3e6)),
         run("🙂é" * 200, 4),
         run("free", moment=np.zeros(T.size)),
     ),

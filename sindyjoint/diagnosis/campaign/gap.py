@@ -10,12 +10,13 @@ from sindyjoint.diagnosis.campaign.free_decay import continuation_gap
 from sindyjoint.diagnosis.campaign.repair import held_out_gap, kept_gap
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
-from sindyjoint.diagnosis.campaign.start import Work, is_free, sample_noise
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.campaign.start import Work, is_free
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
-from sindyjoint.states import force_states
+from sindyjoint.states import pooled_noise, transfer_noise
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
@@ -27,25 +28,40 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     adding = [e for e in effects if not e.shifts]
     kept = work.campaign.validation_runs
     if kept:
-        shift = Corrections.of(effects).shift
-        states = [shifted(force_states(run, rate_share=work.policy.rate_share), shift) for run in kept]
-        rows = gap_runs(states, model, [run.name for run in kept], work.policy)
-        moment, weighted = kept_gap(
-            rows, model, adding, {s.run: sample_noise(s, model.inertia) for s in states}
-        )
+        rows = kept_rows(work, model, effects)
+        noise = {s.run: transfer_noise(s, model.inertia) for s in work.kept_states}
+        moment, weighted = kept_gap(rows, model, adding, noise)
     else:
         moment, weighted = held_out_gap(work.rows, model, adding, work.noise, work.policy)
     of_response = continuation_gap if is_free(work.campaign) and not kept else response_gap
     return Gap(moment, of_response(work, model, effects), weighted)
 
 
+def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> tuple[GapRun, ...]:
+    """Return the moments of the runs kept for validation, with a delay among the effects removed."""
+    shift = Corrections.of(effects).shift
+    states = [shifted(s, shift) for s in work.kept_states]
+    return gap_runs(states, model, [s.run for s in states], work.policy)
+
+
+def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()) -> tuple[GapRun, ...]:
+    """Return the moments of which gaps are told: of the runs kept for validation, or else of all."""
+    return kept_rows(work, model, effects) if work.campaign.validation_runs else work.moment_rows()
+
+
 def noise_floor(work: Work) -> Gap:
-    """Return what does not repeat, relative to the signals, over all runs."""
-    weight = np.array([np.count_nonzero(s.moving) for s in work.states], dtype=float)
-    noise = np.array([work.noise[s.run] for s in work.states])
+    """Return the noise relative to the signals, over the runs of which gaps are told; NaN where it is not known.
+
+    Known is what repetition, a channel's flat floor or its declaration tells.
+    """
+    states = work.kept_states or work.states
+    weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
+    noise = pooled_noise(states, work.model.inertia, weight)
     inertia = work.model.joint.inertia or 0.0
-    own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in work.states])
-    angle = np.array([s.noise.angle for s in work.states])
-    spread = np.array([np.var(s.angle) for s in work.states])
-    moment = float(np.sqrt((weight @ noise**2) / (weight @ own))) if np.any(own) else 0.0
-    return Gap(moment, float(np.sqrt(np.mean(angle**2) / np.mean(spread))))
+    own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in states])
+    known = np.array([s.noise.motion_measured for s in states])
+    angle = np.array([s.noise.angle for s in states])
+    spread = np.array([np.var(s.angle) for s in states])
+    moment = noise / float(np.sqrt((weight @ own) / weight.sum())) if np.any(own) else 0.0
+    response = float(np.sqrt(np.mean(angle**2) / np.mean(spread)))
+    return Gap(moment, response if known.all() else float("nan"))

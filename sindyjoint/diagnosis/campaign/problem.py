@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
 from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
-from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
+from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
@@ -137,7 +137,7 @@ class CampaignProblem(Problem):
 
     @property
     def noise_floor(self) -> Gap:
-        """What does not repeat."""
+        """Noise of the runs of which the gap is told; NaN where it is not known."""
         return noise_floor(self.work)
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
@@ -231,7 +231,8 @@ class CampaignProblem(Problem):
 
     def _unexplained_once(self, first: Self) -> float:
         """Return the same share where nothing repeats: what a law without memory could still win, cross-validated."""
-        noise, initial = first.noise_floor.moment, first.gap.moment
+        # Where no noise is known none is subtracted: what a law could win is then not booked as noise.
+        noise, initial = float(np.nan_to_num(first.noise_floor.moment)), first.gap.moment
         beyond = initial**2 - noise**2
         if beyond <= 0 or self.gap.moment <= self.policy.significant_gap * noise:
             return 0.0
@@ -245,7 +246,7 @@ class CampaignProblem(Problem):
         return make_budget(
             moments,
             total,
-            first.noise_floor.moment**2,
+            float(np.nan_to_num(first.noise_floor.moment)) ** 2,
             processing_error(first.work),
             total - self.gap.moment**2,
         )
@@ -273,8 +274,10 @@ class CampaignProblem(Problem):
             whole=whole_model(
                 replace(repaired, effects=tuple(e for e in self.found if not e.shifts)), self.work.rows
             ),
-            before=run_gaps(first.work.moment_rows(), first.work.model),
-            after=run_gaps(self.work.moment_rows(), repaired.model, self.found) if found["steps"] else (),
+            before=run_gaps(gap_rows(first.work, first.work.model), first.work.model),
+            after=run_gaps(gap_rows(self.work, repaired.model, self.found), repaired.model, self.found)
+            if found["steps"]
+            else (),
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.record import Campaign, Run
-from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.states import ForceStates, force_states, pooled_noise, regression_rows, transfer_noise
 from sindyjoint.states.rows import group_labels
 
 
@@ -78,20 +79,22 @@ class Work:
             return self.rows
         return gap_runs(self.states, self.model, self.groups, self.policy)
 
+    @cached_property
+    def kept_states(self) -> tuple[ForceStates, ...]:
+        """States of the runs kept for validation, as measured."""
+        kept = self.campaign.validation_runs
+        states = [force_states(run, rate_share=self.policy.rate_share) for run in kept]
+        return one_after_another(self.campaign, states)
+
     @property
     def noise(self) -> dict[str, float]:
         """Noise of a single sample of the transfer moment, per run, N·m."""
-        return {s.run: sample_noise(s, self.model.inertia) for s in self.states}
+        return {s.run: transfer_noise(s, self.model.inertia) for s in self.states}
 
 
 def is_free(campaign: Campaign) -> bool:
     """Return whether no run has a measured moment."""
     return all(np.ptp(run.moment) == 0 for run in campaign.identification_runs)
-
-
-def sample_noise(states: ForceStates, inertia: float) -> float:
-    """Return the noise of a single sample of the transfer moment, N·m."""
-    return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))
 
 
 def kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
@@ -173,11 +176,10 @@ def first_model(
     else:
         fitted = model
     count = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
-    variance = [s.noise.moment**2 + ((inertia or 0.0) * s.noise.acceleration) ** 2 for s in states]
     data = Fitted(
         moment_rms=float(np.sqrt(np.mean(rows.y**2))),
         residual_rms=fitted.fitted.residual_rms,
-        noise_floor=float(np.sqrt(np.average(variance, weights=count))),
+        noise_floor=pooled_noise(states, inertia or 0.0, count),
         moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
         samples=int(count.sum()),
         runs=len(states),

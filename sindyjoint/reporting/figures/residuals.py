@@ -68,11 +68,12 @@ def residual_time(data: ReportData, ax: Axes) -> Axes:
             linestyle=DASHES[index],
             label=plain(shortened(labels[loop.run], 18)),
         )
-    ax.axhline(floor * factor, color=MUTED, linewidth=1.6, linestyle="-", zorder=1, label="noise floor")
+    if np.isfinite(floor):
+        ax.axhline(floor * factor, color=MUTED, linewidth=1.6, linestyle="-", zorder=1, label="noise floor")
     tops = [
         np.nanmax(loop.residual_over_time) for loop in chosen if np.isfinite(loop.residual_over_time).any()
     ]
-    ax.set_ylim(0, 1.05 * factor * max([floor, *tops]))
+    ax.set_ylim(0, 1.05 * factor * max([np.nan_to_num(floor), *tops]))
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"RMS residual ({unit})")
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"

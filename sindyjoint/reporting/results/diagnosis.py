@@ -101,10 +101,10 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             (
                 f"{called} gap",
                 f"{percent(getattr(result.initial, name))} → {percent(getattr(result.final, name))}",
-                f"noise floor {percent(getattr(result.noise_floor, name))}",
+                f"noise floor {_floor(getattr(result.noise_floor, name))}",
             )
             for name, called in names.items()
-            if np.isfinite(getattr(result.noise_floor, name))
+            if np.isfinite(getattr(result.initial, name))
         ]
         named = ", ".join(spelled(step.effect, motion) for step in result.steps) or "none"
         lines = [
@@ -202,7 +202,11 @@ def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...]
         others = ", ".join(spelled(member, motion) for member in step.members if member != step.effect)
         named = f"+ {spelled(step.effect, motion)}{_dropped(step, motion) if dropped else ''}"
         rows.append((named, *_gap(step.gap_after), f"{step.probability:.2f}", others or DASH))
-    return (*rows, ("noise floor", *_gap(result.noise_floor), "", ""))
+    floors = (_floor(result.noise_floor.moment), _floor(result.noise_floor.response))
+    shown = (
+        floor if np.isfinite(gap) else DASH for floor, gap in zip(floors, _pair(result.initial), strict=True)
+    )
+    return (*rows, ("noise floor", *shown, "", ""))
 
 
 def _record_row(record: RecordGap) -> tuple[str, ...]:
@@ -218,7 +222,17 @@ def _dropped(step: Step, motion: str) -> str:
 
 
 def _gap(gap: Gap) -> tuple[str, str]:
-    return percent(gap.moment), percent(gap.response)
+    moment, response = map(percent, _pair(gap))
+    return moment, response
+
+
+def _pair(gap: Gap) -> tuple[float, float]:
+    return gap.moment, gap.response
+
+
+def _floor(value: float) -> str:
+    """Return a noise floor in per cent, or that it could not be measured."""
+    return percent(value) if np.isfinite(value) else "unknown"
 
 
 def _amount(value: float, unit: str) -> str:

@@ -169,7 +169,7 @@ class DiscoveryView(View[Discovery, ReportData]):
         fitted = model.fitted
         yield (
             f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
-            f"{fitted.noise_floor:.4g}"
+            + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
         )
         yield from _shares(result)
 
@@ -190,10 +190,11 @@ def _show_fit(result: Discovery, console: Console) -> None:
     what, unit = q.moment.lower(), pretty_unit(q.moment_unit)
     if model.joint.inertia is not None:
         console.print(f"{q.inertia.lower()} {model.joint.inertia:g} {pretty_unit(q.inertia_unit)}, declared")
+    floor = f"{fitted.noise_floor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
     console.print(
         f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
         f"({100 * (fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0):.2f} %), "
-        f"noise floor {fitted.noise_floor:.3g} {unit}, moving {100 * fitted.moving_fraction:.0f} % of the time"
+        f"noise floor {floor}, moving {100 * fitted.moving_fraction:.0f} % of the time"
     )
     delay = result.skew
     if delay is not None:
@@ -231,7 +232,7 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
                     f"{state.bandwidth:.3g} Hz",
                     f"{100 * state.moving.mean():.1f} %",
                     f"{state.noise.angle:.2e} {angle}",
-                    f"{state.noise.moment:.2e} {moment}",
+                    f"{state.noise.moment:.2e} {moment}" if state.noise.measured else "unknown",
                 )
                 for state in states
             ),

@@ -1,0 +1,227 @@
+"""Noise of a channel that does not repeat: the end of its spectrum, its differences, its steps, or as declared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.states.policy import POLICY
+from sindyjoint.states.record import ForceStates
+
+Array = NDArray[np.float64]
+
+# Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
+WIDEST = 0.38
+# Where, below a signal's end, it is asked whether it was cut there.
+JUST_BELOW = 0.9
+# Differences of values that are alike but for rounding, relative to the largest value; and by how much a difference may
+# miss a multiple of the quantisation step, in steps.
+ROUNDING, OFF_STEP = 1e-9, 0.02
+# Noise of so many quantisation steps is no longer coarse.
+FINE = 8
+SEGMENTS = 16
+
+
+@dataclass(frozen=True)
+class SignalEnd:
+    """Where a signal ends in its spectrum, and the noise beyond.
+
+    Parameters
+    ----------
+    bandwidth : float
+        Hz, at most 0.38 of the sampling rate.
+    noise : float
+        RMS of white noise of the floor's density over the whole band, in the unit of the signal.
+    abrupt : bool
+        Whether the signal is far above its floor just below: it does not fade, but was cut there.
+    flat : bool
+        Whether the floor is one: it does not fall as the skirt of a filter or of the signal does.
+    """
+
+    bandwidth: float
+    noise: float
+    abrupt: bool
+    flat: bool
+
+
+def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
+    """Return the frequency at which a signal first falls to its noise floor, Hz, and the RMS of that noise.
+
+    As :func:`signal_end`, which says more.
+    """
+    end = signal_end(signal, sample_rate)
+    return end.bandwidth, end.noise
+
+
+def signal_end(signal: Array, sample_rate: float) -> SignalEnd:
+    """Return the frequency at which a signal first falls to its noise floor, and that noise.
+
+    The floor is the median spectral density over the top third of the band. Going up from the strongest line, the
+    signal ends where the running median of its density falls below four times the floor; single lines above it
+    (mains, a mode of the sensor) do not count. Beyond that frequency a derivative gains more noise than signal.
+    """
+    from scipy.ndimage import median_filter
+    from scipy.signal import welch
+
+    segment = int(min(signal.size, max(256, signal.size // 24)))
+    frequency, density = welch(
+        signal, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+    )
+    top = density[2 * density.size // 3 :]
+    floor = float(np.median(top))
+    smooth = median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
+    peak = int(np.argmax(density))
+    sunk = np.flatnonzero(smooth[peak:] <= POLICY.signal_to_noise * floor)
+    edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
+    lowest = 8 * sample_rate / signal.size
+    just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))
+    return SignalEnd(
+        bandwidth=float(np.clip(edge, lowest, WIDEST * sample_rate)),
+        noise=float(np.sqrt(floor * sample_rate / 2)),
+        abrupt=just_below > POLICY.cut_off_abruptly * floor,
+        flat=_is_flat(signal, sample_rate, segment),
+    )
+
+
+def _is_flat(signal: Array, sample_rate: float, segment: int) -> bool:
+    """Return whether the top third of a spectrum does not fall like a skirt.
+
+    Of second differences, whose gain 2 − 2cos(2πf/f_s) is divided out: what a strong slow signal leaks through the
+    window is level, too, and would be taken for a floor.
+    """
+    from scipy.signal import welch
+
+    frequency, density = welch(
+        np.diff(signal, 2), sample_rate, window="blackmanharris", nperseg=min(segment, signal.size - 2)
+    )
+    top = slice(2 * density.size // 3, None)
+    level = density[top] / (2 - 2 * np.cos(2 * np.pi * frequency[top] / sample_rate)) ** 2
+    lower, upper = (float(np.median(half)) for half in np.array_split(level, 2))
+    return lower <= POLICY.skirt * upper
+
+
+def quantisation_step(signal: Array) -> float:
+    """Return the step of which all differences between the values of a channel are multiples; zero without one."""
+    steps = np.diff(np.unique(signal))
+    steps = steps[steps > ROUNDING * np.max(np.abs(signal))]
+    if not steps.size:
+        return 0.0
+    multiples = steps / steps.min()
+    off = np.abs(multiples - np.round(multiples))
+    return float(steps.min()) if np.quantile(off, 0.95) < OFF_STEP else 0.0
+
+
+def difference_noise(signal: Array, lag: int = 1, order: int = 1) -> float:
+    """Return the RMS of the white noise of a smooth signal with steps.
+
+    Second differences of white noise have variance 6σ², at any lag, and second differences of these 70σ² (``order``
+    2); their median absolute value ignores steps and turning points (1.4826·MAD is σ for Gaussian noise). Of a
+    quantised signal each difference stands for all values within half a quantisation step.
+    """
+    differences = signal
+    for _ in range(order):
+        differences = differences[2 * lag :] - 2 * differences[lag:-lag] + differences[: -2 * lag]
+    away = np.abs(differences - np.median(differences))
+    step = quantisation_step(signal)
+    middle = float(np.median(away))
+    if step > 0 and middle < FINE * step:
+        count = np.bincount(np.minimum(np.round(away / step), 4 * FINE).astype(int))
+        share = np.append(0.0, np.cumsum(count) / away.size)
+        middle = step * float(np.interp(0.5, share, np.append(0.0, np.arange(count.size) + 0.5)))
+    return float(1.4826 * middle / np.sqrt(6.0 if order == 1 else 70.0))
+
+
+def moment_noise(moment: Array, sample_rate: float, declared: float | None = None) -> tuple[float, bool]:
+    """Return the RMS of the moment's noise, N·m, and whether it was measured.
+
+    The smaller of two estimates, by differences and by the spectrum, and no less than quantisation, q/√12.
+    Differences ignore friction steps but take a moment that changes from sample to sample for noise; the top of the
+    spectrum ignores such a moment while it is band-limited, but holds the tail of friction steps. Either is measured
+    where it is white: differences that grow with their lag are of the signal, a spectrum that falls is a skirt.
+
+    Parameters
+    ----------
+    moment : ndarray, shape (n,)
+        N·m.
+    sample_rate : float
+        Hz.
+    declared : float, optional
+        N·m; taken as it is.
+    """
+    if declared is not None:
+        return declared, True
+    if np.ptp(moment) == 0:
+        return 0.0, True  # not a channel: the moment of a free decay
+    end = signal_end(moment, sample_rate)
+    by_differences = difference_noise(moment)
+    noise = min(by_differences, end.noise)
+    rounding = quantisation_step(moment) / np.sqrt(12.0)
+    if rounding >= noise:
+        return rounding, True
+    white = difference_noise(moment, 2, 2) <= POLICY.white_differences * difference_noise(moment, 1, 2)
+    flat = end.flat and end.noise <= POLICY.estimates_agree * noise
+    return noise, flat or (by_differences == noise and white)
+
+
+def motion_noise(signal: Array, sample_rate: float, declared: float | None = None) -> tuple[float, bool]:
+    """Return the RMS of the noise of an angle or a rate, in its unit, and whether it was measured.
+
+    By the spectrum, and no less than quantisation; differences cannot tell the noise of a smooth motion from it.
+    """
+    if declared is not None:
+        return declared, True
+    end = signal_end(signal, sample_rate)
+    rounding = quantisation_step(signal) / np.sqrt(12.0)
+    return (rounding, True) if rounding >= end.noise else (end.noise, end.flat)
+
+
+def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool:
+    """Return whether two channels share the top third of their band: what they share is signal and no noise."""
+    from scipy.signal import coherence
+
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        return False
+    # Short segments: the coherence of a few of them is high by chance.
+    segment = int(np.clip(first.size // SEGMENTS, 16, 256))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        _, shared = coherence(
+            first, second, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+        )
+    return bool(np.nanmedian(shared[2 * shared.size // 3 :]) > POLICY.shared_top)
+
+
+def transfer_noise(states: ForceStates, inertia: float) -> float:
+    """Return the noise of a single sample of the transfer moment, N·m: the sensor's, and I times that of θ̈."""
+    return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))
+
+
+def noise_known(states: ForceStates, inertia: float) -> bool:
+    """Return whether the noise of the transfer moment was measured or declared.
+
+    The noise of the motion matters where its share would, were it twice as large.
+    """
+    if not states.noise.measured:
+        return False
+    return states.noise.motion_measured or 2 * inertia * states.noise.acceleration <= states.noise.moment
+
+
+def pooled_noise(states: Sequence[ForceStates], inertia: float, samples: ArrayLike) -> float:
+    """Return the RMS noise of the transfer moment over runs, N·m; NaN where most of it is not known.
+
+    Parameters
+    ----------
+    states : sequence of ForceStates
+    inertia : float
+        kg·m².
+    samples : array_like, shape (runs,)
+        Moving samples of each run, which are its weight.
+    """
+    weight = np.asarray(samples, dtype=np.float64)
+    known = np.array([noise_known(s, inertia) for s in states])
+    if not weight[known].sum() > 0.5 * weight.sum():
+        return float("nan")
+    variance = np.array([transfer_noise(s, inertia) ** 2 for s in states])
+    return float(np.sqrt(np.average(variance[known], weights=weight[known])))
