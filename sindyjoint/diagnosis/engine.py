@@ -55,8 +55,8 @@ class Explained(Generic[P]):
 def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
-    Where the search from the model as it was given leaves something unexplained, it is made again from the other
-    starts that the problem knows, and the one that ends best is used. Unless ``advised``, no runs are sought that would
+    Where the search from the model as it was given leaves something unexplained, it is made again from the best other
+    start that the problem knows, and the better end is used. Unless ``advised``, no runs are sought that would
     tell rivals apart.
     """
     say("the gap")
@@ -64,10 +64,11 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
     given = _explain(first, Start(straight, steps), most, say)
     best, note = given, ""
     if not given.whole:
-        for start in first.other_starts(straight, given.progress.problem, say):
-            other = _explain(first, start, most, say)
-            if other.cost(first.policy) < best.cost(first.policy):
-                best = other
+        starts = first.other_starts(straight, given.progress.problem, say)
+        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
+        other = given if start is None else _explain(first, start, most, say)
+        if other.cost(first.policy) < given.cost(first.policy):
+            best = other
         note = _compare_starts(given, best)
     last = best.progress.problem.finished()
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
