@@ -46,10 +46,11 @@ class Explained(Generic[P]):
         return self.verdict in ("nothing_missing", "named", "ambiguous")
 
     def cost(self, policy: DiagnosisPolicy) -> float:
-        """Return the logarithm of the final gap, and what each name costs; a delay of the channels is no law."""
+        """Return the mean logarithm of the final gaps, and what each name costs; a delay of the channels is no law."""
         laws = [step for step in self.progress.steps if step.effect != "channel_delay"]
-        _, final, _ = self.gaps.figures()
-        return float(np.log(max(final, 1e-300))) + policy.step_cost * len(laws)
+        figures = np.array([self.gaps.final.moment, self.gaps.final.response])
+        known = figures[np.isfinite(figures)]
+        return float(np.mean(np.log(np.maximum(known, 1e-300)))) + policy.step_cost * len(laws)
 
 
 def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosis:

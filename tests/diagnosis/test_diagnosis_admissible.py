@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
+from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint, yield_complaint
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -69,6 +69,13 @@ def test_friction_may_fall_with_the_angle_but_never_push(problem):
     pushing = fitted("position_dependent_friction", [], [-2.0 * friction / largest])
     assert complaint(problem, [falling]) == ""
     assert "dry friction would push along the motion" in complaint(problem, [pushing])
+
+
+def test_a_slider_that_mostly_sticks_is_a_spring(problem):
+    largest = max(np.abs(run.motion.angle).max() for run in problem.work.rows)
+    assert yield_complaint(fitted("jenkins_element", [0.3 * largest]), problem.work.rows) == ""
+    assert "that is a spring" in yield_complaint(fitted("dahl_friction", [1.05 * largest]), problem.work.rows)
+    assert yield_complaint(fitted("backlash_play", [largest, largest]), problem.work.rows) == ""
 
 
 def test_no_run_gives_off_energy(problem):

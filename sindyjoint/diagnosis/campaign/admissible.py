@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.repair import Repaired, all_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -14,6 +15,8 @@ from sindyjoint.equation.terms import Reference
 from sindyjoint.text import spelled
 
 FRICTION = "friction"
+YIELD = "theta_y"  # what the angle at which a slider yields is called in the catalogue
+SLOW = 0.05  # of the largest rate: below it a sign is noise
 
 
 def number_complaint(fitted: FittedEffect, reference: Reference, policy: DiagnosisPolicy) -> str:
@@ -31,6 +34,27 @@ def number_complaint(fitted: FittedEffect, reference: Reference, policy: Diagnos
             if distance < margin and parameter.open != end:
                 return f"{parameter.name} of {spelled(fitted.name)} stands at the {end} end of its range"
     return ""
+
+
+def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun]) -> str:
+    """Return whether a slider sticks in most half-cycles of the measured motion: it is then a spring, and no slider."""
+    if YIELD not in fitted.variant.names or not fitted.variant.states:
+        return ""
+    limit = fitted.values[fitted.variant.names.index(YIELD)]
+    strokes = [np.abs(np.diff(_reversals(run))) for run in runs]
+    half = np.concatenate(strokes) / 2 if strokes else np.empty(0)
+    if half.size and np.median(half) < limit:
+        share = 100 * np.mean(half < limit)
+        return f"{spelled(fitted.name)} would not yield in {share:.0f} % of the half-cycles: that is a spring"
+    return ""
+
+
+def _reversals(run: GapRun) -> NDArray[np.float64]:
+    """Return the angles at which a run's motion turns round."""
+    angle, rate = run.motion.angle, run.motion.rate
+    fast = np.flatnonzero(np.abs(rate) > SLOW * np.max(np.abs(rate), initial=0.0))
+    turns = np.flatnonzero(np.diff(np.sign(rate[fast])) != 0)
+    return angle[(fast[turns] + fast[turns + 1]) // 2]
 
 
 def law_complaint(repaired: Repaired, runs: Sequence[GapRun], policy: DiagnosisPolicy) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
-from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint
+from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint, yield_complaint
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
@@ -176,7 +176,8 @@ class CampaignProblem(Problem):
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
         if candidate is not None:
-            return number_complaint(candidate, self.regression.reference, self.policy)
+            ends = number_complaint(candidate, self.regression.reference, self.policy)
+            return ends or yield_complaint(candidate, self.work.rows)
         if any(e.shifts and abs(e.coefficients[0]) >= LONGEST for e in self.found):
             return f"the delay between the channels would be longer than {1e3 * LONGEST:.0f} ms"
         effects = tuple(e for e in self.found if e.effect.enters == "moment")
