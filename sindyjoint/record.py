@@ -126,6 +126,9 @@ class Run:
     source : Source, optional
     whole : LongRecord, optional
         Where all of its samples are, if the run is longer than what is in memory.
+    valid : array_like of bool, shape (n,), optional
+        False at samples that are left out of every fit because a channel is at fault there; the signals then hold
+        interpolated values. Default: all samples count.
 
     Raises
     ------
@@ -144,6 +147,7 @@ class Run:
     use: Use = "identify"
     source: Source | None = field(default=None)
     whole: LongRecord | None = field(default=None)
+    valid: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         for name in ("moment", "angle", "rate"):
@@ -168,6 +172,23 @@ class Run:
             raise InputError(f"run {self.name!r}: use is {self.use!r}; expected 'identify' or 'validate'")
         if self.frequency is not None:
             self._check_frequency()
+        if self.valid is not None:
+            self._check_valid()
+
+    def _check_valid(self) -> None:
+        valid = np.array(self.valid)
+        if valid.dtype != np.bool_ or valid.shape != self.angle.shape:
+            raise InputError(
+                f"run {self.name!r}: valid has shape {valid.shape} and type {valid.dtype}; expected one truth value for "
+                f"each of the {self.n_samples} samples"
+            )
+        if np.count_nonzero(valid) < MINIMUM_SAMPLES:
+            raise InputError(
+                f"run {self.name!r}: {np.count_nonzero(valid)} of {self.n_samples} samples are valid; expected at least "
+                f"{MINIMUM_SAMPLES}"
+            )
+        valid.flags.writeable = False
+        object.__setattr__(self, "valid", valid)
 
     def _check_frequency(self) -> None:
         frequency = self.frequency
