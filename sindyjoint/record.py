@@ -179,13 +179,13 @@ class Run:
         valid = np.array(self.valid)
         if valid.dtype != np.bool_ or valid.shape != self.angle.shape:
             raise InputError(
-                f"run {self.name!r}: valid has shape {valid.shape} and type {valid.dtype}; expected one truth value for "
-                f"each of the {self.n_samples} samples"
+                f"run {self.name!r}: valid has shape {valid.shape} and type {valid.dtype}; expected one truth value "
+                f"for each of the {self.n_samples} samples"
             )
         if np.count_nonzero(valid) < MINIMUM_SAMPLES:
             raise InputError(
-                f"run {self.name!r}: {np.count_nonzero(valid)} of {self.n_samples} samples are valid; expected at least "
-                f"{MINIMUM_SAMPLES}"
+                f"run {self.name!r}: {np.count_nonzero(valid)} of {self.n_samples} samples are valid; expected at "
+                f"least {MINIMUM_SAMPLES}"
             )
         valid.flags.writeable = False
         object.__setattr__(self, "valid", valid)

@@ -10,8 +10,9 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AsJson
+from sindyjoint.cli.options import AcceptOption, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.unsound import stopped_by_data
 
 VERIFY = "workflows.verify:verify"
 
@@ -51,6 +52,7 @@ def verify(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for verification.json and figures.")
     ] = None,
+    accept: AcceptOption = None,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = default_of(
         VERIFY, "random_state"
@@ -71,12 +73,13 @@ def verify(
 
     if out is not None:
         check_output(out)
-    with Progress(quiet, verbose) as progress:
+    with Progress(quiet, verbose) as progress, stopped_by_data(progress, out, as_json):
         from sindyjoint.workflows.verify import verify as run
 
         result = run(
             model,
             against,
+            accept=tuple(accept or ()),
             tolerance=tolerance,
             draws=draws,
             window=window,

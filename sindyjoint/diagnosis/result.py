@@ -11,6 +11,8 @@ from sindyjoint.diagnosis.campaign.regression import FittedEffect
 from sindyjoint.diagnosis.campaign.repair import is_term
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
+from sindyjoint.soundness.check import Check, summarize
+from sindyjoint.soundness.finding import Soundness
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ class Diagnosis:
 
     Parameters
     ----------
-    verdict : {"named", "ambiguous", "unknown", "nothing_missing"}
+    verdict : {"named", "ambiguous", "unknown", "undecided", "nothing_missing"}
+        *undecided*: the data are not sound.
     reason : str
         One sentence.
     initial, final, noise_floor : Gap
@@ -114,6 +117,10 @@ class Diagnosis:
         What a virtual test had hidden.
     before, after : tuple of RunGap
         Runs beside the model as it was, and as it is with the effects; fitted to all runs that were not kept out.
+    soundness : Soundness, optional
+        What the check of the data found; ``None`` where there is no campaign to check.
+    stopped : Check, optional
+        The check, where its findings are such that nothing was examined; the figures are NaN then.
     """
 
     verdict: str
@@ -132,6 +139,8 @@ class Diagnosis:
     hidden: str | None = None
     before: tuple[RunGap, ...] = field(default=(), repr=False)
     after: tuple[RunGap, ...] = field(default=(), repr=False)
+    soundness: Soundness | None = None
+    stopped: Check | None = field(default=None, repr=False)
 
     @property
     def moments(self) -> tuple[FittedEffect, ...]:
@@ -151,7 +160,7 @@ class Diagnosis:
                 "noise_floor": _gap(self.noise_floor),
             },
             "budget": {
-                name: getattr(self.budget, name)
+                name: _to_plain(getattr(self.budget, name))
                 for name in ("state", "history", "run", "processing", "noise")
             },
             "where": [
@@ -187,12 +196,14 @@ class Diagnosis:
                 for a in self.advice
             ],
             "warnings": list(self.warnings),
+            **({} if self.soundness is None else {"soundness": summarize(self.soundness)}),
         }
 
 
 def _gap(gap: Gap) -> dict[str, float | None]:
     """Return a gap as JSON data; a figure that could not be had is null."""
-    return {
-        name: value if value == value else None
-        for name, value in (("moment", gap.moment), ("response", gap.response))
-    }
+    return {"moment": _to_plain(gap.moment), "response": _to_plain(gap.response)}
+
+
+def _to_plain(value: float) -> float | None:
+    return value if value == value else None

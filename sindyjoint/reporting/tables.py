@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.text_table import TextTable, csv_text, terminal_table
+from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
+from sindyjoint.soundness.finding import Finding
 from sindyjoint.text import rounded
 
 if TYPE_CHECKING:
@@ -139,3 +141,21 @@ def terms_table(model: JointModel) -> Table:
         for row in term_rows(model)
     ]
     return terminal_table(columns, rows, "lllrlr", ruled=True, wraps=True)
+
+
+def findings_table(findings: Sequence[Finding]) -> TextTable:
+    """Return what a check of the data found, one row for each finding."""
+    columns = ("Finding", "Run", "Channel", "Severity", "Extent", "Effect", "Remedy")
+    rows = tuple(
+        (
+            f.id.replace("_", " "),
+            f.run or "all",
+            f.channel or DASH,
+            f"{f.severity}, left out" if f.masked else f.severity,
+            f.extent,
+            f.effect,
+            f.remedy,
+        )
+        for f in findings
+    )
+    return TextTable("findings", "What the check of the data found.", columns, rows)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding
 
+KINDS = ("saturation", "spikes")
+
 
 def find_faults(campaign: Campaign) -> tuple[Finding, ...]:
     """Return every fault that the data of a campaign show, the severest first."""

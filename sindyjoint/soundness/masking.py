@@ -106,7 +106,9 @@ def _find_censored(run: Run, finding: Finding) -> Mask:
     signal = getattr(run, str(finding.channel))
     margin = POLICY.censored_sigmas * difference_noise(signal)
     half = int(AVERAGED * run.sample_rate / main_frequency(signal, run.sample_rate))
-    mean = np.convolve(np.pad(signal, half, mode="edge"), np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
+    mean = np.convolve(
+        np.pad(signal, half, mode="edge"), np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid"
+    )
     clipped = signal[_mark(finding.spans, signal.size)]
     middle = 0.5 * (signal.max() + signal.min())
     out = np.zeros(signal.size, dtype=bool)

@@ -32,8 +32,8 @@ class SoundnessPolicy:
     )
     censored_sigmas: float = limit(
         3.0,
-        "noise levels from the limit of a saturated channel within which its running mean must not come for a sample to "
-        "be used",
+        "noise levels from the limit of a saturated channel within which its running mean must not come for a sample "
+        "to be used",
         source="noise outwards is cut off there; 1 in 1000 samples at three levels",
     )
     hardly_moving: float = limit(

@@ -20,6 +20,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.check import require_sound
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import Discovery, discover
@@ -37,6 +38,7 @@ def compare(
     campaign: Campaign | str | Path | None = None,
     library: Any = "extended",
     *,
+    accept: Sequence[str] = (),
     methods: Sequence[str] | None = None,
     libraries: Sequence[str] = LIBRARIES,
     replicates: int = REPLICATES,
@@ -56,6 +58,8 @@ def compare(
         ``None``: the built-in virtual test of the inter-panel joint, which is simulated.
     library : str, Path, Catalogue, or sequence of these
         Candidates for the comparison of methods and of frequencies.
+    accept : sequence of str
+        Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     methods : sequence of str, optional
         Of :data:`~sindyjoint.discovery.methods.METHODS`. Default: all.
     libraries : sequence of str
@@ -77,7 +81,10 @@ def compare(
     ------
     InputError, UnknownNameError
         For data or options that cannot be used.
+    UnsoundError
+        Where the check of the data finds what stops the work.
     """
+    options["accept"] = accept
     names = tuple(methods or METHODS)
     unknown = [name for name in names if name not in METHODS]
     if unknown:
@@ -111,6 +118,8 @@ def _compared(
     found = discover(
         campaign, library, random_state=random_state, method=names[0], progress=progress, **options
     )
+    if found.stopped is not None:
+        require_sound(found.stopped)
     evidence = found.regressor.evidence_
     clock.stop(with_time)
     rule: dict[str, Any] = {

@@ -8,6 +8,8 @@ from typing import Any
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.soundness.check import summarize
+from sindyjoint.soundness.finding import Soundness
 from sindyjoint.workflows.discover import Discovery
 
 SCHEMA = 1
@@ -161,6 +163,11 @@ class Comparison:
     discovery: Discovery = field(repr=False, compare=False)
 
     @property
+    def soundness(self) -> Soundness:
+        """What the check of the data found."""
+        return self.discovery.soundness
+
+    @property
     def shown_ids(self) -> tuple[str, ...]:
         """Terms worth a column: the paper's, and every one that a choice holds or that a replicate chose."""
         held = {term for choice in (*self.methods, *self.frequencies, *self.libraries) for term in choice.ids}
@@ -186,7 +193,13 @@ class Comparison:
         from dataclasses import fields
 
         data = {f.name: _to_plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
-        return {"schema": SCHEMA, "kind": "Comparison", "agreement": self.agreement, **data}
+        return {
+            "schema": SCHEMA,
+            "kind": "Comparison",
+            "agreement": self.agreement,
+            **data,
+            "soundness": summarize(self.soundness),
+        }
 
 
 def _to_plain(value: Any) -> Any:

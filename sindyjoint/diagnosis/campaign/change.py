@@ -174,7 +174,9 @@ def _stretches(
         rate = None if straight.rate is None else straight.rate[low:high]
         valid = None if straight.valid is None else straight.valid[low:high]
         try:
-            part = force_states(replace(straight, rate=rate, valid=valid, **cut), "periodic", None, rate_share)
+            part = force_states(
+                replace(straight, rate=rate, valid=valid, **cut), "periodic", None, rate_share
+            )
         except SindyJointError:
             return ()
         late = low / run.sample_rate

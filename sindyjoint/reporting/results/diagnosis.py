@@ -32,6 +32,7 @@ VERDICTS = {
         "Something is missing, and these runs do not decide which of several effects it is.",
     ),
     "unknown": ("refuted", "Something is missing that none of the known effects explains."),
+    "undecided": ("undecided", "The data do not decide whether anything is missing."),
     "nothing_missing": ("confirmed", "Nothing is missing: the residual is noise."),
 }
 
@@ -46,7 +47,12 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     template = "diagnosis.html.j2"
     record_file = "diagnosis.json"
     judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign")
-    unsaved = {"effects": (), "whole": None}  # noqa: RUF012
+    unsaved: ClassVar[dict[str, Any]] = {
+        "effects": (),
+        "whole": None,
+        "soundness": None,
+        "stopped": None,
+    }
 
     def kept(self, data: Any) -> Any:
         """Return it with the model that ``model.json`` holds."""
