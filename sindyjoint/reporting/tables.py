@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
+from sindyjoint.reporting.text_table import TextTable, csv_text, terminal_table
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.text import rounded
 
@@ -145,12 +145,11 @@ def terms_table(model: JointModel) -> Table:
 
 def findings_table(findings: Sequence[Finding]) -> TextTable:
     """Return what a check of the data found, one row for each finding."""
-    columns = ("Finding", "Run", "Channel", "Severity", "Extent", "Effect", "Remedy")
+    columns = ("Finding", "Where", "Severity", "Extent", "Effect", "Remedy")
     rows = tuple(
         (
             f.id.replace("_", " "),
-            f.run or "all",
-            f.channel or DASH,
+            ", ".join(part for part in (f.run, f.channel) if part) or "all runs",
             f"{f.severity}, left out" if f.masked else f.severity,
             f.extent,
             f.effect,

@@ -139,7 +139,7 @@ def _stop(checked: Check, model: JointModel | None) -> Diagnosis:
         where=(),
         steps=(),
         advice=(),
-        warnings=checked.warnings,
+        warnings=(checked.reason, *checked.warnings),
         model=model,
         soundness=checked.soundness,
         stopped=checked,

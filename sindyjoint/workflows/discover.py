@@ -261,7 +261,7 @@ def discover(
 def _stop(checked: Check, regressor: JointRegressor) -> Discovery:
     """Return the result on data of which no model is made."""
     campaign = checked.campaign
-    runs = campaign.identification_runs
+    runs = checked.usable.identification_runs
     moment = float(np.sqrt(np.mean(np.concatenate([run.moment for run in runs]) ** 2))) if runs else 0.0
     unknown = float("nan")
     fitted = Fitted(

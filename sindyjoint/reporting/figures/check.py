@@ -29,7 +29,7 @@ RUNS_PER_FIGURE = 6
 SEGMENTS, MOST_SEGMENTS = 450, 30_000
 FEWEST_SEGMENTS = 60
 # A marked sample is drawn at least so wide, as a share of the run; a picture shows no more marks than these.
-LEAST_WIDTH, MOST_MARKS = 0.003, 400
+LEAST_WIDTH, MOST_MARKS = 0.006, 400
 COLOURS = {"stops": ACCENT, "biases": PALETTE[4], "note": PALETTE[5]}
 ROW, GAP = 1.0, 0.25
 

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.reporting.figures.check import CheckData, gather_check, kinds_of_check
 from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.provenance import Provenance, provenance
+from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.style import shortened
-from sindyjoint.reporting.tables import findings_table
+from sindyjoint.reporting.tables import findings_table, terms_csv
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.words import words_of
+from sindyjoint.workflows.discover import Discovery
 
 BADGES = {"sound": "confirmed", "doubtful": "undecided", "unsound": "refuted"}
 HEADLINES = {
@@ -25,6 +29,7 @@ HEADLINES = {
     "unsound": "No model is made of these data as they are.",
 }
 ACCEPTED = "The data are unsound; what stops a model is accepted."
+LEFT_OUT = "A model can be made of these data; the samples at fault are left out."
 CSV_COLUMNS = ("id", "run", "channel", "severity", "masked", "extent", "effect", "remedy")
 # A terminal of 80 columns, less the other columns.
 EXTENT = 34
@@ -61,12 +66,11 @@ class CheckView(View[Any, CheckData]):
         check = _check_of(result)
         soundness = check.soundness
         counts = {s: sum(f.severity == s for f in soundness.findings) for s in ("stops", "biases", "note")}
-        accepted = soundness.verdict == "unsound" and not soundness.stopping
         return {
             "title": f"{check.campaign.joint.name}: are its data sound?",
             "check": check,
             "badge": BADGES[soundness.verdict],
-            "headline": ACCEPTED if accepted else HEADLINES[soundness.verdict],
+            "headline": _headline(soundness),
             "stopped": "" if result is check else type(result).__name__.lower(),
             "facts": [
                 ("Runs", str(len(check.campaign.runs)), f"{sum(len(r.traces) for r in data.runs)} channels"),
@@ -81,12 +85,17 @@ class CheckView(View[Any, CheckData]):
         return provenance(_check_of(result).campaign, seed, command_line, files)
 
     def files(self, result: Any, data: CheckData) -> dict[str, str]:
-        """Return the findings as a table; of a result that was stopped, its model without terms."""
+        """Return the findings as a table; of a result that was stopped, what it writes else, so that none is stale."""
         check = _check_of(result)
         rows = [[getattr(f, name) for name in CSV_COLUMNS] for f in check.soundness.findings]
         texts = {"findings.csv": csv_text(CSV_COLUMNS, rows)}
         if result is not check:
             texts["model.json"] = result.model.to_json() + "\n"
+        if isinstance(result, Discovery):
+            texts["terms.csv"] = terms_csv(result.model)
+        if isinstance(result, Diagnosis):
+            record = DiagnosisView().to_dict(result)
+            texts["diagnosis.json"] = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         return texts
 
     def show(self, result: Any) -> None:
@@ -113,7 +122,7 @@ class CheckView(View[Any, CheckData]):
         for warning in check.warnings:
             console.print(f"- {escape(warning)}")
         if check.stopping:
-            console.print(f"\nno model: {escape(check.reason)}")
+            console.print(f"\n[bold]stopped[/]: {escape(check.reason)}")
 
     def details(self, result: Any) -> Iterator[str]:
         """Yield each finding in full."""
@@ -123,6 +132,15 @@ class CheckView(View[Any, CheckData]):
 def _check_of(result: Any) -> Check:
     """Return a check, or that at which a result stopped."""
     return result if isinstance(result, Check) else result.stopped
+
+
+def _headline(soundness: Soundness) -> str:
+    if soundness.verdict == "unsound" and not soundness.stopping:
+        return ACCEPTED
+    biases = [f for f in soundness.findings if f.severity == "biases"]
+    if soundness.verdict == "doubtful" and all(f.masked for f in biases):
+        return LEFT_OUT
+    return HEADLINES[soundness.verdict]
 
 
 def _in_words(check: Check) -> tuple[Finding, ...]:
