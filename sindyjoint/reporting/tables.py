@@ -145,15 +145,14 @@ def terms_table(model: JointModel) -> Table:
 
 def findings_table(findings: Sequence[Finding]) -> TextTable:
     """Return what a check of the data found, one row for each finding."""
-    columns = ("Finding", "Where", "Severity", "Extent", "Effect", "Remedy")
+    columns = ("Finding", "Where", "Severity", "Extent", "What it does; what to do")
     rows = tuple(
         (
             f.id.replace("_", " "),
             ", ".join(part for part in (f.run, f.channel) if part) or "all runs",
             f"{f.severity}, left out" if f.masked else f.severity,
             f.extent,
-            f.effect,
-            f.remedy,
+            f"{f.effect}; {f.remedy}",
         )
         for f in findings
     )
