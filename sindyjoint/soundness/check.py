@@ -8,13 +8,12 @@ from typing import Any
 
 from sindyjoint.errors import UnknownNameError, UnsoundError
 from sindyjoint.record import Campaign, Motion
-from sindyjoint.soundness.faults import KINDS, find_faults
+from sindyjoint.soundness.faults import find_faults
 from sindyjoint.soundness.finding import Finding, Soundness
+from sindyjoint.soundness.kinds import DELAY, KINDS, PHASE
 from sindyjoint.soundness.masking import mask_campaign
 from sindyjoint.soundness.words import words_of
 from sindyjoint.text import list_some
-
-DELAY = "delay"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +57,14 @@ class Check:
     def undecided_by(self, aligned: bool = False) -> tuple[Finding, ...]:
         """Return the findings under which the paper's set of terms is neither confirmed nor refuted.
 
-        Those that stop, accepted or not, and a delay between the channels that is not removed.
+        Those that stop, accepted or not, and what shifts one channel against the other in time, unless it is a delay
+        that was removed.
         """
         return tuple(
             f
             for f in self.soundness.findings
-            if f.severity == "stops" or (f.id == DELAY and f.severity == "biases" and not aligned)
+            if f.severity == "stops"
+            or (f.id in PHASE and f.severity == "biases" and not (aligned and f.id == DELAY))
         )
 
 

@@ -57,7 +57,7 @@ def _word_masked(kind: str, counts: dict[str, int]) -> str:
 
 
 def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
-    """Return a run with samples marked as not valid, their values bridged, and its end cut where that is among them.
+    """Return a run with samples marked as not valid and their values bridged; a dead start or tail is cut off.
 
     Where too few samples would remain, or the run is too long for memory, it is returned as it is.
     """
@@ -68,15 +68,16 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
         valid &= run.valid
     if np.count_nonzero(valid) < MINIMUM_SAMPLES:
         return run
-    end = int(np.flatnonzero(valid)[-1]) + 1
+    known = np.flatnonzero(valid)
+    kept = slice(int(known[0]), int(known[-1]) + 1)
     period = None if run.frequency is None else run.sample_rate / run.frequency
     signals = {}
     for name in CHANNELS:
         signal = getattr(run, name)
         if signal is not None:
             spans = [span for f in findings if f.channel in (name, None) for span in f.spans]
-            signals[name] = bridge(signal[:end], ~_mark(spans, run.n_samples)[:end], period)
-    valid = valid[:end]
+            signals[name] = bridge(signal[kept], ~_mark(spans, run.n_samples)[kept], period)
+    valid = valid[kept]
     return replace(run, valid=None if valid.all() else valid, **signals)
 
 
