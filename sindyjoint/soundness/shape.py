@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.soundness.cycle import Complex, Cycles
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.kin import (
-    Columns,
-    Scale,
-    flexible_columns,
-    plain_columns,
-    rows_of,
-    scale_of,
-    solve,
+    Columns, Scale, flexible_columns, plain_columns, rows_of, scale_of, solve,
 )  # fmt: skip
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
@@ -103,13 +97,7 @@ class Fit:
         if kind is not None:
             signals[kind.channel] = signals[kind.channel] * kind.inverse(self.cycles.lines, parameter)
         rows = rows_of(
-            self.cycles,
-            self.scale,
-            self.inertia,
-            signals["angle"],
-            signals["moment"],
-            self.columns,
-            self.slowest,
+            self.cycles, self.scale, self.inertia, signals["angle"], signals["moment"], self.columns, self.slowest
         )
         return float(np.sqrt(solve(rows.products.sum(axis=0))[1] / len(self.cycles)))
 
