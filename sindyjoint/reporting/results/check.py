@@ -46,8 +46,11 @@ class CheckView(View[Any, CheckData]):
     judged_by = ("soundness",)
 
     def gather(self, result: Any) -> CheckData:
-        """Return what is drawn."""
-        return result if isinstance(result, CheckData) else gather_check(_check_of(result))
+        """Return what is saved, so that a figure drawn again later is the same to the last byte."""
+        if isinstance(result, CheckData):
+            return result
+        data: CheckData = self.restore(self.save(gather_check(_check_of(result))))
+        return data
 
     def figures(self, data: CheckData) -> Mapping[str, Kind]:
         """Return as many figures as the runs take."""
