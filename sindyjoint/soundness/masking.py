@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,7 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
     known = np.flatnonzero(valid)
     kept = slice(int(known[0]), int(known[-1]) + 1)
     period = None if run.frequency is None else run.sample_rate / run.frequency
-    signals = {}
+    signals: dict[str, Any] = {}
     for name in CHANNELS:
         signal = getattr(run, name)
         if signal is not None:

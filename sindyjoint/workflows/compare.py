@@ -167,6 +167,7 @@ def _compared(
         warnings=found.warnings,
         seconds=clock.seconds,
         discovery=found,
+        soundness=found.soundness,
     )
 
 

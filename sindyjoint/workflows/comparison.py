@@ -141,6 +141,8 @@ class Comparison:
     warnings : tuple of str
     seconds : dict of float
         Time of each stage.
+    soundness : Soundness
+        What the check of the data found.
     """
 
     joint: str
@@ -161,11 +163,7 @@ class Comparison:
     warnings: tuple[str, ...]
     seconds: dict[str, float]
     discovery: Discovery = field(repr=False, compare=False)
-
-    @property
-    def soundness(self) -> Soundness:
-        """What the check of the data found."""
-        return self.discovery.soundness
+    soundness: Soundness = Soundness()
 
     @property
     def shown_ids(self) -> tuple[str, ...]:
@@ -192,7 +190,8 @@ class Comparison:
         """Return everything as plain JSON data; numbers that do not exist are null."""
         from dataclasses import fields
 
-        data = {f.name: _to_plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
+        names = [f.name for f in fields(self) if f.name not in ("discovery", "soundness")]
+        data = {name: _to_plain(getattr(self, name)) for name in names}
         return {
             "schema": SCHEMA,
             "kind": "Comparison",

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.reporting.figures.kind import Kind
+from sindyjoint.reporting.figures.kind import Kind, by_name, each
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, shortened
 from sindyjoint.reporting.units import quantities
 from sindyjoint.soundness.words import words_of
@@ -201,24 +200,27 @@ def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
 
 def kinds_of_check(data: CheckData) -> dict[str, Kind]:
     """Return the figures of a check: as many as its runs take."""
-    count = max(1, -(-len(data.runs) // RUNS_PER_FIGURE))
-    kinds = {}
-    for number in range(count):
-        name = "channels" if number == 0 else f"channels-{number + 1}"
-        here = slice(number * RUNS_PER_FIGURE, (number + 1) * RUNS_PER_FIGURE)
-        channels = max((len(run.traces) for run in data.runs[here]), default=1)
-        kinds[name] = Kind(
-            name,
-            f"Channels of runs {here.start + 1} to {min(here.stop, len(data.runs))}",
-            "Every channel over its range. Shaded: findings that stop (red), bias (orange) or are noted (blue), with "
-            "their ids; those of a run as a whole stand at its upper right.",
-            lambda shown, here=here: [partial(_draw, run=run) for run in shown.runs[here]],
-            wide=True,
-            height=lambda shown, channels=channels: 0.75 + 0.62 * channels,
-            columns=1,
-        )
-    return kinds
+    starts = range(0, max(len(data.runs), 1), RUNS_PER_FIGURE)
+    return by_name(*(_kind_of(data.runs, start) for start in starts))
 
 
-def _draw(data: CheckData, ax: Axes, run: CheckedRun) -> Axes:
-    return draw_run(run, ax, "rotation" if data.motion == "rotation" else "translation")
+def _kind_of(runs: tuple[CheckedRun, ...], start: int) -> Kind:
+    """Return the figure of the runs from one on."""
+    here = slice(start, min(start + RUNS_PER_FIGURE, len(runs)))
+    number = start // RUNS_PER_FIGURE + 1
+    channels = max((len(run.traces) for run in runs[here]), default=1)
+    return Kind(
+        "channels" if number == 1 else f"channels-{number}",
+        f"Channels of runs {here.start + 1} to {here.stop}",
+        "Every channel over its range. Shaded: findings that stop (red), bias (orange) or are noted (blue), with "
+        "their ids; those of a run as a whole stand at its upper right.",
+        each(lambda shown: [(run, shown.motion) for run in shown.runs[here]], _draw),
+        wide=True,
+        height=lambda _: 0.75 + 0.62 * channels,
+        columns=1,
+    )
+
+
+def _draw(item: tuple[CheckedRun, Motion], ax: Axes) -> Axes:
+    run, motion = item
+    return draw_run(run, ax, motion)
