@@ -168,6 +168,9 @@ def _noise_of(values: Array) -> Array | None:
         return None
     # Of white noise the third differences have the correlation −3/4 from one to the next; of a smooth signal, 1.
     following = float(third[1:] @ third[:-1]) / norm**2
-    # A few steps or spikes may carry it all: those of two runs fall together by chance.
-    crowded = float(np.max(np.abs(third))) / norm
-    return third / norm if following < -0.5 and crowded < 0.2 else None
+    if following > -0.5:
+        return None
+    # Friction steps and spikes stand out of the noise, and those of two runs may fall together.
+    usual = 1.4826 * float(np.median(np.abs(third)))
+    kept = np.where(np.abs(third) < 4 * usual, third, 0.0)
+    return kept / max(float(np.linalg.norm(kept)), 1e-300)

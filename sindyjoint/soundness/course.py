@@ -102,7 +102,7 @@ def _find_dead_ends(profile: Profile, size: dict[str, float]) -> Iterator[Findin
     alive = np.flatnonzero(~quiet)
     ends = {"dead_start": (0, int(alive[0])), "dead_tail": (int(alive[-1]) + 1, quiet.size)}
     for kind, (a, b) in ends.items():
-        if b - a < 1:
+        if b - a < POLICY.fewest_dead:
             continue
         # The period in which the excitation begins or ends belongs to it.
         start, stop = profile.at(a), profile.run.n_samples if kind == "dead_tail" else profile.at(b + 1)
@@ -165,13 +165,17 @@ def _phase_finding(profile: Profile, kind: str, step: Step, per: float, first: i
         "stops" if flipped else "biases",
         f"the phase between the channels jumps by {np.degrees(step.size):+.3g}° at {seconds:.3g} s"
         + ("" if flipped else f", as if one of them lost {samples:.3g} samples"),
-        "the sign of k1, c1 and M_F changes within the run" if flipped else "shifts c1 by about k1 times that delay",
+        "the sign of k1, c1 and M_F changes within the run"
+        if flipped
+        else "shifts c1 by about k1 times that delay",
         "cut the run there and reverse one part" if flipped else "make two runs of it, each with its delay",
         spans,
     )
 
 
-def _find_level_steps(profile: Profile, lines: dict[str, Array], first: int, words: Words) -> Iterator[Finding]:
+def _find_level_steps(
+    profile: Profile, lines: dict[str, Array], first: int, words: Words
+) -> Iterator[Finding]:
     """A level that changes, or the gain of one channel."""
     height = {name: np.abs(line) for name, line in lines.items()}
     ratio = np.log(np.maximum(height["moment"], 1e-12) / np.maximum(height["angle"], 1e-12))
@@ -213,7 +217,9 @@ def _find_level_steps(profile: Profile, lines: dict[str, Array], first: int, wor
     )
 
 
-def _find_zero_changes(profile: Profile, name: str, mean: Array, first: int, words: Words) -> Iterator[Finding]:
+def _find_zero_changes(
+    profile: Profile, name: str, mean: Array, first: int, words: Words
+) -> Iterator[Finding]:
     """A zero that jumps or drifts; ``mean`` is in parts of the channel's amplitude."""
     amplitude = float(np.median(np.abs(profile.periods[name].line)))
     unit = words.unit(name)
@@ -243,7 +249,9 @@ def _find_zero_changes(profile: Profile, name: str, mean: Array, first: int, wor
         return
     slopes = [np.polyfit(np.arange(part.size), part, 1)[0] for part in (late[:half], late[half:])]
     slope, _ = np.polyfit(np.arange(late.size), late, 1)
-    scatter = float(np.std(late - np.polyval(np.polyfit(np.arange(late.size), late, 1), np.arange(late.size))))
+    scatter = float(
+        np.std(late - np.polyval(np.polyfit(np.arange(late.size), late, 1), np.arange(late.size)))
+    )
     total = slope * mean.size
     even = slopes[0] * slopes[1] > 0 and POLICY.even_drift < slopes[0] / slopes[1] < 1 / POLICY.even_drift
     if abs(total) > POLICY.drift and even and abs(slope) * late.size > POLICY.drift_contrast * scatter:
@@ -269,7 +277,11 @@ def _find_clock(profile: Profile, lines: dict[str, Array]) -> Iterator[Finding]:
     slope = float(np.polyfit(order, apart, 1)[0])
     scatter = float(np.std(apart - np.polyval(np.polyfit(order, apart, 1), order)))
     total = slope * count
-    if abs(total) > POLICY.clock_drift and abs(slope) * order.size > POLICY.drift_contrast * scatter and _even(apart):
+    if (
+        abs(total) > POLICY.clock_drift
+        and abs(slope) * order.size > POLICY.drift_contrast * scatter
+        and _even(apart)
+    ):
         delay = total / (2 * np.pi * (profile.frequency or 1.0))
         yield Finding(
             "clock_drift",
@@ -285,7 +297,10 @@ def _find_clock(profile: Profile, lines: dict[str, Array]) -> Iterator[Finding]:
     phase = np.unwrap(np.angle(lines["angle"]))[late]
     turn = float(np.polyfit(order, phase, 1)[0]) / (2 * np.pi)
     rest = float(np.std(phase - np.polyval(np.polyfit(order, phase, 1), order)))
-    if abs(turn) > POLICY.wrong_frequency and abs(turn) * 2 * np.pi * order.size > POLICY.drift_contrast * rest:
+    if (
+        abs(turn) > POLICY.wrong_frequency
+        and abs(turn) * 2 * np.pi * order.size > POLICY.drift_contrast * rest
+    ):
         yield Finding(
             "wrong_frequency",
             profile.run.name,

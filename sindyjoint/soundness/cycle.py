@@ -139,7 +139,9 @@ def spectra_of(profile: Profile) -> dict[str, Spectrum]:
 def cycles_of(profiles: Sequence[Profile], spectra: Sequence[dict[str, Spectrum]]) -> Cycles:
     """Return the mean cycles of the runs that have a frequency and both channels."""
     both = [
-        (p, s) for p, s in zip(profiles, spectra, strict=True) if p.frequency and {"moment", "angle"} <= set(s)
+        (p, s)
+        for p, s in zip(profiles, spectra, strict=True)
+        if p.frequency and {"moment", "angle"} <= set(s)
     ]
     moment, angle = (
         np.array([_padded(s[name].harmonics) for _, s in both]).reshape(-1, MOST_HARMONICS + 1)

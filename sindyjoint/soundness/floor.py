@@ -21,7 +21,11 @@ def find_coarse_steps(profile: Profile, words: Words) -> Iterator[Finding]:
     """Yield channels whose resolution is a sizeable part of what they measure."""
     for channel in profile.channels:
         share = channel.step / channel.std if channel.std else 0.0
-        if not channel.quantised or share < POLICY.visible_step or channel.levels[0].size > channel.values.size / 4:
+        if (
+            not channel.quantised
+            or share < POLICY.visible_step
+            or channel.levels[0].size > channel.values.size / 4
+        ):
             continue
         yield Finding(
             "coarse_quantisation",

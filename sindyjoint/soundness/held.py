@@ -31,13 +31,27 @@ def held_spans(channel: Channel) -> Spans:
     tolerance = 1e-9 * channel.range
     spans = [s for s in spans if x[s[0]] == 0.0 or low + tolerance < x[s[0]] < high - tolerance]
     if not channel.quantised:
-        return tuple(s for s in spans if s[1] - s[0] >= 3)
+        least = _least_length(equal)
+        return tuple(s for s in spans if s[1] - s[0] >= least)
     moves = np.abs(np.diff(x))[~equal]
     if not moves.size:
         return ()
     # The largest moves are friction steps or the jumps themselves: those of 99.5 % are taken.
     far = POLICY.held_jump * max(float(np.quantile(moves, 0.98)), channel.step)
     return tuple(s for s in spans if s[1] - s[0] >= POLICY.held_samples and _jump(x, s) > far)
+
+
+def _least_length(equal: NDArray[np.bool_]) -> int:
+    """Return how many equal samples in a row are no chance: with a share p of equal pairs, n·p^(k − 1) is expected.
+
+    Single pairs are counted for p, which held values have none of; where the signal is slow there are more.
+    """
+    lengths = np.array([b - a for a, b in spans_of(equal)])
+    single = np.count_nonzero(lengths == 1)
+    if not single:
+        return 3
+    share = np.sqrt(min(single / equal.size, 0.5))
+    return 2 + int(np.ceil(np.log(POLICY.held_chance / equal.size) / np.log(share)))
 
 
 def _jump(x: Array, span: tuple[int, int]) -> float:

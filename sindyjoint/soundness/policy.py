@@ -44,7 +44,9 @@ class SoundnessPolicy:
         3, "periods from which a run has a course that can be followed", unit="periods", source=JUDGEMENT
     )
     same_amplitude: float = limit(
-        0.1, "change of amplitude up to which a run without a declared frequency counts as steady", source=JUDGEMENT
+        0.1,
+        "change of amplitude up to which a run without a declared frequency counts as steady",
+        source=JUDGEMENT,
     )
     main_line: float = limit(
         0.8, "share of the angle's RMS that one line carries in a run taken for a sinusoid", source=JUDGEMENT
@@ -53,7 +55,10 @@ class SoundnessPolicy:
         3.0, "noise in steps of the resolution above which equal neighbours are no chance", source=CALIBRATED
     )
     saturated_samples: int = limit(
-        6, "samples at one extreme value from which a channel may be saturated", unit="samples", source=JUDGEMENT
+        6,
+        "samples at one extreme value from which a channel may be saturated",
+        unit="samples",
+        source=JUDGEMENT,
     )
     saturated_crowd: float = limit(
         4.0,
@@ -74,14 +79,25 @@ class SoundnessPolicy:
     most_spikes: float = limit(
         0.01, "share of samples above which what looks like spikes belongs to the joint", source=JUDGEMENT
     )
+    held_chance: float = limit(
+        1e-4, "expected number of held values by chance below which one is reported", source=JUDGEMENT
+    )
+    fewest_dead: int = limit(
+        2, "periods without excitation at an end of a run that are reported", unit="periods", source=JUDGEMENT
+    )
     held_jump: float = limit(
-        5.0, "jump on leaving a held value, over the moves that 98 % of the samples make at most", source=CALIBRATED
+        5.0,
+        "jump on leaving a held value, over the moves that 98 % of the samples make at most",
+        source=CALIBRATED,
     )
     held_samples: int = limit(
         4, "equal samples from which a value counts as held where the noise is not resolved", source=JUDGEMENT
     )
     dropout_samples: int = limit(
-        30, "equal samples above which a dropout is called a frozen segment", unit="samples", source="convention"
+        30,
+        "equal samples above which a dropout is called a frozen segment",
+        unit="samples",
+        source="convention",
     )
     copied_samples: int = limit(
         16, "equal samples in a row that are a copy and no chance", unit="samples", source=JUDGEMENT
@@ -89,7 +105,9 @@ class SoundnessPolicy:
     repeats_itself: float = limit(
         0.5, "share of repeated blocks above which a run is periodic to the last digit", source=JUDGEMENT
     )
-    copied_share: float = limit(0.05, "share of a run found in another one that is reported", source=JUDGEMENT)
+    copied_share: float = limit(
+        0.05, "share of a run found in another one that is reported", source=JUDGEMENT
+    )
     copied_noise: float = limit(
         0.98, "correlation of the noise of two runs from which one is a scaled copy", source=JUDGEMENT
     )
@@ -97,7 +115,10 @@ class SoundnessPolicy:
         0.05, "amplitude over the run's median below which a period has no excitation", source=JUDGEMENT
     )
     phase_scatter: float = limit(
-        0.004, "scatter of the phase from period to period that is taken for granted", unit="rad", source=CALIBRATED
+        0.004,
+        "scatter of the phase from period to period that is taken for granted",
+        unit="rad",
+        source=CALIBRATED,
     )
     phase_step: float = limit(0.06, "jump of the phase that is reported", unit="rad", source=CALIBRATED)
     lost_samples: float = limit(1.0, "lost samples that are reported", unit="samples", source=JUDGEMENT)
@@ -115,12 +136,16 @@ class SoundnessPolicy:
         0.002, "scatter of the zero, in amplitudes, that is taken for granted", source=CALIBRATED
     )
     zero_step: float = limit(0.04, "step of the zero, in amplitudes, that is reported", source=CALIBRATED)
-    drift: float = limit(0.05, "drift of the zero over the run, in amplitudes, that is reported", source=CALIBRATED)
+    drift: float = limit(
+        0.05, "drift of the zero over the run, in amplitudes, that is reported", source=CALIBRATED
+    )
     drift_contrast: float = limit(
         6.0, "drift over the run in standard deviations about its straight line", source=CALIBRATED
     )
     even_drift: float = limit(
-        0.4, "least ratio of the slopes of both halves of a drift, which a start-up does not keep", source=CALIBRATED
+        0.4,
+        "least ratio of the slopes of both halves of a drift, which a start-up does not keep",
+        source=CALIBRATED,
     )
     clock_drift: float = limit(
         0.03, "drift of the phase between the channels that is reported", unit="rad", source=CALIBRATED
@@ -132,9 +157,13 @@ class SoundnessPolicy:
         0.1, "share of the largest rate above which kin are compared", source="reversals hold friction steps"
     )
     ridge: float = limit(1e-9, "ridge of the flexible law that kin share", source="rounding")
-    fewest_kin: int = limit(3, "runs from which one can be held against the others", unit="runs", source=JUDGEMENT)
+    fewest_kin: int = limit(
+        3, "runs from which one can be held against the others", unit="runs", source=JUDGEMENT
+    )
     kin_misfit: float = limit(
-        0.06, "RMS that the law of the other runs may leave of them, in parts of the moment's", source=CALIBRATED
+        0.06,
+        "RMS that the law of the other runs may leave of them, in parts of the moment's",
+        source=CALIBRATED,
     )
     kin_gain: float = limit(
         0.6, "what the misfit of the others falls to, at most, without an odd run", source=CALIBRATED
@@ -142,7 +171,9 @@ class SoundnessPolicy:
     kin_departure: float = limit(
         0.04, "RMS by which a run departs from the law of the others", source=CALIBRATED
     )
-    kin_contrast: float = limit(3.0, "departure of an odd run over the misfit of the others", source=CALIBRATED)
+    kin_contrast: float = limit(
+        3.0, "departure of an odd run over the misfit of the others", source=CALIBRATED
+    )
     gain_explains: float = limit(
         0.4, "what a factor must leave of the departure, at most, to explain it", source=CALIBRATED
     )
@@ -156,18 +187,25 @@ class SoundnessPolicy:
     filter_over_delay: float = limit(
         0.9, "misfit with a filter undone over that with a delay removed, at most", source=CALIBRATED
     )
+    delay_rates: tuple[float, ...] = limit(
+        (0.35, 0.2), "shares of the largest rate above which rows tell a delay", source=CALIBRATED
+    )
     nearest_rate: float = limit(
-        0.04, "share of the largest rate above which rows tell a delay", source=CALIBRATED
+        0.04, "the same where the joint never sticks, and below which it does", source=CALIBRATED
     )
     delay_gain: float = limit(
-        0.35, "what a delay must win of the residual's mean square, in parts of what it leaves", source=CALIBRATED
+        0.35,
+        "what a delay must win of the residual's mean square, in parts of what it leaves",
+        source=CALIBRATED,
     )
     delay_left: float = limit(
-        0.025, "misfit of the paper's law, its delay removed, up to which a delay is believed", source=CALIBRATED
+        0.015,
+        "misfit of the paper's law, its delay removed, up to which a delay is believed",
+        source=CALIBRATED,
     )
     least_delay: float = limit(3e-4, "delay that is reported", unit="s", source=CALIBRATED)
     rival_gain: float = limit(
-        0.5, "share of a delay's gain that no single other term may have", source=CALIBRATED
+        0.95, "share of a delay's gain that no single other term may have", source=CALIBRATED
     )
     large_lead: float = limit(15.0, "lead of an AC-coupled channel that stops", unit="deg", source=JUDGEMENT)
     visible_step: float = limit(
@@ -175,13 +213,20 @@ class SoundnessPolicy:
     )
     coarse_step: float = limit(0.1, "resolution in standard deviations that biases", source=CALIBRATED)
     excess_noise: float = limit(4.0, "noise of a run over that of the others", source=JUDGEMENT)
-    noticeable_noise: float = limit(0.03, "excess noise in parts of the channel that biases", source=JUDGEMENT)
+    noticeable_noise: float = limit(
+        0.03, "excess noise in parts of the channel that biases", source=JUDGEMENT
+    )
     line_contrast: float = limit(10.0, "mains line over the spectrum about it", source=CALIBRATED)
     visible_line: float = limit(0.003, "mains line in parts of the channel's RMS", source=JUDGEMENT)
     strong_line: float = limit(0.02, "mains line in parts of the channel's RMS that biases", source=JUDGEMENT)
-    largest_stroke: float = limit(10.0, "stroke beyond which a displacement is implausible", unit="m", source=JUDGEMENT)
+    largest_stroke: float = limit(
+        10.0, "stroke beyond which a displacement is implausible", unit="m", source=JUDGEMENT
+    )
     smallest_motion: float = limit(
-        1e-9, "amplitude below which no joint moves", unit="rad or m", source="below any sensor of vibration tests"
+        1e-9,
+        "amplitude below which no joint moves",
+        unit="rad or m",
+        source="below any sensor of vibration tests",
     )
     absurd_turns: float = limit(
         10.0, "how far beyond the largest plausible size no model is made", source=JUDGEMENT
@@ -189,18 +234,22 @@ class SoundnessPolicy:
     inertia_above: float = limit(
         1.0, "moment of the inertia over the measured one that is reported", source="balance of moments"
     )
-    inertia_absurd: float = limit(3.0, "moment of the inertia over the measured one that stops", source=JUDGEMENT)
+    inertia_absurd: float = limit(
+        3.0, "moment of the inertia over the measured one that stops", source=JUDGEMENT
+    )
     inertia_denied: float = limit(
         0.6, "misfit with a free inertia over that with the declared one that denies it", source=CALIBRATED
     )
     far_offset: float = limit(
-        0.35, "middle of the motion in amplitudes from which the zero is far from it", source=JUDGEMENT
+        0.5, "middle of the motion in amplitudes from which the zero is far from it", source=JUDGEMENT
     )
     odd_offset: float = limit(
         0.25, "middle of a run's motion in amplitudes from that of the others", source=JUDGEMENT
     )
     given_off: float = limit(
-        0.03, "energy given off, in parts of the RMS of moment times rate, that is reported", source=CALIBRATED
+        0.03,
+        "energy given off, in parts of the RMS of moment times rate, that is reported",
+        source=CALIBRATED,
     )
     mostly_given_off: float = limit(
         0.5, "energy given off from which the sign alone can be at fault", source=JUDGEMENT
@@ -209,7 +258,9 @@ class SoundnessPolicy:
         16.0, "samples per period below which processing shows in coefficients", source=JUDGEMENT
     )
     line_share: float = limit(
-        0.3, "share of the strongest line that the declared frequency has at least", source="a square wave's third"
+        0.3,
+        "share of the strongest line that the declared frequency has at least",
+        source="a square wave's third",
     )
 
 

@@ -51,7 +51,9 @@ def saturated_samples(channel: Channel, sign: float) -> NDArray[np.bool_] | None
 def find_saturation(profile: Profile, words: Words) -> Iterator[Finding]:
     """Yield a finding for each channel of a run that saturates."""
     for channel in profile.channels:
-        sides = {side: saturated_samples(channel, sign) for side, sign in (("highest", 1.0), ("lowest", -1.0))}
+        sides = {
+            side: saturated_samples(channel, sign) for side, sign in (("highest", 1.0), ("lowest", -1.0))
+        }
         found = {side: at for side, at in sides.items() if at is not None}
         if not found:
             continue
@@ -79,5 +81,3 @@ def find_saturation(profile: Profile, words: Words) -> Iterator[Finding]:
 def _limits(channel: Channel, found: dict[str, NDArray[np.bool_]], words: Words) -> str:
     values = [channel.values.max() if side == "highest" else channel.values.min() for side in found]
     return ", ".join(f"{value:.4g} {words.unit(channel.name)}" for value in values)
-
-

@@ -97,7 +97,13 @@ class Fit:
         if kind is not None:
             signals[kind.channel] = signals[kind.channel] * kind.inverse(self.cycles.lines, parameter)
         rows = rows_of(
-            self.cycles, self.scale, self.inertia, signals["angle"], signals["moment"], self.columns, self.slowest
+            self.cycles,
+            self.scale,
+            self.inertia,
+            signals["angle"],
+            signals["moment"],
+            self.columns,
+            self.slowest,
         )
         return float(np.sqrt(solve(rows.products.sum(axis=0))[1] / len(self.cycles)))
 
@@ -138,9 +144,14 @@ def find_filters(cycles: Cycles, inertia: float | None, words: Words) -> Iterato
 def _find_delay(cycles: Cycles, scale: Scale, inertia: float | None) -> Undone | None:
     """Return a delay between the channels that one column more of the plain law does not explain, or None.
 
-    Rows close to the reversals tell a delay best, as the friction steps there; but not where the joint sticks.
+    Rows close to the reversals tell a delay best, as the friction steps there; but not where the joint sticks, whose
+    standstill the series of the angle rounds.
     """
-    for slowest in (POLICY.moving_rate, POLICY.nearest_rate):
+    rate = np.abs(cycles.motion()[1])
+    slow = np.mean(rate < POLICY.nearest_rate * rate.max(axis=1, keepdims=True), axis=1)
+    # A sinusoid is below a share s of its largest rate in 2 s/π of its time.
+    never_sticks = slow.max() < 1.5 * POLICY.nearest_rate
+    for slowest in (*POLICY.delay_rates, *((POLICY.nearest_rate,) if never_sticks else ())):
         fit = Fit(cycles, scale, inertia, plain_columns, slowest)
         best = fit.best(DELAY)
         gain = (best.before / max(best.left, 1e-12)) ** 2 - 1

@@ -49,7 +49,9 @@ def find_inertia(cycles: Cycles, campaign: Campaign, words: Words) -> Iterator[F
     if not inertia or not len(cycles):
         return
     acceleration, moment = cycles.motion()[2], synthesise(cycles.moment)
-    ratio = float(np.median(inertia * np.std(acceleration, axis=1) / np.maximum(np.std(moment, axis=1), 1e-300)))
+    ratio = float(
+        np.median(inertia * np.std(acceleration, axis=1) / np.maximum(np.std(moment, axis=1), 1e-300))
+    )
     if ratio < POLICY.inertia_above:
         return
     scale = scale_of(cycles)
@@ -113,7 +115,9 @@ def _middle(values: Array) -> tuple[float, float]:
     return 0.5 * float(high + low), 0.5 * float(high - low)
 
 
-def find_signs(profiles: Sequence[Profile], cycles: Cycles, inertia: float | None, words: Words) -> Iterator[Finding]:
+def find_signs(
+    profiles: Sequence[Profile], cycles: Cycles, inertia: float | None, words: Words
+) -> Iterator[Finding]:
     """Yield campaigns in which every run gives off energy."""
     if len(cycles):
         _, rate, acceleration = cycles.motion()
@@ -136,7 +140,8 @@ def find_signs(profiles: Sequence[Profile], cycles: Cycles, inertia: float | Non
             "moment",
             "stops",
             f"every run gives off energy: {words.moment} times {words.rate} is {100 * np.median(loss):.2g} % of the "
-            f"product of their RMS" + (f", and the {words.moment} falls with the {words.angle}" if reversed_too else ""),
+            f"product of their RMS"
+            + (f", and the {words.moment} falls with the {words.angle}" if reversed_too else ""),
             "c1 and M_F come out negative" + (", and so does k1" if reversed_too else ""),
             "reverse one channel: a negative gain in [channels]"
             if reversed_too
@@ -154,7 +159,9 @@ def find_signs(profiles: Sequence[Profile], cycles: Cycles, inertia: float | Non
                 f"this run gives off energy ({100 * loss[i]:.2g} % of the product of the RMS of {words.moment} and "
                 f"{words.rate}) while the others dissipate",
                 "c1 and M_F are drawn towards zero" + (", and so is k1" if flipped else ""),
-                "reverse one channel of that run" if flipped else "the record may run backwards: leave it out",
+                "reverse one channel of that run"
+                if flipped
+                else "the record may run backwards: leave it out",
             )
 
 
