@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from sindyjoint.soundness.cycle import Complex, Cycles
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.kin import (
-    Columns, Scale, flexible_columns, plain_columns, rows_of, scale_of, solve,
+    Columns,
+    Scale,
+    flexible_columns,
+    plain_columns,
+    rows_of,
+    scale_of,
+    solve,
 )  # fmt: skip
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
