@@ -198,6 +198,9 @@ class SoundnessPolicy:
         source=CALIBRATED,
     )
     least_delay: float = limit(3e-4, "delay that is reported", unit="s", source=CALIBRATED)
+    delay_agreement: float = limit(
+        0.3, "relative difference of a delay from rows of faster and of slower motion", source=CALIBRATED
+    )
     rival_gain: float = limit(
         0.95, "share of a delay's gain that no single other term may have", source=CALIBRATED
     )
