@@ -73,11 +73,45 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class ColumnUnit:
+    """The unit of a column, as the manifest declares it and as the file states it.
+
+    Parameters
+    ----------
+    channel : str
+        ``"moment"``, ``"angle"``, ``"rate"`` or ``"time"``.
+    column : str
+        Name of the column.
+    declared, stated : str
+    named : bool
+        Whether the file states it by the ending of the column's name only (``"angle_mrad"``), which may mean another
+        thing.
+    """
+
+    channel: str
+    column: str
+    declared: str
+    stated: str
+    named: bool = False
+
+
+@dataclass(frozen=True)
 class Source:
-    """Where a run came from: the file's name and the SHA-256 of its bytes, for provenance."""
+    """Where a run came from, for provenance.
+
+    Parameters
+    ----------
+    path : str
+        Name of the file.
+    sha256 : str
+        Of its bytes.
+    units : tuple of ColumnUnit
+        Units that the file states, where they are not written as declared.
+    """
 
     path: str
     sha256: str
+    units: tuple[ColumnUnit, ...] = ()
 
 
 @dataclass(frozen=True)

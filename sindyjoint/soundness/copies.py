@@ -121,8 +121,9 @@ def _run_finding(
         other.run.name,
         "moment",
         "stops",
-        f"{100 * min(share, 1):.3g} % of the {words.moment} are those of run {one.run.name!r}, the {words.angle} is not",
-        "the law is fitted to the moment of another motion: no coefficient can be trusted",
+        f"{100 * min(share, 1):.3g} % of the {words.moment} are those of run {one.run.name!r}, the "
+        f"{words.angle} is not",
+        f"the law is fitted to the {words.moment} of another motion: no coefficient can be trusted",
         "put in the columns that were meant, or leave the run out",
     )
 
@@ -147,7 +148,7 @@ def find_scaled_copies(profiles: Sequence[Profile], words: Words) -> Iterator[Fi
             likeness = float(rows[i] @ rows[j])
             if abs(likeness) < POLICY.copied_noise:
                 continue
-            gain = float(np.std(signals[j]) / max(np.std(signals[i]), 1e-300)) * np.sign(likeness)
+            gain = float(np.std(signals[j])) / max(float(np.std(signals[i])), 1e-300) * np.sign(likeness)
             yield Finding(
                 "scaled_copy",
                 names[j].run.name,

@@ -14,6 +14,7 @@ from sindyjoint.soundness.profile import Profile
 from sindyjoint.soundness.words import Words
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 # Periods on either side of a step that are compared; the one that holds it is left out.
 SIDE = 4
 
@@ -93,7 +94,7 @@ def _living(profile: Profile, size: dict[str, float]) -> tuple[int, int]:
 
 
 def _find_dead_ends(profile: Profile, size: dict[str, float]) -> Iterator[Finding]:
-    """Start or end of a run in which neither channel shows the excitation."""
+    """Yield start and end of a run in which neither channel shows the excitation."""
     quiet = np.logical_and.reduce(
         [np.abs(profile.periods[n].line) < POLICY.dead_share * size[n] for n in ("moment", "angle")]
     )
@@ -121,8 +122,8 @@ def _find_dead_ends(profile: Profile, size: dict[str, float]) -> Iterator[Findin
         )
 
 
-def _find_phase_steps(profile: Profile, lines: dict[str, Array], first: int) -> Iterator[Finding]:
-    """Samples lost by both channels, or by one of them."""
+def _find_phase_steps(profile: Profile, lines: dict[str, Complex], first: int) -> Iterator[Finding]:
+    """Yield samples lost by both channels, or by one of them."""
     per = profile.samples_per_period or 1.0
     phase = {name: np.unwrap(np.angle(line)) for name, line in lines.items()}
     apart = np.unwrap(np.angle(lines["moment"] * np.conj(lines["angle"])))
@@ -174,9 +175,9 @@ def _phase_finding(profile: Profile, kind: str, step: Step, per: float, first: i
 
 
 def _find_level_steps(
-    profile: Profile, lines: dict[str, Array], first: int, words: Words
+    profile: Profile, lines: dict[str, Complex], first: int, words: Words
 ) -> Iterator[Finding]:
-    """A level that changes, or the gain of one channel."""
+    """Yield a level that changes, or the gain of one channel."""
     height = {name: np.abs(line) for name, line in lines.items()}
     ratio = np.log(np.maximum(height["moment"], 1e-12) / np.maximum(height["angle"], 1e-12))
     steps = {name: largest_step(h, POLICY.level_scatter) for name, h in height.items()}
@@ -220,7 +221,7 @@ def _find_level_steps(
 def _find_zero_changes(
     profile: Profile, name: str, mean: Array, first: int, words: Words
 ) -> Iterator[Finding]:
-    """A zero that jumps or drifts; ``mean`` is in parts of the channel's amplitude."""
+    """Yield a zero that jumps or drifts; ``mean`` is in parts of the channel's amplitude."""
     amplitude = float(np.median(np.abs(profile.periods[name].line)))
     unit = words.unit(name)
     step = largest_step(mean, POLICY.zero_scatter)
@@ -267,8 +268,8 @@ def _find_zero_changes(
         )
 
 
-def _find_clock(profile: Profile, lines: dict[str, Array]) -> Iterator[Finding]:
-    """A frequency other than declared, or channels whose clocks differ."""
+def _find_clock(profile: Profile, lines: dict[str, Complex]) -> Iterator[Finding]:
+    """Yield a frequency other than declared, and channels whose clocks differ."""
     frequency = profile.run.frequency
     count = lines["angle"].size
     late = slice(count // 3, None)

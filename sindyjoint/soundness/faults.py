@@ -6,11 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sindyjoint.record import Campaign, Run
+from sindyjoint.record import Campaign
 from sindyjoint.soundness.copies import find_repeated_blocks, find_scaled_copies
 from sindyjoint.soundness.course import find_course
 from sindyjoint.soundness.cycle import cycles_of, spectra_of
+from sindyjoint.soundness.declared_units import find_unit_mismatches
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.floor import find_coarse_steps, find_mains, find_noise
 from sindyjoint.soundness.held import find_dead, find_held
@@ -24,6 +26,7 @@ from sindyjoint.soundness.spans import bridged
 from sindyjoint.soundness.spikes import find_spikes
 from sindyjoint.soundness.words import Words, words_of
 
+Array = NDArray[np.float64]
 ORDER = {"stops": 0, "biases": 1, "note": 2}
 
 
@@ -47,6 +50,7 @@ def find_faults(campaign: Campaign) -> tuple[Finding, ...]:
 
 def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     raw = [profile_of(run) for run in campaign.runs]
+    yield from find_unit_mismatches(campaign, words)
     yield from find_dead(raw, words)
     yield from find_sizes(raw, words)
     yield from find_repeated_blocks(raw, words)
@@ -75,7 +79,7 @@ def _find_in_samples(profile: Profile, words: Words) -> Iterator[Finding]:
 
 
 def _find_in_laws(campaign: Campaign, profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
-    """What only the law between the channels shows."""
+    """Yield what only the law between the channels shows."""
     spectra = [spectra_of(p) for p in profiles]
     for profile, spectrum in zip(profiles, spectra, strict=True):
         yield from find_mains(profile, spectrum, words)
@@ -96,12 +100,11 @@ def _find_in_laws(campaign: Campaign, profiles: Sequence[Profile], words: Words)
 def _bridged(profile: Profile, findings: Iterable[Finding]) -> Profile:
     """Return the profile of a run with straight lines across the samples that are to be left out."""
     run = profile.run
-    changes = {}
+    changes: dict[str, Array] = {}
     for finding in findings:
         if finding.run == run.name and finding.spans and finding.channel and finding.id != "saturation":
             values = changes.get(finding.channel, getattr(run, finding.channel))
             changes[finding.channel] = bridged(values, finding.spans)
     if not changes:
         return profile
-    whole: Run = replace(run, **changes)
-    return profile_of(whole)
+    return profile_of(replace(run, **changes))  # type: ignore[arg-type]

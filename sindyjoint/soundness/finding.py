@@ -74,7 +74,7 @@ class Soundness:
 
     @property
     def verdict(self) -> SoundnessVerdict:
-        """``"unsound"`` where something stops, accepted or not, ``"doubtful"`` where something biases, or ``"sound"``."""
+        """``"unsound"`` where something stops, accepted or not, ``"doubtful"`` where it biases, or ``"sound"``."""
         return verdict_of(self.findings)
 
     def to_dict(self) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def find_noise(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
             continue
         noise = np.array([c.noise for _, c in alive])
         share = noise / np.array([c.std for _, c in alive])
-        for i, (p, c) in enumerate(alive):
+        for i, (p, _) in enumerate(alive):
             others, usual = np.delete(share, i), float(np.median(np.delete(noise, i)))
             if share[i] > POLICY.excess_noise * others.max() and noise[i] > POLICY.excess_noise * usual:
                 much = share[i] > POLICY.noticeable_noise
@@ -80,7 +80,7 @@ def mains_line(spectrum: Spectrum, frequency: float, mains: float) -> tuple[floa
     """
     at = mains / frequency * spectrum.periods
     order = mains / frequency
-    if at + 12 >= spectrum.bins.size or abs(order - round(order)) * spectrum.periods < 3:
+    if at + 12 >= spectrum.bins.size or abs(order - round(order)) * spectrum.periods < 1.5:
         return 0.0, 0.0
     near = np.arange(int(at) - 12, int(at) + 14)
     near = near[near > 0]

@@ -106,7 +106,7 @@ def find_dead(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
                 f"the {words.of(channel.name)} is {channel.values[0]:.6g} {words.unit(channel.name)} in all "
                 f"{channel.values.size} samples",
                 "no coefficient can come from such a run, and all are drawn towards zero",
-                "check the cable, repeat the run or leave it out; declare a moment that was not recorded as constant",
+                "check the cable, repeat the run or leave it out; declare as constant what was not recorded",
             )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,38 +127,39 @@ def solve(products: Array) -> tuple[Array, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class OddRun:
-    """A run that departs from the law of the others.
+class OddRuns:
+    """Runs that depart from the law of the others.
 
     Parameters
     ----------
-    index : int
+    index : tuple of int
     departure : float
-        RMS that the law of the others leaves of its moment, in parts of it.
+        Least RMS that the law of the others leaves of one of their moments, in parts of it.
     common : float
         RMS that this law leaves of the others.
-    law : ndarray
-        Its coefficients.
     """
 
-    index: int
+    index: tuple[int, ...]
     departure: float
     common: float
-    law: Array
 
 
-def odd_run(rows: Rows) -> OddRun | None:
-    """Return the run without which the others have a law in common that they do not have with it, or None."""
+def odd_runs(rows: Rows, size: int) -> OddRuns | None:
+    """Return the runs, ``size`` of them, without which the others have a law in common as they have not with them."""
     products = rows.products
     count = len(products)
-    whole = products.sum(axis=0)
-    everything = float(np.sqrt(solve(whole)[1] / count))
-    best: OddRun | None = None
-    for index in range(count):
-        law, rest = solve(whole - products[index])
-        common = float(np.sqrt(rest / (count - 1)))
+    everything = float(np.sqrt(solve(products.sum(axis=0))[1] / count))
+    if everything < POLICY.kin_departure / np.sqrt(count):
+        return None
+    best: OddRuns | None = None
+    for index in combinations(range(count), size):
+        others = np.delete(
+            products, index, axis=0
+        )  # not a difference of sums: one run may be a thousand times as large
+        law, rest = solve(others.sum(axis=0))
+        common = float(np.sqrt(rest / len(others)))
         if best is None or common < best.common:
-            best = OddRun(index, rows.left_by(law, index), common, law)
+            best = OddRuns(index, min(rows.left_by(law, i) for i in index), common)
     if best is None:
         return None
     alike = best.common < min(POLICY.kin_misfit, POLICY.kin_gain * everything)
@@ -168,28 +170,36 @@ def odd_run(rows: Rows) -> OddRun | None:
 def find_odd_runs(cycles: Cycles, inertia: float | None, words: Words) -> tuple[list[Finding], Cycles]:
     """Return findings on runs that differ from their kin, with what explains it, and the cycles of the others."""
     remaining = list(range(len(cycles)))
-    odd: list[tuple[int, OddRun]] = []
+    odd: list[int] = []
+    common = 0.0
     while len(remaining) >= POLICY.fewest_kin and len(odd) <= len(cycles) // 3:
         kin = cycles.take(remaining)
-        found = odd_run(rows_of(kin, scale_of(kin), inertia))
+        rows = rows_of(kin, scale_of(kin), inertia)
+        found = odd_runs(rows, 1)
+        if found is None and len(remaining) >= 2 * POLICY.fewest_kin:
+            found = odd_runs(rows, 2)  # two runs that have each other's channel
         if found is None:
             break
-        odd.append((remaining.pop(found.index), found))
+        common = found.common
+        odd += [remaining[i] for i in found.index]
+        remaining = [r for r in remaining if r not in odd]
     kin = cycles.take(remaining)
     if not odd or len(remaining) < 2:
         return [], kin
     scale = scale_of(kin)
     law = solve(rows_of(kin, scale, inertia).products.sum(axis=0))[0]
-    return [_describe(cycles.take([i]), replace(one, law=law), scale, inertia, words) for i, one in odd], kin
+    return [_describe(cycles.take([i]), law, common, scale, inertia, words) for i in odd], kin
 
 
-def _describe(run: Cycles, odd: OddRun, scale: Scale, inertia: float | None, words: Words) -> Finding:
+def _describe(
+    run: Cycles, law: Array, common: float, scale: Scale, inertia: float | None, words: Words
+) -> Finding:
     """Return the finding: the factor on moment or angle that restores the law, or that none does."""
     rows = rows_of(run, scale, inertia)
-    expected, target = rows.columns[0] @ odd.law, rows.target[0]
+    expected, target = rows.columns[0] @ law, rows.target[0]
     moment_gain = float(target @ expected / max(float(expected @ expected), 1e-300))
     after_moment = rms(target - moment_gain * expected)
-    angle_gain, after_angle = _best_angle_gain(run, odd.law, scale, inertia)
+    angle_gain, after_angle = _best_angle_gain(run, law, scale, inertia)
     departure = rms(target - expected)
     if min(after_moment, after_angle) > POLICY.gain_explains * min(departure, 1.0):
         return Finding(
@@ -198,7 +208,7 @@ def _describe(run: Cycles, odd: OddRun, scale: Scale, inertia: float | None, wor
             None,
             "biases",
             f"the law of the other runs leaves {100 * departure:.3g} % of its {words.moment}, of theirs "
-            f"{100 * odd.common:.2g} %",
+            f"{100 * common:.2g} %",
             "the coefficients (k1, k3, c1, M_F) are a mean of two joints or two set-ups",
             "look at what was changed before that run; leave it out, or diagnose it apart",
         )
@@ -221,7 +231,7 @@ def _describe(run: Cycles, odd: OddRun, scale: Scale, inertia: float | None, wor
         name,
         "biases" if 0.6 < gain < 1.6 else "stops",
         f"its {words.of(name)} is {gain:.4g} times what the law of the other runs has for it (they agree within "
-        f"{100 * odd.common:.2g} %, it departs by {100 * departure:.3g} %)",
+        f"{100 * common:.2g} %, it departs by {100 * departure:.3g} %)",
         "k1, k3, c1 and M_F are drawn towards that run",
         "compare gain and unit of that run with the others'; correct it or leave it out",
     )

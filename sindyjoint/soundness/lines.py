@@ -48,7 +48,7 @@ def find_lines(profile: Profile, words: Words) -> Iterator[Finding]:
         "stops",
         f"the strongest line of the {words.of(name)} is at {elsewhere[name]:.4g} Hz, that of the {words.of(other)} at "
         f"{found[other][0]:.4g} Hz",
-        "moment and motion are not of one test: no coefficient can be trusted",
+        "load and motion are not of one test: no coefficient can be trusted",
         "check whether the column belongs to another run, or was rectified",
     )
 

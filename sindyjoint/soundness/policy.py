@@ -204,6 +204,9 @@ class SoundnessPolicy:
         source=CALIBRATED,
     )
     least_delay: float = limit(3e-4, "delay that is reported", unit="s", source=CALIBRATED)
+    delay_agreement: float = limit(
+        0.3, "relative difference of a delay from rows of faster and of slower motion", source=CALIBRATED
+    )
     rival_gain: float = limit(
         0.95, "share of a delay's gain that no single other term may have", source=CALIBRATED
     )
@@ -216,9 +219,15 @@ class SoundnessPolicy:
     noticeable_noise: float = limit(
         0.03, "excess noise in parts of the channel that biases", source=JUDGEMENT
     )
-    line_contrast: float = limit(10.0, "mains line over the spectrum about it", source=CALIBRATED)
+    line_contrast: float = limit(7.0, "mains line over the spectrum about it", source=CALIBRATED)
     visible_line: float = limit(0.003, "mains line in parts of the channel's RMS", source=JUDGEMENT)
     strong_line: float = limit(0.02, "mains line in parts of the channel's RMS that biases", source=JUDGEMENT)
+    largest_angle: float = limit(
+        3.4,
+        "angle beyond which a joint's swing is implausible",
+        unit="rad",
+        source="half a turn and a margin",
+    )
     largest_stroke: float = limit(
         10.0, "stroke beyond which a displacement is implausible", unit="m", source=JUDGEMENT
     )
@@ -256,6 +265,9 @@ class SoundnessPolicy:
     )
     few_samples: float = limit(
         16.0, "samples per period below which processing shows in coefficients", source=JUDGEMENT
+    )
+    same_unit: float = limit(
+        1e-3, "relative difference up to which two units are the same", source="spellings of one unit"
     )
     line_share: float = limit(
         0.3,

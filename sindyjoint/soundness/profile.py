@@ -171,7 +171,7 @@ def cut_periods(signal: Array, per: float) -> Periods:
 
     def integrals(values: Array) -> Array:
         running = np.concatenate([[0.0], np.cumsum(values)])
-        return np.diff(np.interp(edges, grid, running))
+        return np.asarray(np.diff(np.interp(edges, grid, running)))
 
-    line = integrals(turn.real) + 1j * integrals(turn.imag)
+    line: NDArray[np.complex128] = np.asarray(integrals(turn.real) + 1j * integrals(turn.imag), dtype=complex)
     return Periods(integrals(shifted) / per + centre, 2 * line / per)

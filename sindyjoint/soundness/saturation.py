@@ -67,7 +67,7 @@ def find_saturation(profile: Profile, words: Words) -> Iterator[Finding]:
             "biases" if maskable or share <= POLICY.bearable_saturation else "stops",
             f"{100 * share:.2g} % of the samples of the {words.of(channel.name)} at its {' and '.join(found)} value "
             f"({_limits(channel, found, words)})",
-            "lowers the largest moments: softens the law, k1 and k3 come out too small"
+            f"lowers the largest {words.moment}: softens the law, k1 and k3 come out too small"
             if channel.name == "moment"
             else "cuts the crests of the motion: k1, k3 and every derivative (c1, inertia) are wrong",
             "those samples are left out; repeat the run with a larger range of the amplifier"

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from sindyjoint.soundness.cycle import Complex, Cycles
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.kin import (
-    Columns, Scale, flexible_columns, plain_columns, rows_of, scale_of, solve,
+    Columns,
+    Scale,
+    flexible_columns,
+    plain_columns,
+    rows_of,
+    scale_of,
+    solve,
 )  # fmt: skip
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
@@ -151,20 +157,25 @@ def _find_delay(cycles: Cycles, scale: Scale, inertia: float | None) -> Undone |
     slow = np.mean(rate < POLICY.nearest_rate * rate.max(axis=1, keepdims=True), axis=1)
     # A sinusoid is below a share s of its largest rate in 2 s/π of its time.
     never_sticks = slow.max() < 1.5 * POLICY.nearest_rate
-    for slowest in (*POLICY.delay_rates, *((POLICY.nearest_rate,) if never_sticks else ())):
-        fit = Fit(cycles, scale, inertia, plain_columns, slowest)
-        best = fit.best(DELAY)
-        gain = (best.before / max(best.left, 1e-12)) ** 2 - 1
-        if (
-            gain < POLICY.delay_gain
-            or best.left > POLICY.delay_left
-            or abs(best.parameter) < POLICY.least_delay
-            or abs(best.parameter) > 0.95 * DELAY.largest(float(cycles.frequency.min()))
-        ):
-            continue
-        if all(_gain_of(fit, rival, best.before) < POLICY.rival_gain * gain for rival in RIVALS):
-            return best
-    return None
+    rates = (*POLICY.delay_rates, *((POLICY.nearest_rate,) if never_sticks else ()))
+    fits = [Fit(cycles, scale, inertia, plain_columns, slowest) for slowest in rates]
+    tried = [fit.best(DELAY) for fit in fits]
+    # A law that is not the plain one finds another delay in other rows.
+    first, second = tried[0].parameter, tried[1].parameter
+    if abs(first - second) > max(POLICY.delay_agreement * abs(first), POLICY.least_delay):
+        return None
+    return next((best for fit, best in zip(fits, tried, strict=True) if _is_delay(fit, best)), None)
+
+
+def _is_delay(fit: Fit, best: Undone) -> bool:
+    """Return whether a delay wins much, leaves little, and no single further term wins as much."""
+    gain = (best.before / max(best.left, 1e-12)) ** 2 - 1
+    largest = 0.95 * DELAY.largest(float(fit.cycles.frequency.min()))
+    if gain < POLICY.delay_gain or best.left > POLICY.delay_left:
+        return False
+    if not POLICY.least_delay < abs(best.parameter) < largest:
+        return False
+    return all(_gain_of(fit, rival, best.before) < POLICY.rival_gain * gain for rival in RIVALS)
 
 
 def _gain_of(fit: Fit, rival: Callable[[Array, Array], Array], before: float) -> float:

@@ -27,7 +27,7 @@ def find_sizes(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
             continue
         low, high = np.quantile(angle.values, [0.005, 0.995])
         peak, swing = float(max(abs(low), abs(high))), float(high - low) / 2
-        largest = np.pi if rotation else POLICY.largest_stroke
+        largest = POLICY.largest_angle if rotation else POLICY.largest_stroke
         if peak <= largest and swing >= POLICY.smallest_motion:
             continue
         stops = swing > POLICY.absurd_turns * largest or peak <= largest
@@ -66,8 +66,8 @@ def find_inertia(cycles: Cycles, campaign: Campaign, words: Words) -> Iterator[F
         None,
         "moment",
         "stops" if denied and ratio > POLICY.inertia_absurd else "biases" if denied else "note",
-        f"the moment of the declared inertia is {ratio:.3g} times the measured {words.moment}",
-        "k1 is wrong by inertia times ω²: the transfer moment is the inertia's",
+        f"inertia times acceleration is {ratio:.3g} times the measured {words.moment}",
+        "k1 is wrong by inertia times ω²",
         f"check the unit of the {words.angle}, of the {words.moment} and of the inertia",
     )
 
