@@ -36,6 +36,7 @@ KINDS = (
     "scaled_copy",
     "sign_flips",
     "spikes",
+    "unit_mismatch",
     "wrong_frequency",
     "zero_jumps",
 )
