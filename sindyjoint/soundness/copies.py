@@ -71,7 +71,8 @@ def find_repeated_blocks(profiles: Sequence[Profile], words: Words) -> Iterator[
         spans = tuple((b, b + length) for _, b, length in found)
         if i == j:
             # A run that repeats to the last digit is simulated without noise.
-            if share < POLICY.repeats_itself and _both_equal(one, other, found):
+            noisy = any(c.noise > 0 for c in one.channels)
+            if noisy and share < POLICY.repeats_itself and _both_equal(one, other, found):
                 yield _block_finding(other, spans, share)
         elif share >= POLICY.copied_share:
             yield _run_finding(one, other, share, _both_equal(one, other, found), found[0], words)

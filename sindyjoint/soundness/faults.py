@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.broadband_delay import find_broadband_delay
 from sindyjoint.soundness.copies import find_repeated_blocks, find_scaled_copies
 from sindyjoint.soundness.course import find_course
 from sindyjoint.soundness.cycle import cycles_of, spectra_of
@@ -68,7 +69,11 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from find_offsets(profiles, words)
     yield from find_coverage(profiles, words)
     uneven = {finding.run for finding in course}
-    yield from _find_in_laws(campaign, [p for p in whole if p.run.name not in uneven], words)
+    even = [p for p in whole if p.run.name not in uneven]
+    laws = list(_find_in_laws(campaign, even, words))
+    yield from laws
+    if not any(finding.severity == "stops" for finding in laws):
+        yield from find_broadband_delay(campaign, [p.run for p in even], words)
 
 
 def _find_in_samples(profile: Profile, words: Words) -> Iterator[Finding]:

@@ -51,6 +51,21 @@ class SoundnessPolicy:
     main_line: float = limit(
         0.8, "share of the angle's RMS that one line carries in a run taken for a sinusoid", source=JUDGEMENT
     )
+    noise_changes: float = limit(
+        0.55,
+        "share of sign changes of third differences from which they are noise",
+        source="white noise has 0.77",
+    )
+    saturated_arrival: float = limit(
+        5.5,
+        "ratio of the distances from its limit 9 and 3 samples away up to which a channel arrives with a slope",
+        source="3 for a straight line, 9 for a standstill that is reached smoothly",
+    )
+    plateau: float = limit(
+        0.3,
+        "share of a noise-free channel at one extreme that is a plateau of the law",
+        source="Coulomb friction",
+    )
     resolved_noise: float = limit(
         3.0, "noise in steps of the resolution above which equal neighbours are no chance", source=CALIBRATED
     )
@@ -209,6 +224,23 @@ class SoundnessPolicy:
     )
     rival_gain: float = limit(
         0.95, "share of a delay's gain that no single other term may have", source=CALIBRATED
+    )
+    delay_samples: int = limit(
+        40_000, "samples of runs that do not repeat that a delay is sought in", unit="samples", source="time"
+    )
+    longest_broadband: float = limit(
+        5e-3, "delay of runs that do not repeat that is believed", unit="s", source=JUDGEMENT
+    )
+    broadband_contrast: float = limit(
+        10.0, "delay of runs that do not repeat in standard errors", source=CALIBRATED
+    )
+    broadband_gain: float = limit(
+        0.2, "what a delay must win where runs do not repeat, in parts of what it leaves", source=CALIBRATED
+    )
+    broadband_left: float = limit(
+        0.04,
+        "misfit, the delay removed, up to which it is believed where runs do not repeat",
+        source=CALIBRATED,
     )
     large_lead: float = limit(15.0, "lead of an AC-coupled channel that stops", unit="deg", source=JUDGEMENT)
     visible_step: float = limit(

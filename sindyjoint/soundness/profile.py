@@ -59,9 +59,16 @@ class Channel:
 
     @cached_property
     def noise(self) -> float:
-        """RMS of the noise from sample to sample, by third differences: their median ignores steps and spikes."""
+        """RMS of the noise from sample to sample, by third differences: their median ignores steps and spikes.
+
+        Zero where they are no noise: those of white noise change sign from one to the next in 77 % of all cases, those
+        of a smooth signal hardly ever.
+        """
         third = np.diff(self.values, 3)
-        return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)) if third.size else 0.0
+        sign = np.sign(third[third != 0])
+        if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < POLICY.noise_changes:
+            return 0.0
+        return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0))
 
     @cached_property
     def quantised(self) -> bool:

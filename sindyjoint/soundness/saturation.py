@@ -35,17 +35,31 @@ def saturated_samples(channel: Channel, sign: float) -> NDArray[np.bool_] | None
         return None
     limit = levels[-1] if sign > 0 else levels[0]
     at: NDArray[np.bool_] = np.abs(channel.values - limit) <= 1e-9 * channel.range
-    # Three samples before each arrival it must have been well below: at a standstill it would have crept up.
-    arrivals = np.flatnonzero(at[1:] & ~at[:-1]) + 1
-    arrivals = arrivals[arrivals >= 3]
-    departures = np.flatnonzero(at[:-1] & ~at[1:])
-    departures = departures[departures < n - 3]
-    ways = sign * np.concatenate(
-        [limit - channel.values[arrivals - 3], limit - channel.values[departures + 3]]
-    )
-    if ways.size < 2 or np.median(ways) < 3 * channel.step:
+    if channel.noise == 0 and count > POLICY.plateau * n:
         return None
-    return at
+    return at if _arrives_with_slope(sign * (limit - channel.values), at, channel.step) else None
+
+
+def _arrives_with_slope(way: Array, at: NDArray[np.bool_], step: float) -> bool:
+    """Return whether a channel comes to its limit and goes from it with a slope, and does not creep.
+
+    Parameters
+    ----------
+    way : ndarray, shape (n,)
+        Distance from the limit.
+    at : ndarray of bool, shape (n,)
+    step : float
+        Resolution.
+    """
+    arrivals = np.flatnonzero(at[1:] & ~at[:-1]) + 1
+    departures = np.flatnonzero(at[:-1] & ~at[1:])
+    near, far = (
+        np.concatenate([way[arrivals[arrivals >= 9] - k], way[departures[departures < way.size - 9] + k]])
+        for k in (3, 9)
+    )
+    if near.size < 2 or np.median(near) < 3 * step:
+        return False
+    return bool(np.median(far) < POLICY.saturated_arrival * np.median(near))
 
 
 def find_saturation(profile: Profile, words: Words) -> Iterator[Finding]:
