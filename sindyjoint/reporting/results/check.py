@@ -127,10 +127,6 @@ class CheckView(View[Any, CheckData]):
         if check.stopping:
             console.print(f"\n[bold]stopped[/]: {escape(check.reason)}")
 
-    def details(self, result: Any) -> Iterator[str]:
-        """Yield each finding in full."""
-        return iter(()) if hasattr(result, "soundness") else wrap_findings(_check_of(result).soundness)
-
 
 def _check_of(result: Any) -> Check:
     """Return a check, or that at which a result stopped."""
