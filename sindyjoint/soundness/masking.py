@@ -103,7 +103,7 @@ def _find_censored(run: Run, finding: Finding) -> Mask:
 
     Of samples that lie near the limit on average, those with noise inwards remain and those with noise outwards are
     clipped: to leave out only the latter would shift every coefficient. So all are left out whose running mean is
-    nearer to the limit than three times the noise.
+    nearer to the limit than twice the noise.
     """
     signal = getattr(run, str(finding.channel))
     margin = POLICY.censored_sigmas * difference_noise(signal)
