@@ -37,7 +37,9 @@ def saturated_samples(channel: Channel, sign: float) -> NDArray[np.bool_] | None
     at: NDArray[np.bool_] = np.abs(channel.values - limit) <= 1e-9 * channel.range
     if channel.noise == 0 and count > POLICY.plateau * n:
         return None
-    return at if _arrives_with_slope(sign * (limit - channel.values), at, channel.step) else None
+    # Noise far above the resolution rules out a standstill: it would not stay at one value.
+    arrives = not channel.quantised or _arrives_with_slope(sign * (limit - channel.values), at, channel.step)
+    return at if arrives else None
 
 
 def _arrives_with_slope(way: Array, at: NDArray[np.bool_], step: float) -> bool:
