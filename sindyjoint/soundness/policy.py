@@ -35,7 +35,7 @@ class SoundnessPolicy:
         2.0,
         "noise levels from the limit of a saturated channel within which its running mean must not come for a sample "
         "to be used",
-        source="noise outwards is cut off there, of 1 in 40 samples at two levels; three leave out a quarter more samples",
+        source="noise outwards is cut off there, of 1 in 40 samples at two levels; three cost a quarter more",
     )
     hardly_moving: float = limit(
         0.2, "share of its samples in which a run must move not to be warned of", source=JUDGEMENT

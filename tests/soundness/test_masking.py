@@ -136,7 +136,7 @@ def test_no_sample_near_a_limit_is_taken_for_its_noise():
         replace(run, moment=np.minimum(noisy, limit)),
         [finding(id="saturation", spans=[(int(i), int(i) + 1) for i in at])],
     )
-    near = run.moment > limit - 0.03
+    near = run.moment > limit - 0.01
     assert not masked.valid[near].any() and masked.valid[run.moment < limit - 0.15].all()
 
 
