@@ -39,8 +39,9 @@ def find_broadband_delay(campaign: Campaign, runs: Sequence[Run], words: Words) 
     chosen = alive[: max(1, int(np.count_nonzero(sizes <= POLICY.delay_samples)))]
     try:
         found = _measure(chosen, campaign.joint.inertia)
-    except SindyJointError:
-        return  # a joint that hardly moves, too short a run
+    # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
+    except (SindyJointError, np.linalg.LinAlgError, ValueError):
+        return
     if found is None:
         return
     time, error = found

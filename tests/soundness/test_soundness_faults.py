@@ -10,15 +10,8 @@ from sindyjoint.files.campaign import load_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.soundness.faults import find_faults
 from sindyjoint.soundness.finding import Soundness
-from tests.soundness.faults import (
-    FAULTS,
-    FILE_FAULTS,
-    HONEST_FILES,
-    found,
-    inject,
-    sound_campaign,
-    write_files,
-)
+from tests.soundness.faults import FAULTS, found, inject, sound_campaign
+from tests.soundness.file_units import FILE_FAULTS, HONEST_FILES, write_files
 
 SEEDS = (203, 205)  # moment-driven and displacement-driven or by a rig; not those that limits were set on
 
