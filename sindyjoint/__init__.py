@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
     from sindyjoint.files import load_campaign
     from sindyjoint.record import Campaign, Joint, Run
+    from sindyjoint.workflows.check import check
     from sindyjoint.workflows.discover import discover
 
 __version__ = "0.1.0"
@@ -24,6 +25,7 @@ __all__ = [
     "Run",
     "TermLibrary",
     "UniqueShareSTLSQ",
+    "check",
     "discover",
     "load_campaign",
 ]
@@ -37,6 +39,7 @@ _HOMES = {
     "JointRegressor": "discovery.estimator",
     "TermLibrary": "discovery.library",
     "UniqueShareSTLSQ": "discovery.optimizer",
+    "check": "workflows.check",
     "discover": "workflows.discover",
     "load_campaign": "files",
 }

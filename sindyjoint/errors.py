@@ -5,6 +5,8 @@ A message says what was given, what was expected and what to do. The command lin
 line on stderr and exit status 2.
 """
 
+from typing import Any
+
 
 class SindyJointError(Exception):
     """Base of every deliberate error of this package."""
@@ -35,6 +37,17 @@ class UnknownNameError(SindyJointError, KeyError):
     def __str__(self) -> str:
         # KeyError shows repr(message); a sentence should read as a sentence.
         return str(self.args[0]) if self.args else ""
+
+
+class UnsoundError(SindyJointError, ValueError):
+    """Data so much at fault that nothing is made of them; carries the check that found it.
+
+    The command line prints that check and ends with status 1: the question was understood, and the answer is no.
+    """
+
+    def __init__(self, message: str, check: Any):
+        super().__init__(message)
+        self.check: Any = check
 
 
 class OutputError(SindyJointError, OSError):

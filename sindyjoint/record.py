@@ -73,11 +73,45 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class ColumnUnit:
+    """The unit of a column, as the manifest declares it and as the file states it.
+
+    Parameters
+    ----------
+    channel : str
+        ``"moment"``, ``"angle"``, ``"rate"`` or ``"time"``.
+    column : str
+        Name of the column.
+    declared, stated : str
+    named : bool
+        Whether the file states it by the ending of the column's name only (``"angle_mrad"``), which may mean another
+        thing.
+    """
+
+    channel: str
+    column: str
+    declared: str
+    stated: str
+    named: bool = False
+
+
+@dataclass(frozen=True)
 class Source:
-    """Where a run came from: the file's name and the SHA-256 of its bytes, for provenance."""
+    """Where a run came from, for provenance.
+
+    Parameters
+    ----------
+    path : str
+        Name of the file.
+    sha256 : str
+        Of its bytes.
+    units : tuple of ColumnUnit
+        Units that the file states, where they are not written as declared.
+    """
 
     path: str
     sha256: str
+    units: tuple[ColumnUnit, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -154,6 +188,9 @@ class Run:
         Where all of its samples are, if the run is longer than what is in memory.
     noise : SensorNoise
         Of the sensors, as declared.
+    valid : array_like of bool, shape (n,), optional
+        False at samples that are left out of every fit because a channel is at fault there; the signals then hold
+        interpolated values. Default: all samples count.
 
     Raises
     ------
@@ -173,6 +210,7 @@ class Run:
     source: Source | None = field(default=None)
     whole: LongRecord | None = field(default=None)
     noise: SensorNoise = SensorNoise()
+    valid: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         for name in ("moment", "angle", "rate"):
@@ -197,6 +235,23 @@ class Run:
             raise InputError(f"run {self.name!r}: use is {self.use!r}; expected 'identify' or 'validate'")
         if self.frequency is not None:
             self._check_frequency()
+        if self.valid is not None:
+            self._check_valid()
+
+    def _check_valid(self) -> None:
+        valid = np.array(self.valid)
+        if valid.dtype != np.bool_ or valid.shape != self.angle.shape:
+            raise InputError(
+                f"run {self.name!r}: valid has shape {valid.shape} and type {valid.dtype}; expected one truth value "
+                f"for each of the {self.n_samples} samples"
+            )
+        if np.count_nonzero(valid) < MINIMUM_SAMPLES:
+            raise InputError(
+                f"run {self.name!r}: {np.count_nonzero(valid)} of {self.n_samples} samples are valid; expected at "
+                f"least {MINIMUM_SAMPLES}"
+            )
+        valid.flags.writeable = False
+        object.__setattr__(self, "valid", valid)
 
     def _check_frequency(self) -> None:
         frequency = self.frequency

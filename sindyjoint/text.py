@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 # People keep their capital letters; an id that another name is usual for has that name.
@@ -87,6 +88,18 @@ def spelled(identifier: str, motion: str = "rotation") -> str:
     """
     words = _PATTERN.sub(lambda found: _NAMES[found[0]], identifier.replace("_", " "))
     return in_words_of(motion, words)
+
+
+def list_some(names: Sequence[str], what: str = "runs") -> str:
+    """Return a few names, and how many more there are.
+
+    Examples
+    --------
+    >>> list_some(["a", "b", "c", "d", "e"])
+    'a, b, c and 2 more runs'
+    """
+    shown = ", ".join(names[:3])
+    return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more {what}"
 
 
 def rounded(value: float, error: float) -> str:

@@ -6,11 +6,12 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import typer
 
 from sindyjoint.cli.progress import Progress
+from sindyjoint.errors import UnsoundError
 
 R = TypeVar("R")
 
@@ -24,27 +25,38 @@ def answer(
     files: Sequence[Path | str] = (),
     written: str = "report: report.html",
 ) -> R:
-    """Find a result, write it into a folder if one is given, and print it; ``written`` tells of what lies there."""
+    """Find a result, write it into a folder if one is given, and print it; ``written`` tells of what lies there.
+
+    Where the data are too much at fault to go on, that is done with their check, and the exit status is 1.
+    """
     from sindyjoint.files.atomic import check_output
 
     if out is not None:
         check_output(out)
+    stopped = False
     with progress:
         # Not before the output is known to be writable: the imports take two seconds.
-        result = find(progress)
+        result: Any
+        try:
+            result = find(progress)
+        except UnsoundError as error:
+            result, stopped = error.check, True
         if out is not None:
             from sindyjoint.reporting.output import write_results
 
             progress.say("writing the report")
             write_results(result, out, ["sindyjoint", *sys.argv[1:]], seed, files)
         progress.tell(result)
-    from sindyjoint.reporting.registry import show
-
     if as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))  # type: ignore[attr-defined]
-        return result
-    show(result)
-    if out is not None and written:
-        label, _, name = written.partition(": ")
-        typer.echo(f"\n{label}: {out / name}")
-    return result
+        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
+    else:
+        from sindyjoint.reporting.registry import show
+
+        show(result)
+        if out is not None and written:
+            label, _, name = written.partition(": ")
+            typer.echo(f"\n{label}: {out / name}")
+    if stopped:
+        raise typer.Exit(1)
+    found: R = result
+    return found

@@ -8,6 +8,7 @@ import typer
 
 from sindyjoint.cli import libraries, reproduce
 from sindyjoint.cli.batch import batch
+from sindyjoint.cli.check import check
 from sindyjoint.cli.compare import compare
 from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
@@ -47,6 +48,7 @@ def options(
     """
 
 
+app.command("check")(check)
 app.command("discover")(discover)
 app.command("compare")(compare)
 app.command("batch")(batch)

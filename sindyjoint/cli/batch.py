@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.options import JOBS, AsJson, CandidatesOption, Finding, takes_finding
+from sindyjoint.cli.options import JOBS, AcceptOption, AsJson, CandidatesOption, Finding, takes_finding
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -27,6 +27,7 @@ def batch(
         Path, typer.Option("--out", help="Folder for the table, the page, and a folder per campaign.")
     ],
     library: CandidatesOption = None,
+    accept: AcceptOption = None,
     reports: Annotated[
         bool,
         typer.Option("--reports", help="A full report for each campaign, too; takes three times as long."),
@@ -76,6 +77,7 @@ def batch(
                 progress=progress.say,
                 on_record=tell,
                 **given(library=library),
+                accept=tuple(accept or ()),
                 random_state=random_state,
                 **finding.arguments(),
             )

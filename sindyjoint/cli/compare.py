@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AsJson, CampaignPath
+from sindyjoint.cli.options import JOBS, AcceptOption, AsJson, CampaignPath
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -47,6 +47,7 @@ def compare(
         float,
         typer.Option(help="Relative change of a coefficient over the tested band that would not matter."),
     ] = default_of(COMPARE, "margin"),
+    accept: AcceptOption = None,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = default_of(
         COMPARE, "random_state"
@@ -59,7 +60,7 @@ def compare(
 ) -> None:
     """Put the question of the terms to every method, every frequency and every library.
 
-    Exit status 0: a model was found; 1: none was; 2: the input is at fault.
+    Exit status 0: a model was found; 1: none was, or the data are unsound; 2: the input is at fault.
 
     Example: sindyjoint compare tests/campaign.toml --out comparison
     """
@@ -70,6 +71,7 @@ def compare(
         return run(
             campaign,
             **given(library=library, methods=method),
+            accept=tuple(accept or ()),
             replicates=replicates,
             margin=margin,
             random_state=random_state,

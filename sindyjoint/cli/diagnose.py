@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AsJson
+from sindyjoint.cli.options import JOBS, AcceptOption, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
@@ -66,6 +66,7 @@ def diagnose(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
     ] = None,
+    accept: AcceptOption = None,
     as_json: AsJson = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
     jobs: JobsOption = JOBS,
@@ -79,7 +80,7 @@ def diagnose(
     Of a rig, the effect may sit outside the joint: in beams, masses, clamp, pulse or sensor.
 
     Exit status 0: effects were named, if only for a part of the gap, or nothing is missing; 1: something is missing
-    that no effect explains, or nothing could be decided; 2: the input is at fault.
+    that no effect explains, or nothing could be decided, as where the data are unsound; 2: the input is at fault.
 
     Example: sindyjoint diagnose tests/campaign.toml --model results/model.json --out diagnosis
     """
@@ -89,6 +90,7 @@ def diagnose(
             campaign,
             model,
             base,
+            accept=tuple(accept or ()),
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
@@ -117,6 +119,8 @@ def _diagnosed(
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
         return of_campaign(campaign, start, **given(base=base), **options)
+    if options.pop("accept"):
+        raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
     if base:
         raise InputError(
             f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"

@@ -12,6 +12,7 @@ from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
     DISCOVER,
     JOBS,
+    AcceptOption,
     AsJson,
     CampaignPath,
     CandidatesOption,
@@ -33,6 +34,7 @@ def discover(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
+    accept: AcceptOption = None,
     as_json: AsJson = False,
     finding: Finding = Finding(),  # noqa: B008
     correct: Annotated[
@@ -60,7 +62,8 @@ def discover(
 ) -> None:
     """Find which terms the joint's equation has, with coefficients and evidence.
 
-    Exit status 0: a model was found; 1: none was, and the reason is printed; 2: the input is at fault.
+    Exit status 0: a model was found; 1: none was, or the data are unsound, and the
+    reason is printed; 2: the input is at fault.
 
     Example: sindyjoint discover tests/campaign.toml --out results
     """
@@ -75,6 +78,7 @@ def discover(
         result = run(
             campaign,
             **given(library=library),
+            accept=tuple(accept or ()),
             correct=correct,
             random_state=random_state,
             progress=progress.say,

@@ -66,6 +66,12 @@ CandidatesOption = Annotated[
         help=f"Candidate terms: name or path of a catalogue. Repeatable. [{LIBRARY}]",
     ),
 ]
+AcceptOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--accept", metavar="ID", help="Finding of the check of the data that shall not stop. Repeatable."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 

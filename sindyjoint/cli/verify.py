@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AsJson
+from sindyjoint.cli.options import AcceptOption, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def verify(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for verification.json and figures.")
     ] = None,
+    accept: AcceptOption = None,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = default_of(
         VERIFY, "random_state"
@@ -76,6 +77,7 @@ def verify(
         return run(
             model,
             against,
+            accept=tuple(accept or ()),
             tolerance=tolerance,
             draws=draws,
             window=window,

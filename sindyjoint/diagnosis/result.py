@@ -12,6 +12,8 @@ from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
+from sindyjoint.soundness.check import Check, summarize
+from sindyjoint.soundness.finding import Soundness
 
 Array = NDArray[np.float64]
 
@@ -201,6 +203,10 @@ class Diagnosis:
         Name of a structure's rig.
     records : tuple of RecordGap
         Of a structure.
+    soundness : Soundness, optional
+        What the check of the data found; ``None`` where there is no campaign to check.
+    stopped : Check, optional
+        The check, where its findings are such that nothing was examined; the figures are NaN then.
     """
 
     verdict: str
@@ -222,6 +228,8 @@ class Diagnosis:
     after: tuple[RunGap, ...] = field(default=(), repr=False)
     rig: str = ""
     records: tuple[RecordGap, ...] = field(default=(), repr=False)
+    soundness: Soundness | None = None
+    stopped: Check | None = field(default=None, repr=False)
 
     @property
     def level_unit(self) -> str:
@@ -264,7 +272,7 @@ class Diagnosis:
                 "remainder": _gap(self.remainder),
             },
             "budget": {
-                name: getattr(self.budget, name)
+                name: _to_plain(getattr(self.budget, name))
                 for name in ("state", "history", "run", "processing", "noise")
             },
             "where": [
@@ -300,12 +308,14 @@ class Diagnosis:
                 for a in self.advice
             ],
             "warnings": list(self.warnings),
+            **({} if self.soundness is None else {"soundness": summarize(self.soundness)}),
         }
 
 
 def _gap(gap: Gap) -> dict[str, float | None]:
     """Return a gap as JSON data; a figure that could not be had is null."""
-    return {
-        name: value if value == value else None
-        for name, value in (("moment", gap.moment), ("response", gap.response))
-    }
+    return {"moment": _to_plain(gap.moment), "response": _to_plain(gap.response)}
+
+
+def _to_plain(value: float) -> float | None:
+    return value if value == value else None

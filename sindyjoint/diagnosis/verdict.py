@@ -13,6 +13,8 @@ from sindyjoint.text import spelled
 
 #: The name under which what is outside the catalogue stands among the rivals of a step.
 UNKNOWN = "unknown"
+#: The verdict where the data are not sound enough for any other.
+UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True)

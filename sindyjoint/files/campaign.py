@@ -156,7 +156,7 @@ class _RunLoader:
                 frequency=frequency,
                 level=None if table.level is None else str(table.level),
                 use=table.use,
-                source=Source(table.file, sha256),
+                source=Source(table.file, sha256, reader.stated_units()),
                 whole=whole,
                 noise=declared_noise(channels, self.motion, f"{self.file}: [channels]"),
             )

@@ -13,7 +13,7 @@ from sindyjoint.files.manifest import Channel, Channels, Column, RigTable
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import advanced, check_order, margin, resampled, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
-from sindyjoint.record import Motion, SensorNoise
+from sindyjoint.record import ColumnUnit, Motion, SensorNoise
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
 
 Array = NDArray[np.float64]
@@ -120,6 +120,24 @@ class RunReader:
         signals = self._remove_delay(signals, rate)
         n = signals["angle"].size
         return signals | {name: np.full(n, value) for name, value in constants.items()}, rate
+
+    def stated_units(self) -> tuple[ColumnUnit, ...]:
+        """Return the units that the file states for its columns otherwise than they are declared."""
+        wanted: list[tuple[str, Column, str]] = []
+        if self.channels.time is not None:
+            wanted.append(("time", self.channels.time.column, self.channels.time.unit))
+        for quantity in ("moment", "angle", "rate"):
+            channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
+            if channel is not None and channel.column is not None and channel.unit is not None:
+                wanted.append((quantity, channel.column, channel.unit))
+        known = [
+            (quantity, declared, self.table.stated_unit(column)) for quantity, column, declared in wanted
+        ]
+        return tuple(
+            ColumnUnit(quantity, found[0], declared, found[1], found[2])
+            for quantity, declared, found in known
+            if found is not None and found[1] != declared
+        )
 
     def _columns(self) -> dict[Column, Array]:
         """Return all columns that this run needs, read in one go."""

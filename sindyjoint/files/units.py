@@ -151,6 +151,29 @@ def parse_quantity(text: str, expected: str, where: str) -> float:
     return number * conversion(unit, expected, where)
 
 
+def unit_ratio(stated: str, declared: str) -> float | None:
+    """Return what one stated unit is in declared ones; zero for another dimension, None where one is unknown.
+
+    Examples
+    --------
+    >>> unit_ratio("mrad", "rad"), unit_ratio("kN", "N"), unit_ratio("V", "N"), unit_ratio("raw", "N")
+    (0.001, 1000.0, 0.0, None)
+    """
+    usual = {unit: (si, factor) for si, known in USUAL.items() for unit, factor in {si: 1.0, **known}.items()}
+    if stated in usual and declared in usual:
+        (one, factor), (other, per) = usual[stated], usual[declared]
+        return factor / per if one == other else 0.0
+    units = _try_parse(stated), _try_parse(declared)
+    if units[0] is None or units[1] is None:
+        return None
+    try:
+        (factor, powers), (per, others) = _root(units[0]), _root(units[1])
+    # Scales with another zero, such as °C, have no factor.
+    except Exception:
+        return None
+    return factor / per if powers == others else 0.0
+
+
 def split_quantity(text: str, where: str, expected: str) -> tuple[float, str]:
     """Return number and unit of ``"35.15 N/V"``.
 

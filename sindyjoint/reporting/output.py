@@ -124,7 +124,10 @@ class CampaignFiles:
             from sindyjoint.workflows.diagnose import diagnose
 
             try:
-                write_results(diagnose(result.campaign, result.model), folder / "diagnosis")
+                write_results(
+                    diagnose(result.campaign, result.model, accept=result.soundness.accepted),
+                    folder / "diagnosis",
+                )
             except InputError as error:
                 # The joint is discovered all the same.
                 (folder / "diagnosis").mkdir(exist_ok=True)

@@ -12,6 +12,7 @@ from sindyjoint.policy import Limit, described, policies
 from sindyjoint.reporting.figures.kind import Kind, drawn
 from sindyjoint.reporting.results.batch import BatchView
 from sindyjoint.reporting.results.campaign import CampaignView
+from sindyjoint.reporting.results.check import CheckView, wrap_findings
 from sindyjoint.reporting.results.comparison import ComparisonView
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.results.discovery import DiscoveryView
@@ -20,6 +21,7 @@ from sindyjoint.reporting.results.rig import RigView
 from sindyjoint.reporting.results.verification import VerificationView
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
+from sindyjoint.soundness.check import Check
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +35,7 @@ VIEWS: tuple[View[Any, Any], ...] = (
     ReproductionView(),
     ComparisonView(),
     CampaignView(),
+    CheckView(),
 )
 _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
 #: Views of what is saved, by the mark in the file, that of an earlier version too.
@@ -40,13 +43,15 @@ SAVED = {kind: view for view in VIEWS if view.data is not None for kind in (view
 
 
 def view_of(result: Any) -> View[Any, Any]:
-    """Return the view of a result: that of its type before those of its bases.
+    """Return the view of a result: that of its type before those of its bases; of one that was stopped, of its check.
 
     Raises
     ------
     TypeError
         If it is no result.
     """
+    if getattr(result, "stopped", None) is not None:
+        return _BY_TYPE[Check]
     for kind in type(result).__mro__:
         if kind in _BY_TYPE:
             return _BY_TYPE[kind]
@@ -123,6 +128,9 @@ def details(result: Any) -> Iterator[str]:
     """Yield the numbers behind a result, and the policies that decided it, as lines: what ``--verbose`` adds."""
     view = view_of(result)
     yield from view.details(result)
+    soundness = getattr(result, "soundness", None)
+    if soundness is not None:
+        yield from wrap_findings(soundness)
     known = policies()
     for name in view.judges_of(result):
         if name in known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.text_table import TextTable, csv_text, terminal_table
+from sindyjoint.soundness.finding import Finding
 from sindyjoint.text import in_words_of, rounded, superscript
 
 if TYPE_CHECKING:
@@ -139,3 +141,19 @@ def terms_table(model: JointModel) -> Table:
         for row in term_rows(model)
     ]
     return terminal_table(columns, rows, "lllrlr", ruled=True, wraps=True)
+
+
+def findings_table(findings: Sequence[Finding]) -> TextTable:
+    """Return what a check of the data found, one row for each finding."""
+    columns = ("Finding", "Where", "Severity", "Extent", "What it does; what to do")
+    rows = tuple(
+        (
+            f.id.replace("_", " "),
+            ", ".join(part for part in (f.run, f.channel) if part) or "all runs",
+            f"{f.severity}, left out" if f.masked else f.severity,
+            f.extent,
+            f"{f.effect}; {f.remedy}",
+        )
+        for f in findings
+    )
+    return TextTable("findings", "What the check of the data found.", columns, rows)

@@ -122,11 +122,14 @@ class View(Generic[R, D]):
             Where it will stand, for links to what lies there.
         """
         from sindyjoint.reporting.page import inline_svg, markup, render
+        from sindyjoint.reporting.tables import findings_table
 
         kinds = self.figures(data)
+        soundness = getattr(result, "soundness", None)
         return render(
             self.template,
             result=result,
+            findings=findings_table(soundness.findings) if soundness is not None else None,
             data=data,
             origin=origin,
             tables={table.name: table for table in self.tables(result)},

@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
-from sindyjoint.text import in_words_of
+from sindyjoint.text import in_words_of, list_some
 
 
 def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
@@ -46,19 +46,13 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
     ]
     if short:
         lines.append(
-            f"fewer than {POLICY.few_periods} periods in {_list_some(short)}: what changes in time cannot be seen"
+            f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen"
         )
     ends = {run.name: run.duration for run in campaign.runs}
     late = [s.run for s in periodic if s.dropped > POLICY.large_drop * ends[s.run]]
     if late:
         lines.append(
             f"{100 * max(s.dropped / ends[s.run] for s in periodic):.0f} % of the record was left out as start-up in "
-            f"{_list_some(late)}: what changed in that time was not examined"
+            f"{list_some(late)}: what changed in that time was not examined"
         )
     return lines
-
-
-def _list_some(names: Sequence[str]) -> str:
-    """Return a few names, and how many more there are."""
-    shown = ", ".join(names[:3])
-    return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more runs"

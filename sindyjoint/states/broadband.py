@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
-from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.mask import moving_mask, rate_limit, within
 from sindyjoint.states.noise import WIDEST, coherent_to_the_top, moment_noise, motion_noise, signal_end
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
@@ -149,6 +149,10 @@ def broadband_states(
     shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
     slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
+    if run.valid is not None:
+        # What the kernel weighs most reaches half a period of the cut-off to either side.
+        reach = int(np.ceil(0.5 * run.sample_rate / cutoff))
+        moving &= within(run.valid, reach)[middle]
     return ForceStates(
         run=run.name,
         frequency=run.frequency,

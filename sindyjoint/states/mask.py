@@ -33,8 +33,13 @@ def moving_mask(rate: Array, limit: float, guard: int) -> NDArray[np.bool_]:
     """
     slow = np.abs(rate) <= limit
     slow[1:] |= np.sign(rate[1:]) != np.sign(rate[:-1])
-    count = np.concatenate([[0], np.cumsum(slow)])
-    n = rate.size
+    return within(~slow, guard)
+
+
+def within(good: NDArray[np.bool_], guard: int) -> NDArray[np.bool_]:
+    """Return where all samples up to ``guard`` to either side are good, shape (n,)."""
+    count = np.concatenate([[0], np.cumsum(~good)])
+    n = good.size
     low = np.maximum(np.arange(n) - guard, 0)
     high = np.minimum(np.arange(n) + guard + 1, n)
     return count[high] == count[low]

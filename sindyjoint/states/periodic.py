@@ -78,6 +78,8 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         motion[1], rate_noise, POLICY.periodic_rate_share if rate_share is None else rate_share
     )
     moving = moving_mask(motion[1], slowest, guard)
+    if run.valid is not None:
+        moving &= run.valid[start:stop]
     moment = run.moment[start:stop]
     moment_noise = max(repeat_noise(moment, run.sample_rate, frequency, moving), run.noise.moment or 0.0)
     return ForceStates(

@@ -68,9 +68,17 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
     skipped = (
         1 if count > POLICY.fewest_repetitions - 1 and away[0] > POLICY.transient * np.median(away[1:]) else 0
     )
-    mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
+    valid: NDArray[np.bool_] | None = None
+    if run.valid is None:
+        mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
+    else:
+        weight = run.valid[: count * period].reshape(count, period)[skipped:].astype(float)
+        valid = np.asarray(weight.any(axis=0))
+        # An instant that is valid in no period keeps what was interpolated.
+        weight[:, ~valid] = 1.0
+        mean = {name: np.average(stack[skipped:], axis=0, weights=weight) for name, stack in stacks.items()}
     noise = run.noise.scaled(1 / np.sqrt(count - skipped))
-    return replace(run, source=None, noise=noise, **mean), skipped * period
+    return replace(run, source=None, noise=noise, valid=valid, **mean), skipped * period
 
 
 def _autocorrelation(signal: Array) -> Array:

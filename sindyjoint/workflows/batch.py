@@ -30,6 +30,7 @@ from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJ
 from sindyjoint.files.atomic import check_output, prepare_output, settle, whole_folder, write_text
 from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.parallel import Lost, executor
+from sindyjoint.soundness.check import check_accepted
 from sindyjoint.workflows.discover import Discovery, discover
 
 CAMPAIGNS = "campaigns"
@@ -236,6 +237,7 @@ def _check_options(library: Any, options: Mapping[str, Any]) -> None:
         for term in given.get(option, ()):
             if term not in catalogue and term != "inertia":
                 _ = catalogue[term]
+    check_accepted(options.get("accept", ()))
     if not isinstance(options.get("random_state", 0), int | type(None)):
         raise InputError("random_state: expected a whole number, so that every campaign has the same seed")
 
@@ -284,12 +286,14 @@ def _record(record: CampaignRecord, folder: Path) -> None:
 
 def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord | None) -> CampaignRecord:
     """Write what was found of a campaign, with what the last result of the same inputs has more; return the record."""
+    from sindyjoint.discovery.evidence import Evidence
     from sindyjoint.discovery.evidence_file import evidence_bytes
 
+    evidence = result.regressor.evidence_ if result.stopped is None else Evidence((), ())
     joint = result.campaign.joint
     with whole_folder(task.folder) as stage:
         (stage / MODEL_FILE).write_text(result.model.to_json() + "\n", encoding="utf-8", newline="\n")
-        (stage / FACTORS_FILE).write_bytes(evidence_bytes(result.regressor.evidence_))
+        (stage / FACTORS_FILE).write_bytes(evidence_bytes(evidence))
         if task.write is not None:
             task.write(result, stage)
         for name in last.outputs if last is not None else ():

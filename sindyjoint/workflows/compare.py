@@ -21,6 +21,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.check import require_sound
 from sindyjoint.text import in_words_of
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
@@ -41,6 +42,7 @@ def compare(
     campaign: Campaign | str | Path | None = None,
     library: Any = "extended",
     *,
+    accept: Sequence[str] = (),
     methods: Sequence[str] | None = None,
     libraries: Sequence[str] = LIBRARIES,
     replicates: int = REPLICATES,
@@ -60,6 +62,8 @@ def compare(
         ``None``: the built-in virtual test of the inter-panel joint, which is simulated.
     library : str, Path, Catalogue, or sequence of these
         Candidates for the comparison of methods and of frequencies.
+    accept : sequence of str
+        Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     methods : sequence of str, optional
         Of :data:`~sindyjoint.discovery.methods.METHODS`, default: all; and ``"weak"``, after another one: its way of
         choosing, on the weak form of the rows by pysindy's test functions.
@@ -82,7 +86,10 @@ def compare(
     ------
     InputError, UnknownNameError
         For data or options that cannot be used.
+    UnsoundError
+        Where the check of the data finds what stops the work.
     """
+    options["accept"] = accept
     names = _checked(tuple(methods or METHODS))
     if replicates < 10 or not margin > 0:
         raise InputError(
@@ -122,6 +129,8 @@ def _compared(
     found = discover(
         campaign, library, random_state=random_state, method=names[0], progress=progress, **options
     )
+    if found.stopped is not None:
+        require_sound(found.stopped)
     evidence = found.regressor.evidence_
     clock.stop(with_time)
     rule: dict[str, Any] = {
@@ -173,6 +182,7 @@ def _compared(
         ),
         seconds=clock.seconds,
         discovery=found,
+        soundness=found.soundness,
     )
 
 

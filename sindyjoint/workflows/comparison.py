@@ -8,6 +8,8 @@ from typing import Any
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.soundness.check import summarize
+from sindyjoint.soundness.finding import Soundness
 from sindyjoint.workflows.discover import Discovery
 
 SCHEMA = 1
@@ -142,6 +144,8 @@ class Comparison:
     warnings : tuple of str
     seconds : dict of float
         Time of each stage.
+    soundness : Soundness
+        What the check of the data found.
     """
 
     joint: str
@@ -162,6 +166,7 @@ class Comparison:
     warnings: tuple[str, ...]
     seconds: dict[str, float]
     discovery: Discovery = field(repr=False, compare=False)
+    soundness: Soundness = Soundness()
 
     @property
     def shown_ids(self) -> tuple[str, ...]:
@@ -188,8 +193,15 @@ class Comparison:
         """Return everything as plain JSON data; numbers that do not exist are null."""
         from dataclasses import fields
 
-        data = {f.name: _to_plain(getattr(self, f.name)) for f in fields(self) if f.name != "discovery"}
-        return {"schema": SCHEMA, "kind": "Comparison", "agreement": self.agreement, **data}
+        names = [f.name for f in fields(self) if f.name not in ("discovery", "soundness")]
+        data = {name: _to_plain(getattr(self, name)) for name in names}
+        return {
+            "schema": SCHEMA,
+            "kind": "Comparison",
+            "agreement": self.agreement,
+            **data,
+            "soundness": summarize(self.soundness),
+        }
 
 
 def _to_plain(value: Any) -> Any:

@@ -10,15 +10,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.diagnosis.result import Diagnosis, Gap
+from sindyjoint.diagnosis.verdict import UNDECIDED
 from sindyjoint.equation.catalogue import Catalogue
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.check import Check, check_accepted, check_campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
@@ -33,6 +36,7 @@ def diagnose(
     campaign: Campaign | str | Path | None = None,
     model: JointModel | None = None,
     *,
+    accept: Sequence[str] = (),
     base: str | Path | Catalogue | Sequence[str | Path | Catalogue] | None = None,
     library: Sequence[str | Path] = (),
     effects: Sequence[Effect] | None = None,
@@ -54,10 +58,13 @@ def diagnose(
         ``None``: a virtual test in which ``random_state`` hides an effect, revealed in the result.
     model : JointModel, optional
         Whose terms are the starting point; their coefficients are estimated anew. Default: the terms of ``base``.
+    accept : sequence of str
+        Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`. Under any
+        that would, the verdict is *undecided*.
     base : library or libraries, optional
         Terms to start from where no model is given. Default: the paper's five; where they and the effects leave
-        something unexplained, the search is made again from the terms that discovery finds and with a delay of the
-        channels removed first, and the start that ends with the smallest gap is used.
+        something unexplained, the search is made once more from the start with the smallest gap: the terms that
+        discovery finds or the five, a delay of the channels removed first or not.
     library : sequence of str or Path
         Further TOML files of effects; an id that is shipped is replaced.
     effects : sequence of Effect, optional
@@ -90,6 +97,7 @@ def diagnose(
     from sindyjoint.diagnosis.campaign.start import kept_out
 
     say = progress or (lambda stage: None)
+    check_accepted(accept)
     known = _known_effects(library, effects, max_effects)
     with spread(jobs, workers, cluster):
         hidden = None
@@ -99,9 +107,47 @@ def diagnose(
             say("simulating a virtual test with something hidden in it")
             campaign, hidden = hidden_campaign(random_state)
         campaign = kept_out(the_campaign(campaign, random_state), hold_out)
+        say("checking the data")
+        checked = check_campaign(campaign, accept)
+        if checked.stopping:
+            return replace(_stop(checked, model), hidden=hidden)
         say("force states")
-        problem = CampaignProblem.build(campaign, model, base, known, policy)
-        return replace(explain_gap(problem, max_effects, say, advise), hidden=hidden)
+        problem = CampaignProblem.build(checked.usable, model, base, known, policy)
+        return replace(_limit(explain_gap(problem, max_effects, say, advise), checked), hidden=hidden)
+
+
+def _limit(result: Diagnosis, checked: Check) -> Diagnosis:
+    """Return a diagnosis that is no surer than its data allow, with what the check of these says."""
+    result = replace(result, soundness=checked.soundness, warnings=(*checked.warnings, *result.warnings))
+    if checked.soundness.verdict != "unsound":
+        return result
+    faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in checked.undecided_by()))
+    reason = f"the data are not sound ({faults}); without that: {result.verdict.replace('_', ' ')}, {result.reason}"
+    return replace(result, verdict=UNDECIDED, reason=reason)
+
+
+def _stop(checked: Check, model: JointModel | None) -> Diagnosis:
+    """Return the diagnosis of data that nothing is concluded from."""
+    unknown = float("nan")
+    gap = Gap(unknown, unknown)
+    if model is None:
+        fitted = Fitted(unknown, unknown, unknown, unknown, 0, len(checked.campaign.runs), unknown, unknown)
+        model = JointModel(checked.campaign.joint, (), (), fitted)
+    return Diagnosis(
+        verdict=UNDECIDED,
+        reason=checked.reason,
+        initial=gap,
+        final=gap,
+        noise_floor=gap,
+        budget=Budget(unknown, unknown, unknown, unknown, unknown),
+        where=(),
+        steps=(),
+        advice=(),
+        warnings=(checked.reason, *checked.warnings),
+        model=model,
+        soundness=checked.soundness,
+        stopped=checked,
+    )
 
 
 @single_threaded()

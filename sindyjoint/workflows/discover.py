@@ -12,18 +12,20 @@ import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
 from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_long_runs
-from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
+from sindyjoint.soundness.check import Check, check_accepted, check_campaign, summarize
+from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.policy import POLICY
 from sindyjoint.workflows.second_search import campaign_model, search_again, softened
-from sindyjoint.workflows.verdict import Verdict, judge, noise_alike
+from sindyjoint.workflows.verdict import Verdict, judge, noise_alike, undecided_by_data, unjudged
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias, Corrected
@@ -53,8 +55,14 @@ class Discovery:
     regressor : JointRegressor
         Fitted; holds candidates, path and factors.
     campaign : Campaign
+        As it was used: without the samples that the check of the data leaves out.
     bias : Bias or None
         What was taken out of the coefficients; ``None`` where it was not asked for or could not be measured.
+    soundness : Soundness
+        What the check of the data found.
+    stopped : Check or None
+        The check, where its findings are such that nothing was discovered: there are no states then, and the regressor
+        is not fitted.
     """
 
     model: JointModel
@@ -67,6 +75,8 @@ class Discovery:
     regressor: JointRegressor = field(repr=False)
     campaign: Campaign = field(repr=False)
     bias: Bias | None = field(repr=False, default=None)
+    soundness: Soundness = Soundness()
+    stopped: Check | None = field(repr=False, default=None)
 
     @property
     def selection(self) -> Selection:
@@ -113,13 +123,18 @@ class Discovery:
             "fit": {
                 "moment_rms": fitted.moment_rms,
                 "residual_rms": fitted.residual_rms,
-                "noise_floor": fitted.noise_floor if np.isfinite(fitted.noise_floor) else None,
-                "moving_fraction": fitted.moving_fraction,
+                "noise_floor": _to_plain(fitted.noise_floor),
+                "moving_fraction": _to_plain(fitted.moving_fraction),
                 "samples": fitted.samples,
                 "runs": fitted.runs,
             },
             "warnings": list(self.warnings),
+            "soundness": summarize(self.soundness),
         }
+
+
+def _to_plain(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 @single_threaded()
@@ -130,6 +145,7 @@ def discover(
     states: str = "auto",
     bandwidth: float | None = None,
     align: bool = False,
+    accept: Sequence[str] = (),
     correct: bool = True,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
@@ -152,6 +168,8 @@ def discover(
         Highest frequency kept in the angle, Hz.
     align : bool
         Remove the time delay that is found between the channels.
+    accept : sequence of str
+        Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
         Simulate the model under the drive of the campaign and take out of the coefficients what noise and processing
         do to them.
@@ -170,7 +188,7 @@ def discover(
 
     Raises
     ------
-    InputError
+    InputError, UnknownNameError
         For data or options that cannot be used.
     """
     from sindyjoint.discovery.estimator import JointRegressor
@@ -178,9 +196,16 @@ def discover(
 
     say = progress or (lambda stage: None)
     catalogue = catalogue_of(library)
+    check_accepted(accept)
     if campaign is None:
         say("simulating the virtual test")
     campaign = the_campaign(campaign, random_state, LONGEST)
+    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
+    say("checking the data")
+    checked = check_campaign(campaign, accept)
+    if checked.stopping:
+        return _stop(checked, regressor)
+    campaign = checked.usable
     inertia = campaign.joint.inertia
     say("force states")
     force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
@@ -189,7 +214,6 @@ def discover(
     lag = delay.time if align and delay is not None and delay.significant else 0.0
     force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
-    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     if has_long_runs(campaign):
         with executor(jobs, workers, cluster) as here:
             regressor, counts = fit_long(
@@ -209,11 +233,15 @@ def discover(
     verdict = judge(regressor, model, measured is not regressor, left_in)
     if correct and verdict.verdict == "refuted":
         verdict = softened(verdict, regressor, model, campaign, force_states)
+    verdict = undecided_by_data(verdict, checked.undecided_by(aligned=lag != 0.0))
     say("measuring the bias of the processing")
     fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     told = delay if align else left_in
-    warnings = [*list_warnings(campaign, force_states, model, told, align, regressor.indistinct_)]
+    warnings = [
+        *checked.warnings,
+        *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
+    ]
     warnings += filter(None, notes)
     if fixed is not None and fixed.reason:
         warnings.append(
@@ -230,6 +258,40 @@ def discover(
         regressor=regressor,
         campaign=campaign,
         bias=fixed.bias if fixed is not None else None,
+        soundness=checked.soundness,
+    )
+
+
+def _stop(checked: Check, regressor: JointRegressor) -> Discovery:
+    """Return the result on data of which no model is made."""
+    campaign = checked.campaign
+    runs = checked.usable.identification_runs
+    moment = float(np.sqrt(np.mean(np.concatenate([run.moment for run in runs]) ** 2))) if runs else 0.0
+    unknown = float("nan")
+    fitted = Fitted(
+        moment_rms=moment,
+        residual_rms=moment,
+        noise_floor=unknown,
+        moving_fraction=unknown,
+        samples=0,
+        runs=len(runs),
+        angle=max((float(np.abs(run.angle).max()) for run in runs), default=0.0),
+        rate=unknown,
+        frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
+        simulated=campaign.simulated,
+    )
+    return Discovery(
+        model=JointModel(campaign.joint, (), (), fitted),
+        verdict=unjudged(checked.reason),
+        found=False,
+        reason=checked.reason,
+        skew=None,
+        warnings=(*checked.warnings, *campaign.warnings),
+        states=(),
+        regressor=regressor,
+        campaign=campaign,
+        soundness=checked.soundness,
+        stopped=checked,
     )
 
 

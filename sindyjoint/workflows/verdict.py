@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.text import in_words_of, spelled
 from sindyjoint.workflows.policy import POLICY
@@ -38,6 +39,28 @@ class Verdict:
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     reason: str
+
+
+def unjudged(reason: str) -> Verdict:
+    """Return the verdict where no model was looked for."""
+    return Verdict("undecided", PAPER_TERMS, (), reason)
+
+
+def undecided_by_data(verdict: Verdict, findings: Sequence[Finding]) -> Verdict:
+    """Return *undecided* in the place of a verdict that the data are not sound enough for.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    findings : sequence of Finding
+        Those that stand against it; none: the verdict holds.
+    """
+    if not findings or verdict.verdict == "undecided":
+        return verdict
+    faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in findings))
+    reason = f"the data are not sound ({faults}: {findings[0].effect})"
+    reason += f"; without that: {verdict.verdict}, {verdict.reason}"
+    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def judge(

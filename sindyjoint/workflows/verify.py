@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +18,28 @@ from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
 from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
+from sindyjoint.soundness.check import check_campaign, require_sound, summarize
+from sindyjoint.soundness.finding import Soundness
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.policy import POLICY
 
 DRAWS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignVerification(Verification):
+    """A verification against a campaign, with what the check of its data found.
+
+    Parameters
+    ----------
+    soundness : Soundness
+    """
+
+    soundness: Soundness = Soundness()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {**super().to_dict(), "soundness": summarize(self.soundness)}
 
 
 @single_threaded()
@@ -27,6 +47,7 @@ def verify(
     model: JointModel | str | Path,
     against: Rig | Campaign | str | Path,
     *,
+    accept: Sequence[str] = (),
     tolerance: float = POLICY.verification_tolerance,
     draws: int = DRAWS,
     window: float = WINDOW,
@@ -45,6 +66,8 @@ def verify(
         A campaign: its runs marked ``use = "validate"``, or all of them where none is. A rig (or the name of a
         shipped one): the response it names as measured; without one, a virtual pulse test of the rig as it is
         written, in which the model then replaces the joint.
+    accept : sequence of str
+        Ids of findings of the check of a campaign that shall not stop the work; see :func:`~sindyjoint.check`.
     tolerance : float
         Largest response NRMSE beyond the noise floor that passes.
     draws : int
@@ -65,6 +88,10 @@ def verify(
     ------
     InputError
         For input that cannot be used.
+    UnknownNameError
+        For an accepted id that no finding has.
+    UnsoundError
+        Where the check of the data finds what stops the work.
     """
     say = progress or (lambda stage: None)
     if not (np.isfinite(tolerance) and tolerance > 0):
@@ -84,7 +111,16 @@ def verify(
             raise InputError(
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given"
             )
-        return verify_campaign(model, against, tolerance, draws, window, generator, say)
+        say("checking the data")
+        checked = require_sound(check_campaign(against, accept))
+        result = verify_campaign(model, checked.usable, tolerance, draws, window, generator, say)
+        known = {each.name: getattr(result, each.name) for each in fields(result)}
+        known["warnings"] = (*checked.warnings, *result.warnings)
+        return CampaignVerification(**known, soundness=checked.soundness)
+    if accept:
+        raise InputError(
+            f"accept is {', '.join(accept)}: belongs to a campaign, whose data are checked; a rig is given"
+        )
     return verify_rig(model, against, tolerance, draws, truth, generator, say)
 
 

@@ -67,7 +67,7 @@ def test_the_command_prints_the_record_and_writes_its_folder(tmp_path, capsys):
         main(["diagnose", str(tmp_path / "in"), "--json", "--out", str(tmp_path / "out")])
     record = json.loads(capsys.readouterr().out)
     assert leave.value.code == 0
-    assert list(record) == KEYS
+    assert list(record) == [*KEYS, "soundness"]
     assert set(record["budget"]) == {"state", "history", "run", "processing", "noise"}
     assert sum(record["budget"].values()) == pytest.approx(record["gap"]["initial"]["moment"] ** 2)
     step = record["steps"][0]

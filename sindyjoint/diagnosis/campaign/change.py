@@ -113,8 +113,10 @@ def steady_before(
         return None
     cut = {name: getattr(run, name)[:end] for name in ("moment", "angle")}
     rate = None if run.rate is None else run.rate[:end]
+    valid = None if run.valid is None else run.valid[:end]
     try:
-        early = force_states(replace(run, rate=rate, source=None, **cut), "periodic", None, rate_share)
+        start = replace(run, rate=rate, valid=valid, source=None, **cut)
+        early = force_states(start, "periodic", None, rate_share)
     except SindyJointError:
         return None
     lasting = early.n_samples / run.sample_rate
@@ -170,8 +172,11 @@ def _stretches(
         straight = _straight(run, low, high, states.frequency, name)
         cut = {n: getattr(straight, n)[low:high] for n in ("moment", "angle")}
         rate = None if straight.rate is None else straight.rate[low:high]
+        valid = None if straight.valid is None else straight.valid[low:high]
         try:
-            part = force_states(replace(straight, rate=rate, **cut), "periodic", None, rate_share)
+            part = force_states(
+                replace(straight, rate=rate, valid=valid, **cut), "periodic", None, rate_share
+            )
         except SindyJointError:
             return ()
         late = low / run.sample_rate

@@ -61,7 +61,11 @@ def processing_error(work: Work, most: int = 4) -> float:
         result = simulated(run, force_states(run), model, (), work.policy)
         if result is None or result.simulated_angle is None:
             return 0.0
-        made.append(replace(run, moment=result.moment, angle=result.simulated_angle, rate=None, source=None))
+        made.append(
+            replace(
+                run, moment=result.moment, angle=result.simulated_angle, rate=None, source=None, valid=None
+            )
+        )
     try:
         states = [force_states(run) for run in made]
     except SindyJointError:

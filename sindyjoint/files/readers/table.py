@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
+from sindyjoint.files.stated_units import unit_in_name
 
 Array = NDArray[np.float64]
 
@@ -37,6 +38,8 @@ class Table:
         Further names, such as the name of a data set without its group.
     row : callable
         How a message names the sample of an index.
+    units : tuple of str
+        Unit of each column as the file states it apart from the name; empty where it does not.
     """
 
     path: Path
@@ -44,6 +47,7 @@ class Table:
     load: Callable[[Sequence[int]], Sequence[NDArray]]
     aliases: Mapping[str, int] = field(default_factory=dict)
     row: Callable[[int], str] = _row
+    units: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, path: Path, arrays: Mapping[str, NDArray], aliases: Mapping[str, int] | None = None) -> Table:
@@ -68,6 +72,18 @@ class Table:
         distinct = sorted(set(positions))
         loaded = dict(zip(distinct, self.load(distinct), strict=True))
         return [self._check_column(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
+
+    def stated_unit(self, name: str | int) -> tuple[str, str, bool] | None:
+        """Return a column's name, the unit that the file states for it, and whether only the name's ending does.
+
+        None where the file states no unit. See :func:`sindyjoint.files.stated_units.unit_in_name`.
+        """
+        at = self._find_column(name)
+        title = self.names[at]
+        if at < len(self.units) and self.units[at].strip():
+            return title, self.units[at].strip().strip("[](){}").strip(), False
+        found = unit_in_name(title)
+        return None if found is None else (title, *found)
 
     def _find_column(self, name: str | int) -> int:
         if isinstance(name, int):

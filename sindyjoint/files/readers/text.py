@@ -40,6 +40,8 @@ class Layout:
     lines: list[str]
     numbers: list[int]
     """Line number in the file, from 1, of each entry of ``lines``."""
+    units: tuple[str, ...] = ()
+    """Unit of each column, where there is a row of units."""
 
 
 def read_text(path: Path, data: bytes) -> Table:
@@ -55,7 +57,11 @@ def read_text(path: Path, data: bytes) -> Table:
     if not text.endswith("\n"):
         _check_end(layout)
     return Table(
-        path, layout.names, lambda wanted: _parse(layout, wanted), row=lambda i: f"line {layout.numbers[i]}"
+        path,
+        layout.names,
+        lambda wanted: _parse(layout, wanted),
+        row=lambda i: f"line {layout.numbers[i]}",
+        units=layout.units,
     )
 
 
@@ -109,6 +115,7 @@ def _layout(path: Path, text: str) -> Layout:
     if not lines:
         raise InputError(f"{path}: holds comment lines only; expected a table with a header and rows")
     delimiter = _delimiter(lines)
+    stated: tuple[str, ...] = ()
     first = _fields(lines[0], delimiter)
     if all(_is_number(field) for field in first):
         above = _fields(comment, delimiter) if comment else []
@@ -120,13 +127,13 @@ def _layout(path: Path, text: str) -> Layout:
         names, skip = first, 1
         units = _fields(lines[1], delimiter) if len(lines) > 1 else []
         if len(units) == len(names) and any(units) and not any(map(_is_number, units)):
-            skip = 2
+            skip, stated = 2, tuple(units)
     top, lines, numbers = numbers[0], lines[skip:], numbers[skip:]
     if not lines:
         raise InputError(f"{path}: has a header ({', '.join(names):.200}) and no rows of data")
     lines = _with_points(lines, delimiter)
     _check_lengths(path, lines, numbers, delimiter, len(names), top)
-    return Layout(path, tuple(names), delimiter, lines, numbers)
+    return Layout(path, tuple(names), delimiter, lines, numbers, stated)
 
 
 def _irregular(text: str) -> bool:

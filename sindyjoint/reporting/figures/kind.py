@@ -41,6 +41,8 @@ class Kind:
         Result → height of a panel in inches; default: by its width.
     projection : str, optional
         Of the axes: ``"3d"``.
+    columns : int, optional
+        Of panels; default: by their number.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Kind:
     wide: bool = False
     height: Callable[[Any], float] | None = None
     projection: str | None = None
+    columns: int | None = None
 
 
 def fixed(*panels: Panel) -> Callable[[Any], list[Panel]]:
@@ -79,7 +82,7 @@ def by_name(*kinds: Kind) -> dict[str, Kind]:
 
 def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Figure:
     """Return the panels of a kind of figure as one figure of a width in inches, free of any global state."""
-    columns = 1 if width < 5 or len(panels) == 1 else (3 if len(panels) > 4 else 2)
+    columns = 1 if width < 5 or len(panels) == 1 else chosen.columns or (3 if len(panels) > 4 else 2)
     rows = math.ceil(len(panels) / columns)
     cell = width / columns if len(panels) > 1 or chosen.wide else min(width, 4.6)
     height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))

@@ -17,6 +17,7 @@ from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import interval_text, superscripted
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, csv_text, short_number
 from sindyjoint.reporting.view import FINDING, View
+from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import quantities, rounded, spelled
 from sindyjoint.workflows.comparison import Comparison
 
@@ -34,7 +35,7 @@ class ComparisonView(View[Comparison, Comparison]):
     template = "comparison.html.j2"
     record_file = "comparison.json"
     judged_by = FINDING
-    unsaved = {"discovery": None, "left_out": {}}  # noqa: RUF012
+    unsaved = {"discovery": None, "left_out": {}, "soundness": Soundness()}  # noqa: RUF012
 
     def tables(self, result: Comparison) -> tuple[TextTable, ...]:
         """Return the tables of a comparison."""

@@ -34,8 +34,8 @@ VERDICTS = {
         "undecided",
         "A part of what was missing has a name; the rest is unexplained.",
     ),
-    "undecided": ("undecided", "These data decide nothing: no gap could be held against a noise floor."),
     "unknown": ("refuted", "Something is missing that none of the known effects explains."),
+    "undecided": ("undecided", "The data do not decide whether anything is missing."),
     "nothing_missing": ("confirmed", "Nothing is missing: the residual is noise."),
 }
 
@@ -50,7 +50,12 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     template = "diagnosis.html.j2"
     record_file = "diagnosis.json"
     judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign", "diagnosis structure")
-    unsaved = {"effects": (), "whole": None}  # noqa: RUF012
+    unsaved: ClassVar[dict[str, Any]] = {
+        "effects": (),
+        "whole": None,
+        "soundness": None,
+        "stopped": None,
+    }
 
     def kinds_of(self, data: Diagnosis) -> Mapping[str, Kind]:
         """Return the figures of a campaign, or those of a structure."""

@@ -1,0 +1,45 @@
+"""``sindyjoint check``: are the data sound."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sindyjoint.cli.answer import answer
+from sindyjoint.cli.options import AcceptOption, AsJson, CampaignPath
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from sindyjoint.soundness.check import Check
+
+
+def check(
+    campaign: CampaignPath = None,
+    accept: AcceptOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder for report.html, check.json, findings.csv and figures."),
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Check the data: saturation, spikes, dropouts, delay, units, coverage; with a picture of every channel.
+
+    The same check runs at the start of discover, compare, diagnose, verify and batch.
+
+    Exit status 0: sound, or doubtful; 1: unsound, so that no model is made, unless all that stops is accepted; 2: the
+    input is at fault.
+
+    Example: sindyjoint check tests/campaign.toml --out soundness
+    """
+
+    def find(progress: Progress) -> Check:
+        from sindyjoint.workflows.check import check as run
+
+        return run(campaign, tuple(accept or ()), progress=progress.say)
+
+    result = answer(find, out, as_json, Progress(quiet, verbose))
+    raise typer.Exit(1 if result.stopping else 0)

@@ -1,0 +1,46 @@
+"""Units that the files deny: what the manifest declares against what a header or a row of units states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from sindyjoint.files.units import unit_ratio
+from sindyjoint.record import Campaign, ColumnUnit
+from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.policy import POLICY
+from sindyjoint.soundness.words import Words
+
+
+def find_unit_mismatches(campaign: Campaign, words: Words) -> Iterator[Finding]:
+    """Yield the channels whose declared unit is not the one that their file states."""
+    for run in campaign.runs:
+        for unit in () if run.source is None else run.source.units:
+            ratio = _denial(unit)
+            if ratio is None:
+                continue
+            factor = (
+                "is no such quantity" if ratio == 0 else f"makes every value {1 / ratio:.4g} times what it is"
+            )
+            yield Finding(
+                "unit_mismatch",
+                run.name,
+                unit.channel,
+                "stops",
+                f"column {unit.column!r} is declared in {unit.declared!r}, the file states {unit.stated!r}: "
+                f"that {factor}",
+                "c1 and the inertia are wrong by that factor and its square"
+                if unit.channel == "time"
+                else "k1, c1 and M_F are wrong by that factor"
+                if unit.channel == "moment"
+                else "k1 and c1 are wrong by that factor, k3 by its cube",
+                f"declare unit = {unit.stated!r} for the {words.of(unit.channel)}, or correct the file",
+            )
+
+
+def _denial(unit: ColumnUnit) -> float | None:
+    """Return the stated unit in declared ones where they differ, zero for another quantity, or None."""
+    ratio = unit_ratio(unit.stated, unit.declared)
+    if ratio is None or abs(ratio - 1) < POLICY.same_unit:
+        return None
+    # The ending of a name may mean another thing ("force_in"): it denies only a unit of the same quantity.
+    return None if ratio == 0 and unit.named else ratio

@@ -1,0 +1,90 @@
+"""What a check of the data finds: one record for each fault, and the verdict that they make together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Severity = Literal["stops", "biases", "note"]
+SoundnessVerdict = Literal["sound", "doubtful", "unsound"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One fault of the data.
+
+    Parameters
+    ----------
+    id : str
+        Kind of fault, such as ``"saturation"``; what ``--accept`` takes.
+    run : str or None
+        Name of the run; ``None`` where the fault is of the campaign as a whole.
+    channel : str or None
+        ``"moment"``, ``"angle"``, ``"rate"`` or ``"time"``, whatever the motion; ``None`` where it is of no single one.
+    severity : {"stops", "biases", "note"}
+        Whether no model can be trusted, coefficients are shifted, or it is merely good to know.
+    extent : str
+        How much, with its number and unit: ``"2.1 % of the samples at the highest value"``.
+    effect : str
+        What it would do, and to which coefficient.
+    remedy : str
+        What to do about it.
+    spans : tuple of (int, int)
+        Samples concerned, from inclusive to exclusive, for the picture.
+    masked : bool
+        Whether those samples can be, and therefore are, left out of every fit.
+    """
+
+    id: str
+    run: str | None
+    channel: str | None
+    severity: Severity
+    extent: str
+    effect: str
+    remedy: str
+    spans: tuple[tuple[int, int], ...] = field(default=(), repr=False)
+    masked: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        names = ("id", "run", "channel", "severity", "extent", "effect", "remedy")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True)
+class Soundness:
+    """The findings of a campaign, and which of them the user accepts.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        The severest first.
+    accepted : tuple of str
+        Ids of findings that no longer stop the work.
+    """
+
+    findings: tuple[Finding, ...] = ()
+    accepted: tuple[str, ...] = ()
+
+    @property
+    def stopping(self) -> tuple[Finding, ...]:
+        """Findings under which no model is made."""
+        return tuple(f for f in self.findings if f.severity == "stops" and f.id not in self.accepted)
+
+    @property
+    def verdict(self) -> SoundnessVerdict:
+        """``"unsound"`` where something stops, accepted or not, ``"doubtful"`` where it biases, or ``"sound"``."""
+        return verdict_of(self.findings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {"schema": 1, "verdict": self.verdict, "findings": [f.to_dict() for f in self.findings]}
+
+
+def verdict_of(findings: Sequence[Finding]) -> SoundnessVerdict:
+    """Return the verdict on a list of findings."""
+    severities = {finding.severity for finding in findings}
+    if "stops" in severities:
+        return "unsound"
+    return "doubtful" if "biases" in severities else "sound"

@@ -1,0 +1,251 @@
+"""Runs held against their kin: the law that all other runs have in common, and the one that departs from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
+from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.policy import POLICY
+from sindyjoint.soundness.words import Words
+
+Array = NDArray[np.float64]
+Columns = Callable[[Array, Array], list[Array]]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Largest angle and rate of a campaign, by which the columns are scaled."""
+
+    angle: float
+    rate: float
+
+
+def flexible_columns(a: Array, v: Array) -> list[Array]:
+    """Return columns of a flexible law over scaled angle and rate.
+
+    Powers of the angle up to the fifth, viscous, quadratic and angle-dependent damping, friction with its dependence on
+    the angle.
+    """
+    sign = np.sign(v)
+    return [
+        np.ones_like(a), a, a**2, a**3, a**5, v, v * np.abs(v), a * v, a**2 * v, sign, np.abs(a) * sign, a * sign,
+    ]  # fmt: skip
+
+
+def plain_columns(a: Array, v: Array) -> list[Array]:
+    """Return the columns of the paper's law and a constant."""
+    return [np.ones_like(a), a, a**2, a**3, v, np.sign(v)]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of some runs, each run's moment scaled to an RMS of one; rows of standstill are zero.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (r, n, p)
+    target : ndarray, shape (r, n)
+    """
+
+    columns: Array
+    target: Array
+
+    @cached_property
+    def products(self) -> Array:
+        """Products of [columns | target] of each run, shape (r, p + 1, p + 1)."""
+        both = np.concatenate([self.columns, self.target[:, :, None]], axis=2)
+        return np.asarray(both.transpose(0, 2, 1) @ both) / self.target.shape[1]
+
+    def left_by(self, law: Array, run: int) -> float:
+        """Return the RMS that a law leaves of a run, in parts of its moment's."""
+        return rms(self.target[run] - self.columns[run] @ law)
+
+
+def rows_of(
+    cycles: Cycles,
+    scale: Scale,
+    inertia: float | None,
+    angle: Complex | None = None,
+    moment: Complex | None = None,
+    columns: Columns = flexible_columns,
+    slowest: float = POLICY.moving_rate,
+) -> Rows:
+    """Return the moving rows of mean cycles; other harmonics of the channels may be put in.
+
+    Parameters
+    ----------
+    cycles : Cycles
+    scale : Scale
+    inertia : float or None
+        kg·m²; None where it is a column.
+    angle, moment : ndarray of complex, optional
+    columns : callable
+        The law.
+    slowest : float
+        Share of a run's largest rate below which a row counts as standstill.
+    """
+    theta, rate, acceleration = cycles.motion(angle)
+    norm = np.std(synthesise(cycles.moment), axis=1, keepdims=True)
+    norm[norm == 0] = 1.0
+    load = synthesise(cycles.moment if moment is None else moment) - (inertia or 0.0) * acceleration
+    moving = np.abs(rate) > slowest * np.abs(rate).max(axis=1, keepdims=True)
+    weight = moving / norm
+    built = columns(theta / scale.angle, rate / scale.rate)
+    if inertia is None:
+        built.append(acceleration * scale.angle / scale.rate**2)
+    return Rows(np.stack(built, axis=2) * weight[:, :, None], load * weight)
+
+
+def rms(values: Array) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def scale_of(cycles: Cycles) -> Scale:
+    """Return the scale of a campaign: medians, so that one run in another unit does not set it."""
+    angle, rate, _ = cycles.motion()
+    swing = np.abs(angle - angle.mean(axis=1, keepdims=True)).max(axis=1)
+    return Scale(float(np.median(swing)) or 1.0, float(np.median(np.abs(rate).max(axis=1))) or 1.0)
+
+
+def solve(products: Array) -> tuple[Array, float]:
+    """Return coefficients and residual mean square of the fit whose products are given."""
+    p = len(products) - 1
+    gram, right, square = products[:p, :p], products[:p, p], products[p, p]
+    norms = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / np.outer(norms, norms) + POLICY.ridge * np.eye(p)
+    coefficients = np.linalg.solve(scaled, right / norms) / norms
+    rest = square - 2 * right @ coefficients + coefficients @ gram @ coefficients
+    return coefficients, float(max(rest, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class OddRuns:
+    """Runs that depart from the law of the others.
+
+    Parameters
+    ----------
+    index : tuple of int
+    departure : float
+        Least RMS that the law of the others leaves of one of their moments, in parts of it.
+    common : float
+        RMS that this law leaves of the others.
+    """
+
+    index: tuple[int, ...]
+    departure: float
+    common: float
+
+
+def odd_runs(rows: Rows, size: int) -> OddRuns | None:
+    """Return the runs, ``size`` of them, without which the others have a law in common as they have not with them."""
+    products = rows.products
+    count = len(products)
+    everything = float(np.sqrt(solve(products.sum(axis=0))[1] / count))
+    if everything < POLICY.kin_departure / np.sqrt(count):
+        return None
+    best: OddRuns | None = None
+    for index in combinations(range(count), size):
+        others = np.delete(
+            products, index, axis=0
+        )  # not a difference of sums: one run may be a thousand times as large
+        law, rest = solve(others.sum(axis=0))
+        common = float(np.sqrt(rest / len(others)))
+        if best is None or common < best.common:
+            best = OddRuns(index, min(rows.left_by(law, i) for i in index), common)
+    if best is None:
+        return None
+    alike = best.common < min(POLICY.kin_misfit, POLICY.kin_gain * everything)
+    apart = best.departure > max(POLICY.kin_departure, POLICY.kin_contrast * best.common)
+    return best if alike and apart else None
+
+
+def find_odd_runs(cycles: Cycles, inertia: float | None, words: Words) -> tuple[list[Finding], Cycles]:
+    """Return findings on runs that differ from their kin, with what explains it, and the cycles of the others."""
+    remaining = list(range(len(cycles)))
+    odd: list[int] = []
+    common = 0.0
+    while len(remaining) >= POLICY.fewest_kin and len(odd) <= len(cycles) // 3:
+        kin = cycles.take(remaining)
+        rows = rows_of(kin, scale_of(kin), inertia)
+        found = odd_runs(rows, 1)
+        if found is None and len(remaining) >= 2 * POLICY.fewest_kin:
+            found = odd_runs(rows, 2)  # two runs that have each other's channel
+        if found is None:
+            break
+        common = found.common
+        odd += [remaining[i] for i in found.index]
+        remaining = [r for r in remaining if r not in odd]
+    kin = cycles.take(remaining)
+    if not odd or len(remaining) < 2:
+        return [], kin
+    scale = scale_of(kin)
+    law = solve(rows_of(kin, scale, inertia).products.sum(axis=0))[0]
+    return [_describe(cycles.take([i]), law, common, scale, inertia, words) for i in odd], kin
+
+
+def _describe(
+    run: Cycles, law: Array, common: float, scale: Scale, inertia: float | None, words: Words
+) -> Finding:
+    """Return the finding: the factor on moment or angle that restores the law, or that none does."""
+    rows = rows_of(run, scale, inertia)
+    expected, target = rows.columns[0] @ law, rows.target[0]
+    moment_gain = float(target @ expected / max(float(expected @ expected), 1e-300))
+    after_moment = rms(target - moment_gain * expected)
+    angle_gain, after_angle = _best_angle_gain(run, law, scale, inertia)
+    departure = rms(target - expected)
+    if min(after_moment, after_angle) > POLICY.gain_explains * min(departure, 1.0):
+        return Finding(
+            "run_differs",
+            run.names[0],
+            None,
+            "biases",
+            f"the law of the other runs leaves {100 * departure:.3g} % of its {words.moment}, of theirs "
+            f"{100 * common:.2g} %",
+            "the coefficients (k1, k3, c1, M_F) are a mean of two joints or two set-ups",
+            "look at what was changed before that run; leave it out, or diagnose it apart",
+        )
+    on_moment = after_moment <= after_angle
+    gain = moment_gain if on_moment else angle_gain
+    name = "moment" if on_moment else "angle"
+    if gain < 0:
+        return Finding(
+            "reversed_sign",
+            run.names[0],
+            name,
+            "stops",
+            f"its {words.of(name)} is that of the other runs times {gain:.3g}",
+            "k1, c1 and M_F of this run have the other sign",
+            "reverse the channel (gain = -1), or leave the run out",
+        )
+    return Finding(
+        "gain_differs",
+        run.names[0],
+        name,
+        "biases" if 0.6 < gain < 1.6 else "stops",
+        f"its {words.of(name)} is {gain:.4g} times what the law of the other runs has for it (they agree within "
+        f"{100 * common:.2g} %, it departs by {100 * departure:.3g} %)",
+        "k1, k3, c1 and M_F are drawn towards that run",
+        "compare gain and unit of that run with the others'; correct it or leave it out",
+    )
+
+
+def _best_angle_gain(run: Cycles, law: Array, scale: Scale, inertia: float | None) -> tuple[float, float]:
+    """Return the factor of the angle under which the law fits best, and the RMS that it then leaves."""
+
+    def left(gain: float) -> float:
+        return rows_of(run, scale, inertia, angle=run.angle / gain).left_by(law, 0)
+
+    size = float(np.abs(run.motion()[0]).max()) / scale.angle
+    grid = np.concatenate([np.geomspace(0.5, 2.0, 25), np.geomspace(0.2, 5.0, 25) * size, [-1.0]])
+    best = float(min(grid, key=left))
+    for width in (0.06, 0.02, 0.007):
+        best = float(min(best * (1 + width * np.linspace(-1, 1, 7)), key=left))
+    return best, left(best)

@@ -1,0 +1,106 @@
+"""What the check finds: faults put into campaigns of random joints, and nothing in sound ones."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sindyjoint.files.campaign import load_campaign
+from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.soundness.faults import find_faults
+from sindyjoint.soundness.finding import Soundness
+from tests.soundness.faults import FAULTS, found, inject, sound_campaign
+from tests.soundness.file_units import FILE_FAULTS, HONEST_FILES, write_files
+
+SEEDS = (203, 205)  # moment-driven and displacement-driven or by a rig; not those that limits were set on
+
+
+@cache
+def campaign_of(seed):
+    return sound_campaign(seed)
+
+
+def doubts(findings):
+    return [(f.id, f.run, f.extent) for f in findings if f.severity != "note"]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_sound_campaign_has_no_fault(seed):
+    assert doubts(find_faults(campaign_of(seed))) == []
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_is_found_under_its_name(kind):
+    bad, run = inject(kind, campaign_of(SEEDS[len(kind) % 2]), SEEDS[0])
+    findings = find_faults(bad)
+    assert found(kind, findings, run), [(f.id, f.run, f.extent) for f in findings]
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_every_finding_says_what_it_does_and_what_helps(kind):
+    bad, _ = inject(kind, campaign_of(SEEDS[0]), 1)
+    names = {run.name for run in bad.runs} | {None}
+    findings = find_faults(bad)
+    order = [("stops", "biases", "note").index(f.severity) for f in findings]
+    assert order == sorted(order)
+    for f in findings:
+        assert f.run in names and f.channel in ("moment", "angle", "rate", "time", None)
+        assert any(character.isdigit() for character in f.extent) or f.id == "coverage"
+        assert f.effect and f.remedy and "\n" not in f.extent + f.effect + f.remedy
+        size = max(run.n_samples for run in bad.runs)
+        assert all(0 <= a < b <= size for a, b in f.spans)
+        assert f.spans or not f.masked
+    assert Soundness(findings).to_dict()["schema"] == 1
+
+
+@pytest.mark.parametrize("kind", FILE_FAULTS)
+def test_a_unit_that_the_file_denies_stops(kind, tmp_path):
+    names, row, declared, channel = FILE_FAULTS[kind]
+    some = campaign_of(SEEDS[0])
+    some = some.with_runs(some.runs[:2])
+    loaded = load_campaign(write_files(some, tmp_path, names, row, declared))
+    mismatches = [f for f in find_faults(loaded) if f.id == "unit_mismatch"]
+    assert {(f.run, f.channel, f.severity) for f in mismatches} == {
+        (run, channel, "stops") for run in ("0", "1")
+    }
+
+
+@pytest.mark.parametrize(("names", "row", "declared"), HONEST_FILES)
+def test_an_honest_header_is_believed(names, row, declared, tmp_path):
+    some = campaign_of(SEEDS[0])
+    loaded = load_campaign(write_files(some.with_runs(some.runs[:2]), tmp_path, names, row, declared))
+    assert not [f for f in find_faults(loaded) if f.id == "unit_mismatch"]
+
+
+def test_words_follow_the_motion():
+    sliding = replace(campaign_of(SEEDS[0]), joint=Joint(motion="translation", inertia=0.02))
+    bad, _ = inject("moment_clipped", sliding, 0)
+    text = " ".join(f.extent + f.effect + f.remedy for f in find_faults(bad))
+    assert "force" in text and "moment" not in text and "N*m" not in text
+
+
+def run_of(moment, angle, name="a", **rest):
+    return Run(name, moment, angle, 100.0, **rest)
+
+
+ONES, RAMP = np.ones(400), np.arange(400.0)
+NOISE = np.random.default_rng(0).standard_normal(400)
+ODD = {
+    "constant": [run_of(ONES, ONES, frequency=5.0)],
+    "zeros": [run_of(0 * ONES, 0 * ONES), run_of(0 * ONES, RAMP, "b")],
+    "ramp": [run_of(RAMP, RAMP, frequency=5.0)],
+    "noise": [run_of(NOISE, NOISE[::-1], frequency=5.0)],
+    "short": [run_of(NOISE[:32], RAMP[:32], frequency=1.0)],
+    "two levels": [run_of(np.sign(NOISE), np.sign(np.sin(RAMP)), frequency=4.0)],
+    "impulse": [run_of(np.eye(1, 400)[0], RAMP)],
+    "huge": [run_of(1e200 * NOISE, 1e-200 * NOISE)],
+    "mixed lengths": [run_of(NOISE, NOISE), run_of(NOISE[:50], RAMP[:50], "b", rate=RAMP[:50], frequency=2.0)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_data_raise_nothing(name, recwarn):
+    find_faults(Campaign(Joint(inertia=0.1), tuple(ODD[name])))
+    find_faults(Campaign(Joint(motion="translation"), tuple(ODD[name])))
+    assert not recwarn.list
