@@ -33,7 +33,7 @@ ENSEMBLE_MODELS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class _Asked:
+class Asked:
     """What a method is asked: the evidence, columns that every set holds, signs that coefficients must have."""
 
     evidence: Evidence
@@ -48,6 +48,7 @@ class _Asked:
 
     @property
     def all_columns(self) -> tuple[int, ...]:
+        """Of all candidates."""
         return tuple(range(self.factor.n_columns))
 
     @property
@@ -57,32 +58,32 @@ class _Asked:
         return triangle[:, :-1], triangle[:, -1:]
 
 
-Method = Callable[[_Asked], Path]
+Method = Callable[[Asked], Path]
 
 
-def _stlsq(asked: _Asked) -> Path:
+def _stlsq(asked: Asked) -> Path:
     """Sequentially thresholded least squares on unique shares, one term at a time, with exchange."""
     return elimination_path(asked.factor, asked.forced)
 
 
-def _backward(asked: _Asked) -> Path:
+def _backward(asked: Asked) -> Path:
     """Backward elimination: the term whose removal costs least goes, and does not come back."""
     return backward_path(asked.factor, asked.forced)
 
 
-def _best_subset(asked: _Asked) -> Path:
+def _best_subset(asked: Asked) -> Path:
     """Exact best subset of every size, by branch and bound."""
     from sindyjoint.discovery.best_subset import best_subsets
 
     return [subset.columns for subset in best_subsets(asked.factor, asked.forced, asked.signs)]
 
 
-def _coefficient_stlsq(asked: _Asked) -> Path:
+def _coefficient_stlsq(asked: Asked) -> Path:
     """STLSQ of pysindy on scaled columns, all coefficients below the threshold removed at once."""
     return _threshold_path(asked, _pysindy_stlsq)
 
 
-def _sr3(asked: _Asked) -> Path:
+def _sr3(asked: Asked) -> Path:
     """SR3 of pysindy with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
     from pysindy.optimizers import SR3
 
@@ -99,21 +100,21 @@ def _sr3(asked: _Asked) -> Path:
     return _threshold_path(asked, build)
 
 
-def _ssr(asked: _Asked) -> Path:
+def _ssr(asked: Asked) -> Path:
     """SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
     from pysindy.optimizers import SSR
 
     return _history_path(asked, SSR(alpha=0.0, unbias=False, max_iter=asked.factor.n_columns))
 
 
-def _frols(asked: _Asked) -> Path:
+def _frols(asked: Asked) -> Path:
     """FROLS of pysindy, forward regression by error reduction ratio (Billings 2013)."""
     from pysindy.optimizers import FROLS
 
     return _history_path(asked, FROLS(alpha=0.0, unbias=False, max_iter=asked.factor.n_columns))
 
 
-def _ensemble(asked: _Asked) -> Path:
+def _ensemble(asked: Asked) -> Path:
     """EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
     from pysindy.optimizers import EnsembleOptimizer
 
@@ -135,7 +136,7 @@ def _ensemble(asked: _Asked) -> Path:
     return _threshold_path(asked, build, ENSEMBLE_THRESHOLDS)
 
 
-def _lasso_lars(asked: _Asked) -> Path:
+def _lasso_lars(asked: Asked) -> Path:
     """Least-angle regression with the l1 penalty: the sets of its path, the one of least BIC among them.
 
     Efron, Hastie, Johnstone and Tibshirani, Annals of Statistics 32(2), 2004. Set sizes are met more than once; all
@@ -233,7 +234,7 @@ def _named_optimiser(method: str) -> Any:
 def _foreign(method: Any) -> Method:
     """Return a method that gives the set which an optimiser of pysindy keeps at its own settings, and its history."""
 
-    def proposed(asked: _Asked) -> Path:
+    def proposed(asked: Asked) -> Path:
         optimiser = _named_optimiser(method) if isinstance(method, str) else deepcopy(method)
         columns, target = asked.problem
         try:
@@ -272,7 +273,7 @@ def column_path(
     signs = dict(signs or {})
     known = METHODS.get(method) if isinstance(method, str) else None
     propose = known or _foreign(method)
-    sets = propose(_Asked(evidence, tuple(forced), signs, np.random.default_rng(random_state)))
+    sets = propose(Asked(evidence, tuple(forced), signs, np.random.default_rng(random_state)))
     if signs:
         sets = [s for each in sets for s in (each, obedient(evidence.pooled, each, signs))]
     unique = dict.fromkeys(tuple(sorted(s)) for s in sets if s)
@@ -299,7 +300,7 @@ def _pysindy_stlsq(threshold: float) -> Any:
     return STLSQ(threshold=threshold, alpha=0.0, unbias=False)
 
 
-def _resampled_blocks(asked: _Asked) -> Factor:
+def _resampled_blocks(asked: Asked) -> Factor:
     """Return the normalised factor of blocks drawn with replacement, as many of each run as it has."""
     drawn = []
     for run in asked.evidence.runs:
@@ -323,7 +324,7 @@ def _quiet(fit: Callable[[], Any]) -> Any:
         return fit()
 
 
-def _threshold_path(asked: _Asked, build: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
+def _threshold_path(asked: Asked, build: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
     columns, target = asked.problem
     path: Path = [asked.all_columns]
     for threshold in thresholds:
@@ -335,12 +336,12 @@ def _threshold_path(asked: _Asked, build: Callable[[float], Any], thresholds: Ar
     return path
 
 
-def _history_path(asked: _Asked, optimiser: Any) -> Path:
+def _history_path(asked: Asked, optimiser: Any) -> Path:
     _quiet(lambda: optimiser.fit(*asked.problem))
     return [asked.all_columns, *(_nonzero(c, asked) for c in optimiser.history_)]
 
 
-def _nonzero(coefficients: Any, asked: _Asked) -> tuple[int, ...]:
+def _nonzero(coefficients: Any, asked: Asked) -> tuple[int, ...]:
     values = np.asarray(coefficients, dtype=float)
     values = values.reshape(-1, values.shape[-1])[0] if values.ndim > 1 else values
     return tuple(sorted({*np.flatnonzero(values).tolist(), *asked.forced}))

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import math
 import re
+from collections.abc import Iterable
 from functools import cache
 from html import escape
 from importlib import resources
@@ -73,7 +74,7 @@ def _environment() -> Environment:
     )
     environment.filters["number"] = number
     environment.filters["spelled"] = spelled
-    environment.filters["joined"] = lambda items, motion: ", ".join(spelled(i, motion) for i in items)
+    environment.filters["joined"] = _joined
     return environment
 
 
@@ -87,3 +88,8 @@ def number(value: float | None, digits: int = 3) -> str:
 @cache
 def _text(name: str) -> str:
     return resources.files("sindyjoint.reporting").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _joined(identifiers: Iterable[str], motion: str = "rotation") -> str:
+    """Return ids in words, separated by commas."""
+    return ", ".join(spelled(identifier, motion) for identifier in identifiers)

@@ -190,7 +190,9 @@ def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool
         _, shared = coherence(
             first, second, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
         )
-    return bool(np.nanmedian(shared[2 * shared.size // 3 :]) > POLICY.shared_top)
+    top = shared[2 * shared.size // 3 :]
+    known = top[np.isfinite(top)]
+    return bool(known.size and np.median(known) > POLICY.shared_top)
 
 
 def transfer_noise(states: ForceStates, inertia: float) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.discovery.evidence import Evidence
-from sindyjoint.discovery.methods import METHODS, NOT_GIVEN, column_path, obedient
+from sindyjoint.discovery.methods import METHODS, NOT_GIVEN, Asked, column_path, obedient
 from sindyjoint.discovery.selection import choose_by_evidence, path_of
 
 PAPER = (0, 1, 2, 3, 4)
@@ -74,7 +74,7 @@ def test_what_a_search_is_not_given_makes_no_difference(name, evidence):
     evidence = evidence.take(range(10))
 
     def sets(of, signs=None):
-        return METHODS[name](of, (), signs or {}, np.random.default_rng(0))
+        return METHODS[name](Asked(of, (), signs or {}, np.random.default_rng(0)))
 
     groups = (replace(run, group="one") for run in evidence.runs)
     one_group = Evidence(evidence.ids, tuple(groups))

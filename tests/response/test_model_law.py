@@ -97,7 +97,7 @@ def test_a_term_of_the_acceleration_is_refused():
     with pytest.raises(InputError, match=r"term 'mine' \(alpha\*abs\(theta\)\) depends on alpha"):
         model_law(model)
     sliding = replace(model, joint=replace(model.joint, motion="translation"))
-    with pytest.raises(InputError, match="terms of displacement and velocity, and inertia"):
+    with pytest.raises(InputError, match="terms of displacement and velocity, and mass"):
         model_law(sliding)
 
 
