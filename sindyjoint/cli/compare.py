@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AcceptOption, AsJson, CampaignPath
+from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson, CampaignPath
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -48,6 +48,7 @@ def compare(
         typer.Option(help="Relative change of a coefficient over the tested band that would not matter."),
     ] = default_of(COMPARE, "margin"),
     accept: AcceptOption = None,
+    align: AlignOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = default_of(
         COMPARE, "random_state"
@@ -72,6 +73,7 @@ def compare(
             campaign,
             **given(library=library, methods=method),
             accept=tuple(accept or ()),
+            align=align,
             replicates=replicates,
             margin=margin,
             random_state=random_state,

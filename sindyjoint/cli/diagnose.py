@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AcceptOption, AsJson
+from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
@@ -67,6 +67,7 @@ def diagnose(
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
     ] = None,
     accept: AcceptOption = None,
+    align: AlignOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
     jobs: JobsOption = JOBS,
@@ -91,6 +92,7 @@ def diagnose(
             model,
             base,
             accept=tuple(accept or ()),
+            align=align,
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
@@ -121,6 +123,8 @@ def _diagnosed(
         return of_campaign(campaign, start, **given(base=base), **options)
     if options.pop("accept"):
         raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
+    if options.pop("align"):
+        raise InputError(f"--align is for campaigns, which have two channels; {campaign} is a rig")
     if base:
         raise InputError(
             f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"

@@ -66,6 +66,9 @@ CandidatesOption = Annotated[
         help=f"Candidate terms: name or path of a catalogue. Repeatable. [{LIBRARY}]",
     ),
 ]
+AlignOption = Annotated[
+    bool, typer.Option("--align", help="Remove the time delay found between the channels.")
+]
 AcceptOption = Annotated[
     list[str] | None,
     typer.Option(

@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AcceptOption, AsJson
+from sindyjoint.cli.options import AcceptOption, AlignOption, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def verify(
         Path | None, typer.Option("--out", help="Folder for verification.json and figures.")
     ] = None,
     accept: AcceptOption = None,
+    align: AlignOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = default_of(
         VERIFY, "random_state"
@@ -78,6 +79,7 @@ def verify(
             model,
             against,
             accept=tuple(accept or ()),
+            align=align,
             tolerance=tolerance,
             draws=draws,
             window=window,

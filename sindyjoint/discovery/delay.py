@@ -21,7 +21,10 @@ from sindyjoint.equation.catalogue import Reference, load_catalogue, term_column
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.record import Campaign, Run
+from sindyjoint.states import campaign_states
 from sindyjoint.states.record import ForceStates
+from sindyjoint.text import quantities
 
 Array = NDArray[np.float64]
 # Samples by which a signal is prolonged, so that its spline does not depend on the end.
@@ -125,6 +128,37 @@ def find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelD
     except (np.linalg.LinAlgError, InputError):
         # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
         return None
+
+
+def align_channels(campaign: Campaign) -> Campaign:
+    """Return a campaign with a significant delay between its channels removed, which its notes then state.
+
+    The delay is that of the runs for identification under the paper's law. The motion is moved, by cubic splines; the
+    samples at the ends that it then lacks go.
+    """
+    states = campaign_states(campaign)
+    delay = find_delay(states, campaign.joint.inertia)
+    if delay is None or not delay.significant or delay.at_limit:
+        return campaign
+    runs = tuple(_aligned_run(run, delay.time) for run in campaign.runs)
+    words = quantities(campaign.joint.motion)
+    moment, angle = words.moment.lower(), words.angle.lower()
+    note = (
+        f"the {moment} {'lags' if delay.time > 0 else 'leads'} the {angle} by {1e3 * abs(delay.time):.3f} ± "
+        f"{1e3 * delay.standard_error:.3f} ms; the channels were aligned"
+    )
+    return replace(campaign, runs=runs, notes=(*campaign.notes, note))
+
+
+def _aligned_run(run: Run, time: float) -> Run:
+    """Return a run whose motion comes ``time`` seconds later, without the ends where it is not known."""
+    samples = time * run.sample_rate
+    lost = int(np.ceil(abs(samples))) + 1
+    kept = slice(lost, run.n_samples - lost)
+    rate = None if run.rate is None else _delay_signal(run.rate, samples)[kept]
+    valid = None if run.valid is None else run.valid[kept]
+    angle = _delay_signal(run.angle, samples)[kept]
+    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid)
 
 
 def estimate_delay(

@@ -16,6 +16,7 @@ from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis, Gap
 from sindyjoint.diagnosis.verdict import UNDECIDED
+from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError
@@ -37,6 +38,7 @@ def diagnose(
     model: JointModel | None = None,
     *,
     accept: Sequence[str] = (),
+    align: bool = False,
     base: str | Path | Catalogue | Sequence[str | Path | Catalogue] | None = None,
     library: Sequence[str | Path] = (),
     effects: Sequence[Effect] | None = None,
@@ -61,6 +63,8 @@ def diagnose(
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`. Under any
         that would, the verdict is *undecided*.
+    align : bool
+        Remove a significant delay between the channels first, whatever the search would make of it.
     base : library or libraries, optional
         Terms to start from where no model is given. Default: the paper's five; where they and the effects leave
         something unexplained, the search is made once more from the start with the smallest gap: the terms that
@@ -112,7 +116,8 @@ def diagnose(
         if checked.stopping:
             return replace(_stop(checked, model), hidden=hidden)
         say("force states")
-        problem = CampaignProblem.build(checked.usable, model, base, known, policy)
+        usable = align_channels(checked.usable) if align else checked.usable
+        problem = CampaignProblem.build(usable, model, base, known, policy)
         return replace(_limit(explain_gap(problem, max_effects, say, advise), checked), hidden=hidden)
 
 

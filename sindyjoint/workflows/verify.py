@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
@@ -48,6 +49,7 @@ def verify(
     against: Rig | Campaign | str | Path,
     *,
     accept: Sequence[str] = (),
+    align: bool = False,
     tolerance: float = POLICY.verification_tolerance,
     draws: int = DRAWS,
     window: float = WINDOW,
@@ -68,6 +70,8 @@ def verify(
         written, in which the model then replaces the joint.
     accept : sequence of str
         Ids of findings of the check of a campaign that shall not stop the work; see :func:`~sindyjoint.check`.
+    align : bool
+        Remove a significant delay between the channels of a campaign first.
     tolerance : float
         Largest response NRMSE beyond the noise floor that passes.
     draws : int
@@ -113,10 +117,13 @@ def verify(
             )
         say("checking the data")
         checked = require_sound(check_campaign(against, accept))
-        result = verify_campaign(model, checked.usable, tolerance, draws, window, generator, say)
+        usable = align_channels(checked.usable) if align else checked.usable
+        result = verify_campaign(model, usable, tolerance, draws, window, generator, say)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
         known["warnings"] = (*checked.warnings, *result.warnings)
         return CampaignVerification(**known, soundness=checked.soundness)
+    if align:
+        raise InputError("align belongs to a campaign, which has two channels; a rig is given")
     if accept:
         raise InputError(
             f"accept is {', '.join(accept)}: belongs to a campaign, whose data are checked; a rig is given"

@@ -27,15 +27,28 @@ REACHED = {
         **{name: ("workflows.batch:batch", name) for name in SPREAD},
     },
     "compare": {
-        name: ("workflows.compare:compare", name)
-        for name in ("replicates", "margin", "random_state", *SPREAD)
+        "align": (DISCOVER, "align"),
+        **{
+            name: ("workflows.compare:compare", name)
+            for name in ("replicates", "margin", "random_state", *SPREAD)
+        },
     },
     "diagnose": {
-        name: ("workflows.diagnose:diagnose", name) for name in ("model", "advise", "random_state", *SPREAD)
+        name: ("workflows.diagnose:diagnose", name)
+        for name in ("model", "advise", "align", "random_state", *SPREAD)
     },
     "verify": {
         name: ("workflows.verify:verify", name)
-        for name in ("tolerance", "draws", "window", "noise", "presliding", "loss_factor", "random_state")
+        for name in (
+            "align",
+            "tolerance",
+            "draws",
+            "window",
+            "noise",
+            "presliding",
+            "loss_factor",
+            "random_state",
+        )
     },
     "rig": {"model": ("workflows.rig:rig_motion", "model")},
     "reproduce": {"random_state": ("workflows.reproduce:reproduce", "random_state")},
