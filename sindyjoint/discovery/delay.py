@@ -54,6 +54,10 @@ class ChannelDelay:
         """Whether the search ended at its longest delay: the value is then the limit's, not the data's."""
         return abs(self.time) >= POLICY.longest_delay
 
+    def unresolved(self, sample_rate: float) -> bool:
+        """Whether, left in channels of a sampling rate (Hz), it leaves open which terms are there."""
+        return self.significant and abs(self.time) * sample_rate > POLICY.unresolved_delay
+
     @property
     def significant(self) -> bool:
         """Whether it stands five standard errors out, and by more than 0.02 ms, the error of the method."""

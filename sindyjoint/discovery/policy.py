@@ -68,6 +68,12 @@ class DiscoveryPolicy:
     )
     longest_delay: float = limit(0.02, "largest time delay between the channels that is searched", unit="s")
     delay_significance: float = limit(5.0, "least ratio of a time delay to its standard error")
+    unresolved_delay: float = limit(
+        0.1,
+        "time delay left in the channels from which no verdict on terms is given",
+        unit="samples",
+        source="simulated joints that stick show up to 0.07 samples that are not there",
+    )
     least_delay: float = limit(
         2e-5, "least time delay that is reported", unit="s", source="the method's error on simulated joints"
     )

@@ -197,11 +197,12 @@ def _find_level_steps(
             "gain_changes",
             profile.run.name,
             name,
-            "stops",
+            # A joint whose stiffness jumps looks the same: that is for the fit to find, and no reason to stop.
+            "biases",
             f"the {words.of(name)} changes by the factor {changed[name]:.3g} at {where:.3g} s while the "
             f"{words.of(other)} changes by {changed[other]:.3g}",
-            "every coefficient (k1, c1, M_F) is a mean of two gains",
-            "look at the range of the amplifier; cut the run there and correct one part",
+            "every coefficient (k1, c1, M_F) is a mean of two gains, or of two states of the joint",
+            "look at the range of the amplifier; cut the run there, and correct one part if it was that",
             span,
         )
         return

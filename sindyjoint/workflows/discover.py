@@ -230,7 +230,9 @@ def discover(
         regressor, model, force_states = again.regressor, again.model, again.states
         notes.append(again.note)
     left_in = _unresolved_delay(delay, regressor, model, force_states) if lag == 0.0 else None
-    verdict = judge(regressor, model, measured is not regressor, left_in)
+    slowest = min(s.sample_rate for s in force_states)
+    unresolved = left_in if left_in is not None and left_in.unresolved(slowest) else None
+    verdict = judge(regressor, model, measured is not regressor, unresolved)
     if correct and verdict.verdict == "refuted":
         verdict = softened(verdict, regressor, model, campaign, force_states)
     verdict = undecided_by_data(verdict, checked.undecided_by(aligned=lag != 0.0))
@@ -382,13 +384,15 @@ def _unresolved_delay(
     """Return the delay that is left in the channels, or that explains the moment as well as terms beyond the paper's.
 
     A law that lacks a term takes a delay for it, and a delay is taken for terms: the one that leaves less is believed.
+    States that lack weak harmonics show one too, that is not there once they are completed.
     """
     if delay is None or not model.terms:
         return None
     extra = [term for term in model.ids if term not in (*PAPER_TERMS, INERTIA)]
-    if not extra:
+    completed = any(s.completed for s in states)
+    if not extra and not completed:
         return delay if delay.significant else None
-    if delay.significant and not delay.at_limit and noise_alike(delay.residual_rms, model):
+    if extra and delay.significant and not delay.at_limit and noise_alike(delay.residual_rms, model):
         return delay
     chosen = [term for term in regressor.terms_ if term.id in model]
     try:

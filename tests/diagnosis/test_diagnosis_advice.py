@@ -125,9 +125,9 @@ def test_a_campaign_without_a_frequency_gets_no_designs():
 
 def test_advice_in_words_says_the_run_or_that_none_helps():
     run = Advice(("dahl_friction", "lugre_friction", "jenkins_element"), 0.5, 3e-4, "sinusoidal angle", 0.9)
-    assert advice_words(run, "0.3 mrad") == (
+    assert advice_words(run, "0.3 mrad", "rotation") == (
         "to tell Dahl friction, LuGre friction and Jenkins element apart: a sinusoidal angle, at f = 0.5 Hz with a "
         "peak of 0.3 mrad; the true one should then have a probability of 0.90"
     )
     none = replace(run, frequency=0.0, level=0.0, waveform="none: no motion separates them")
-    assert advice_words(none, "").endswith("apart: no motion separates them")
+    assert advice_words(none, "", "rotation").endswith("apart: no motion separates them")

@@ -89,7 +89,7 @@ def test_bad_input_is_refused():
     campaign = Campaign(Joint(inertia=0.0), tuple(FULL))
     with pytest.raises(UnknownNameError, match="hold_out names run 'nobody'"):
         diagnose(campaign, hold_out=["nobody"])
-    with pytest.raises(InputError, match="every run is marked use = 'validate'"):
+    with pytest.raises(InputError, match="every run is kept out"):
         diagnose(campaign, hold_out=[r.name for r in FULL])
     with pytest.raises(InputError, match="max_effects is 0"):
         diagnose(campaign, max_effects=0)

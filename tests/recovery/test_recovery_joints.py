@@ -98,8 +98,8 @@ def test_what_the_processing_makes_of_the_paper_s_law_refutes_nothing():
     campaign = random_plan(204).campaign(0.05)
     found = discover(campaign)
     assert found.verdict.verdict in ("undecided", "confirmed")
-    # The negative control; that terms which are there are still found is in tests/workflows/test_completion.py.
-    assert discover(campaign, correct=False).verdict.verdict == "refuted"
+    # The negative control; that terms which are there are still found is in tests/bias/test_completion.py.
+    assert len(discover(campaign, correct=False).verdict.extra) == 2
 
 
 @pytest.mark.parametrize("seed", [8, 11])

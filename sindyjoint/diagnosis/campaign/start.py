@@ -20,7 +20,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
-from sindyjoint.errors import UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import ForceStates, force_states, pooled_noise, regression_rows, transfer_noise
 from sindyjoint.states.rows import group_labels
@@ -98,11 +98,16 @@ def is_free(campaign: Campaign) -> bool:
 
 
 def kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
-    """Return the campaign with some runs marked as kept for validation; UnknownNameError names one it lacks."""
+    """Return the campaign with some runs marked as kept for validation.
+
+    UnknownNameError names one it lacks; InputError, where no other is left.
+    """
     known = [run.name for run in campaign.runs]
     for name in names:
         if name not in known:
             raise UnknownNameError(f"hold_out names run {name!r}; the campaign has {', '.join(known)}")
+    if set(names) == set(known):
+        raise InputError("every run is kept out; expected at least one run to identify from")
     if not names:
         return campaign
     return campaign.with_runs(
