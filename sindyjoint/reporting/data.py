@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias
     from sindyjoint.discovery.evidence import Evidence
     from sindyjoint.states import ForceStates
-    from sindyjoint.workflows.discover import Discovery
+    from sindyjoint.workflows.discovery import Discovery
 
 Array = NDArray[np.float64]
 

@@ -31,7 +31,8 @@ from sindyjoint.files.atomic import check_output, prepare_output, settle, whole_
 from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.soundness.check import check_accepted
-from sindyjoint.workflows.discover import Discovery, discover
+from sindyjoint.workflows.discover import discover
+from sindyjoint.workflows.discovery import Discovery
 
 CAMPAIGNS = "campaigns"
 # Bytes of a campaign's name: with what stands before and behind it, file systems take 255.

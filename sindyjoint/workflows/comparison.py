@@ -10,7 +10,7 @@ from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.check import summarize
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.workflows.discover import Discovery
+from sindyjoint.workflows.discovery import Discovery
 
 SCHEMA = 1
 

@@ -12,7 +12,7 @@ from sindyjoint.discovery.frequency import FrequencyTest, frequency_test, group_
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.states import ForceStates
 from sindyjoint.states.rows import group_labels
-from sindyjoint.workflows.discover import Discovery
+from sindyjoint.workflows.discovery import Discovery
 
 
 def frequency_tests(

@@ -11,7 +11,7 @@ from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.record import Joint
 from sindyjoint.reporting.registry import show
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.workflows.discover import Discovery
+from sindyjoint.workflows.discovery import Discovery
 from sindyjoint.workflows.verdict import Verdict
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"

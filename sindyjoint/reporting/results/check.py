@@ -20,7 +20,7 @@ from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.words import words_of
-from sindyjoint.workflows.discover import Discovery
+from sindyjoint.workflows.discovery import Discovery
 
 BADGES = {"sound": "confirmed", "doubtful": "undecided", "unsound": "refuted"}
 HEADLINES = {

@@ -30,7 +30,7 @@ from sindyjoint.reporting.text_table import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import quantities, rounded
-from sindyjoint.workflows.discover import Discovery
+from sindyjoint.workflows.discovery import Discovery
 
 if TYPE_CHECKING:
     from rich.console import Console

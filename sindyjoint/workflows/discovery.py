@@ -1,0 +1,158 @@
+"""What a discovery comes to: the model, the verdict on the paper's five terms, and what both rest on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sindyjoint.discovery.delay import ChannelDelay
+from sindyjoint.equation.model import INERTIA, Fitted, JointModel
+from sindyjoint.record import Campaign
+from sindyjoint.soundness.check import Check, summarize
+from sindyjoint.soundness.finding import Soundness
+from sindyjoint.states import ForceStates
+from sindyjoint.workflows.verdict import Verdict, unjudged
+
+if TYPE_CHECKING:
+    from sindyjoint.bias.correction import Bias
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.selection import Selection
+    from sindyjoint.discovery.sindy import JointSINDy
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """The result of :func:`~sindyjoint.discover`.
+
+    Parameters
+    ----------
+    model : JointModel
+        Bias of the processing taken out, where it could be measured; the model of the regressor still contains it.
+    verdict : Verdict
+    found : bool
+        Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
+    reason : str
+        How the terms were chosen.
+    skew : ChannelDelay or None
+        Time by which the moment lags the angle, as searched for before anything else.
+    warnings : tuple of str
+    states : tuple of ForceStates
+    regressor : JointRegressor
+        Fitted; holds candidates, path and factors.
+    campaign : Campaign
+        As it was used: without the samples that the check of the data leaves out.
+    bias : Bias or None
+        What was taken out of the coefficients; ``None`` where it was not asked for or could not be measured.
+    soundness : Soundness
+        What the check of the data found.
+    stopped : Check or None
+        The check, where its findings are such that nothing was discovered: there are no states then, and the regressor
+        is not fitted.
+    """
+
+    model: JointModel
+    verdict: Verdict
+    found: bool
+    reason: str
+    skew: ChannelDelay | None
+    warnings: tuple[str, ...]
+    states: tuple[ForceStates, ...] = field(repr=False)
+    regressor: JointRegressor = field(repr=False)
+    campaign: Campaign = field(repr=False)
+    bias: Bias | None = field(repr=False, default=None)
+    soundness: Soundness = Soundness()
+    stopped: Check | None = field(repr=False, default=None)
+
+    @property
+    def selection(self) -> Selection:
+        """The path of models and the choice on it."""
+        return self.regressor.selection_result_
+
+    @property
+    def sindy(self) -> JointSINDy:
+        """The model as a fitted ``pysindy.SINDy``, in physical units; its ``simulate`` knows sticking."""
+        from sindyjoint.discovery.sindy import JointSINDy
+        from sindyjoint.response.model_law import simulated_states
+
+        return JointSINDy.of(self.regressor, self.model, partial(simulated_states, self.model))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        model, fitted = self.model, self.model.fitted
+        bias = {} if self.bias is None else dict(zip(self.bias.ids, self.bias.pooled.tolist(), strict=True))
+        return {
+            "schema": 1,
+            "joint": {
+                "name": model.joint.name,
+                "motion": model.joint.motion,
+                "inertia": model.inertia if model.joint.inertia is not None or INERTIA in model else None,
+            },
+            "terms": [
+                {
+                    "id": term.id,
+                    "symbol": term.symbol,
+                    "coefficient": term.coefficient,
+                    "unit": term.unit,
+                    "standard_error": term.standard_error,
+                    "interval95": list(term.interval95),
+                    "bias": bias.get(term.id),
+                }
+                for term in model.terms
+            ],
+            "paper_term_set": {
+                "verdict": self.verdict.verdict,
+                "missing": list(self.verdict.missing),
+                "extra": list(self.verdict.extra),
+                "reason": self.verdict.reason,
+            },
+            "fit": {
+                "moment_rms": fitted.moment_rms,
+                "residual_rms": fitted.residual_rms,
+                "noise_floor": _to_plain(fitted.noise_floor),
+                "moving_fraction": _to_plain(fitted.moving_fraction),
+                "samples": fitted.samples,
+                "runs": fitted.runs,
+            },
+            "warnings": list(self.warnings),
+            "soundness": summarize(self.soundness),
+        }
+
+
+def _to_plain(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
+    """Return the result on data of which no model is made."""
+    campaign = checked.campaign
+    runs = checked.usable.identification_runs
+    moment = float(np.sqrt(np.mean(np.concatenate([run.moment for run in runs]) ** 2))) if runs else 0.0
+    unknown = float("nan")
+    fitted = Fitted(
+        moment_rms=moment,
+        residual_rms=moment,
+        noise_floor=unknown,
+        moving_fraction=unknown,
+        samples=0,
+        runs=len(runs),
+        angle=max((float(np.abs(run.angle).max()) for run in runs), default=0.0),
+        rate=unknown,
+        frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
+        simulated=campaign.simulated,
+    )
+    return Discovery(
+        model=JointModel(campaign.joint, (), (), fitted),
+        verdict=unjudged(checked.reason),
+        found=False,
+        reason=checked.reason,
+        skew=None,
+        warnings=(*checked.warnings, *campaign.warnings),
+        states=(),
+        regressor=regressor,
+        campaign=campaign,
+        soundness=checked.soundness,
+        stopped=checked,
+    )
