@@ -25,6 +25,7 @@ from sindyjoint.equation.catalogue_file import (
     library_folder,
     shipped_names,
 )
+from sindyjoint.equation.policy import POLICY
 from sindyjoint.equation.terms import Parameter, Reference, ResolvedTerm, Term, term_columns
 from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError
 
@@ -46,6 +47,8 @@ __all__ = [
     "load_catalogue",
     "term_columns",
 ]
+
+DEFAULT = "extended"  # the catalogue of candidates where none is named
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,6 +182,18 @@ def load_catalogue(name_or_path: str | Path) -> Catalogue:
     if path.parent == library_folder():
         return _shipped(path)
     return _load(path)
+
+
+def default_candidates(angle: float, motion: str) -> Catalogue:
+    """Return the candidates for a joint that turns, or slides, by up to ``angle`` (rad or m).
+
+    The catalogue ``"extended"``; and the moment of gravity, m·g·l·sin θ, where the joint turns so far that it differs
+    from the powers of the angle.
+    """
+    extended = load_catalogue(DEFAULT)
+    if motion != "rotation" or angle < POLICY.visible_gravity:
+        return extended
+    return extended.union(load_catalogue("stiffness").select(["gravity_moment"]))
 
 
 def as_catalogue(library: str | Path | Catalogue | Sequence[str | Path | Catalogue]) -> Catalogue:

@@ -17,6 +17,12 @@ class EquationPolicy:
         "description",
         source="chosen by judgement",
     )
+    visible_gravity: float = limit(
+        0.3,
+        "angle from which sin(theta) is a candidate beside the powers, if the library is the default one",
+        unit="rad",
+        source="there the fifth power of the angle is 0.007 % of it: below, no test tells gravity from k1 and k3",
+    )
 
 
 POLICY = EquationPolicy()

@@ -11,6 +11,7 @@ import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
 from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -56,7 +57,8 @@ def discover(
     campaign : Campaign, path of a campaign.toml, or None
         ``None``: the built-in virtual test of the paper's inter-panel joint, which is simulated.
     library : str, Path, Catalogue, feature library of pysindy, or sequence of these
-        Candidate terms; see :class:`~sindyjoint.JointRegressor`.
+        Candidate terms; see :class:`~sindyjoint.JointRegressor`. With the default, sin θ is among them where the joint
+        turns by 0.3 rad or more.
     states : {"auto", "periodic", "broadband"}
         How force states are made of signals.
     bandwidth : float, optional
@@ -104,6 +106,9 @@ def discover(
     inertia = campaign.joint.inertia
     say("force states")
     force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+    if isinstance(library, str) and library == DEFAULT:
+        largest = max(float(np.abs(s.angle).max()) for s in force_states)
+        regressor.set_params(library=default_candidates(largest, campaign.joint.motion))
     say("time delay between the channels")
     delay = find_delay(force_states, inertia)
     lag = delay.time if align and delay is not None and delay.significant else 0.0

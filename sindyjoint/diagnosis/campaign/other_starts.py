@@ -20,11 +20,10 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.discovery.delay import find_delay, shifted
+from sindyjoint.equation.catalogue import default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.states import regression_rows
-
-LIBRARY = "extended"
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
@@ -82,7 +81,9 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
 
     work = problem.work
     campaign, policy = work.campaign, problem.policy
-    regressor = JointRegressor(LIBRARY, motion=campaign.joint.motion)
+    largest = max(float(np.abs(s.angle).max()) for s in work.states)
+    catalogue = default_candidates(largest, campaign.joint.motion)
+    regressor = JointRegressor(catalogue, motion=campaign.joint.motion)
     try:
         regressor.fit(**regression_rows(work.states, campaign.joint.inertia).fit_arguments())
     except (InputError, np.linalg.LinAlgError):
