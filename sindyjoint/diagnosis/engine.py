@@ -46,11 +46,11 @@ class Explained(Generic[P]):
         return self.verdict in ("nothing_missing", "named", "ambiguous")
 
     def cost(self, policy: DiagnosisPolicy) -> float:
-        """Return the mean logarithm of the final gaps, and what each name costs; a delay of the channels is no law."""
-        laws = [step for step in self.progress.steps if step.effect != "channel_delay"]
+        """Return the mean logarithm of the final gaps, and what each number of the law costs."""
         figures = np.array([self.gaps.final.moment, self.gaps.final.response])
         known = figures[np.isfinite(figures)]
-        return float(np.mean(np.log(np.maximum(known, 1e-300)))) + policy.step_cost * len(laws)
+        misfit = float(np.mean(np.log(np.maximum(known, 1e-300))))
+        return misfit + policy.number_cost * self.progress.problem.numbers
 
 
 def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosis:

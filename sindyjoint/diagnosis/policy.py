@@ -59,8 +59,8 @@ class DiagnosisPolicy:
     )
 
     # Other starts, where the first search leaves something unexplained.
-    step_cost: float = convention(
-        0.02, "share by which each name must make the gap smaller for one start to be better than another"
+    number_cost: float = convention(
+        0.02, "share by which each number of a law must make the gaps smaller for one start to be better"
     )
     start_worth: float = convention(
         1.1, "gap of a start over the best one so far up to which it is searched from"

@@ -24,7 +24,9 @@ def pendulum(largest, elastic=0.0):
             angle, rate = largest * level * np.sin(w * time), largest * level * w * np.cos(w * time)
             moment = 10.0 * np.sin(angle) + 0.4 * rate + 0.3 * np.sign(rate) + elastic * angle
             noisy = [x + 0.005 * np.std(x) * rng.standard_normal(x.size) for x in (moment, angle)]
-            runs.append(Run(f"{frequency:g}-{level:g}", *noisy, RATE, frequency=frequency, level=f"{level:g}"))
+            runs.append(
+                Run(f"{frequency:g}-{level:g}", *noisy, RATE, frequency=frequency, level=f"{level:g}")
+            )
     return Campaign(Joint(inertia=0.0), tuple(runs))
 
 

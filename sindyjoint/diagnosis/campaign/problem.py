@@ -130,6 +130,12 @@ class CampaignProblem(Problem):
         """The rows on model and effects."""
         return self.work.regression(self.found)
 
+    @property
+    def numbers(self) -> int:
+        """Numbers of the law: coefficients of the model and the effects, and nonlinear parameters."""
+        laws = [e for e in self.found if e.effect.enters == "moment"]
+        return len(self.repaired.model.terms) + sum(e.variant.degrees for e in laws)
+
     @cached_property
     def gap(self) -> Gap:
         """On runs left out of the fit."""
