@@ -113,7 +113,7 @@ class RunGap:
     noise : float
         RMS of the noise of a row, N·m.
     curve : int
-        How many rows, the first ones, belong to one stretch of the run, of which curves may be drawn.
+        How many rows, the first ones, belong to one segment of the run, of which curves may be drawn.
     """
 
     run: str

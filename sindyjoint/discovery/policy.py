@@ -79,17 +79,17 @@ class DiscoveryPolicy:
     )
     test_functions: int = limit(
         16,
-        "test functions of the weak form over one moving stretch",
+        "test functions of the weak form over one moving segment",
         source="32 virtual tests at 1 and 5 % noise: 16 and 32 find the exact terms 30 times, 8 find them 23 times",
     )
     test_half_width: float = limit(
         0.15,
-        "half width of a test function as a share of its stretch",
+        "half width of a test function as a share of its segment",
         source="virtual tests at 5 % noise: at half and at three times of it more terms are lost",
     )
-    shortest_stretch: int = limit(
+    shortest_segment: int = limit(
         16,
-        "least samples of a moving stretch in the weak form: a test function then spans four",
+        "least samples of a moving segment in the weak form: a test function then spans four",
     )
 
 

@@ -1,6 +1,6 @@
-"""The weak form of a joint's equation: what pysindy's test functions make of moving stretches of force states.
+"""The weak form of a joint's equation: what pysindy's test functions make of moving segments of force states.
 
-Multiplied by a test function φ that vanishes at both ends of a stretch and integrated over it, M − I·θ̈ = Σ cⱼ fⱼ(θ, θ̇)
+Multiplied by a test function φ that vanishes at both ends of a segment and integrated over it, M − I·θ̈ = Σ cⱼ fⱼ(θ, θ̇)
 becomes ∫φM dt + I·∫φ′θ̇ dt = Σ cⱼ·∫φfⱼ dt, without the acceleration. The joint must move throughout: where it sticks,
 the moment is no function of (θ, θ̇).
 """
@@ -46,7 +46,7 @@ def weak_evidence(
     Raises
     ------
     InputError
-        For a run without a moving stretch that is long enough.
+        For a run without a moving segment that is long enough.
     MissingExtraError
         Where the installed pysindy has no weak library.
     """
@@ -113,16 +113,16 @@ def _run_rows(
 ) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """Return columns and target of a run in weak form, both once more as each block gives them, and the blocks."""
     motion = (state.angle, state.rate, state.acceleration)
-    stretches = [part for part in _moving_stretches(state) if part.size >= POLICY.shortest_stretch]
-    if not stretches:
+    segments = [part for part in _moving_segments(state) if part.size >= POLICY.shortest_segment]
+    if not segments:
         raise InputError(
-            f"run {state.run!r}: no stretch of {POLICY.shortest_stretch} samples in which the joint moves one way, as "
+            f"run {state.run!r}: no segment of {POLICY.shortest_segment} samples in which the joint moves one way, as "
             "the weak form needs; leave 'weak' out, or sample faster"
         )
-    whole = _integrals(terms, motion, state, stretches, inertia, seed)
+    whole = _integrals(terms, motion, state, segments, inertia, seed)
     other = whole if state.replicate is None else _integrals(
-        terms, state.replicate, state, stretches, inertia, seed)  # fmt: skip
-    blocks = np.repeat([state.block[part[0]] for part in stretches], POLICY.test_functions)
+        terms, state.replicate, state, segments, inertia, seed)  # fmt: skip
+    blocks = np.repeat([state.block[part[0]] for part in segments], POLICY.test_functions)
     return *whole, *other, blocks
 
 
@@ -130,14 +130,14 @@ def _integrals(
     terms: Sequence[ResolvedTerm],
     motion: tuple[Array, Array, Array],
     state: ForceStates,
-    stretches: Sequence[NDArray[np.intp]],
+    segments: Sequence[NDArray[np.intp]],
     inertia: float,
     seed: int,
 ) -> tuple[Array, Array]:
     columns = term_columns(list(terms), *motion)
     by_parts = next((i for i, term in enumerate(terms) if term.id == INERTIA), None)
     rate, found, target = motion[1], [], []
-    for part in stretches:
+    for part in segments:
         weights, slopes = _weights(part.size, 1.0 / state.sample_rate, seed)
         integrals, accelerations = weights @ columns[part], slopes @ rate[part]
         if by_parts is not None:
@@ -147,8 +147,8 @@ def _integrals(
     return np.vstack(found), np.concatenate(target)
 
 
-def _moving_stretches(state: ForceStates) -> list[NDArray[np.intp]]:
-    """Return the samples of each stretch of one block in which the joint moves one way without a gap."""
+def _moving_segments(state: ForceStates) -> list[NDArray[np.intp]]:
+    """Return the samples of each segment of one block in which the joint moves one way without a gap."""
     at = np.flatnonzero(state.moving)
     if not at.size:
         return []

@@ -1,4 +1,4 @@
-"""The weak form: pysindy's test functions on moving stretches of force states."""
+"""The weak form: pysindy's test functions on moving segments of force states."""
 
 import numpy as np
 import pysindy
@@ -59,12 +59,12 @@ def test_an_unknown_inertia_is_a_term_whose_integral_is_taken_by_parts():
     )
 
 
-def test_a_run_of_short_stretches_is_one_line(found):
+def test_a_run_of_short_segments_is_one_line(found):
     from dataclasses import replace
 
     state = found.states[0]
     gaps = replace(state, moving=state.moving & (np.arange(state.moving.size) % 14 != 0))
-    with pytest.raises(InputError, match="no stretch of 16 samples in which the joint moves one way"):
+    with pytest.raises(InputError, match="no segment of 16 samples in which the joint moves one way"):
         weak_evidence(found.regressor.terms_, [gaps, *found.states[1:]], 0.02)
 
 
