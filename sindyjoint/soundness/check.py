@@ -13,7 +13,7 @@ from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.kinds import DELAY, KINDS, PHASE
 from sindyjoint.soundness.masking import mask_campaign
 from sindyjoint.soundness.words import words_of
-from sindyjoint.text import list_some
+from sindyjoint.text import list_some, spelled
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ def _describe(findings: Sequence[Finding], motion: Motion) -> list[str]:
         where = (f" of the {words_of(motion).of(channel)}" if channel else "") + (
             f" in {runs}" if runs else ""
         )
-        lines.append(f"{kind.replace('_', ' ')}{where}: {first.extent}; {first.effect}; {first.remedy}")
+        lines.append(f"{spelled(kind, motion)}{where}: {first.extent}; {first.effect}; {first.remedy}")
     return lines
 
 
