@@ -32,11 +32,11 @@ Problem = Any
 def other_starts(straight: Problem, best: float, say: Say) -> Iterator[tuple[Problem, tuple[Step, ...], str]]:
     """Yield problems to start from, the steps that led there, and in words what they are.
 
-    The model of discovery is one where its own gap is not far above ``best``, the final gap of the search so far.
+    Only problems whose own gap is not far above ``best``, the final gap of the search so far, are worth another one.
     """
-    policy = straight.policy
+    worth = straight.policy.start_worth * best
     delayed = None if is_free(straight.work.campaign) else with_delay(straight)
-    if delayed is not None:
+    if delayed is not None and delayed[0].gap.moment <= worth:
         yield *delayed, "the channels aligned"
     for begun, words in ((straight, ""), (delayed and delayed[0], " and the channels aligned")):
         if begun is None:
@@ -47,7 +47,7 @@ def other_starts(straight: Problem, best: float, say: Say) -> Iterator[tuple[Pro
             continue
         problem, steps = found
         before = () if begun is straight or delayed is None else delayed[1]
-        if problem.gap.moment <= policy.start_worth * best:
+        if problem.gap.moment <= worth:
             yield problem, (*before, *steps), f"the terms that discovery finds{words}"
 
 
