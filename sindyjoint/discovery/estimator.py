@@ -14,6 +14,7 @@ from sindyjoint.discovery.choice import SelectionRules
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.foreign_library import catalogue_of
+from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, gather, row_weights, state_columns
@@ -67,6 +68,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         One per candidate, zero where it is not in the model; SI units.
     terms_ : tuple of ResolvedTerm
         The candidates.
+    library_ : TermLibrary
+        Of the candidates, fitted, in physical units: what ``found.sindy`` has as its feature library.
     indistinct_ : tuple of str
         Ids of candidates that were omitted because on these data they are combinations of the others.
     selected_ : tuple of str
@@ -223,6 +226,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 "choose a smaller library"
             )
         gathered = self._without_dependent(evidence)
+        self.library_ = TermLibrary.of_terms(self.terms_, reference, features)
         self._moment_rms = gathered.target_rms
         self.evidence_ = self._with_fixed(gathered)
         self.optimizer_ = UniqueShareSTLSQ(**vars(self._rules())).fit_evidence(

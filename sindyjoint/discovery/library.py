@@ -16,7 +16,7 @@ from pysindy.utils import AxesArray, comprehend_axes
 from sklearn.utils.validation import check_is_fitted
 
 from sindyjoint.discovery.foreign_library import catalogue_of
-from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue, term_columns
+from sindyjoint.equation.catalogue import Catalogue, Reference, ResolvedTerm, load_catalogue, term_columns
 from sindyjoint.errors import InputError
 
 
@@ -73,6 +73,16 @@ class TermLibrary(BaseFeatureLibrary):
         self.include_inertia = include_inertia
         self.reference = reference
         self.scale = scale
+
+    @classmethod
+    def of_terms(cls, terms: Sequence[ResolvedTerm], reference: Reference, n_features: int) -> TermLibrary:
+        """Return the library of terms that are resolved already, fitted, in physical units."""
+        catalogue = Catalogue("candidates", "candidate terms of a fit", tuple(each.term for each in terms))
+        library = cls(catalogue, reference=reference, scale=None)
+        library.terms_, library.reference_ = tuple(terms), reference
+        library.n_features_in_, library.n_output_features_ = n_features, len(terms)
+        library.scales_ = np.ones(len(terms))
+        return library
 
     @x_sequence_or_item
     def fit(self, x_full: list[Any], y: Any = None) -> TermLibrary:

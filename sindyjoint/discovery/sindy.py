@@ -61,15 +61,11 @@ class JointSINDy(SINDy):
             The regressor's own, or the one whose bias is taken out.
         simulator : callable, optional
         """
-        library = TermLibrary(regressor.library, include_inertia=regressor.n_features_in_ == 3, scale=None)
-        library.terms_, library.reference_ = regressor.terms_, regressor.reference_
-        library.n_features_in_, library.n_output_features_ = regressor.n_features_in_, len(regressor.terms_)
-        library.scales_ = np.ones(len(regressor.terms_))
         values = {term.id: term.coefficient for term in model.terms}
         optimizer = copy(regressor.optimizer_)
         optimizer.coef_ = np.array([[values.get(term.id, 0.0) for term in regressor.terms_]])
         optimizer.ind_, optimizer.n_features_in_ = optimizer.coef_ != 0, len(regressor.terms_)
-        found = cls(optimizer, library, simulator=simulator)
+        found = cls(optimizer, regressor.library_, simulator=simulator)
         found.feature_names = ["angle", "rate", "acceleration"][: regressor.n_features_in_]
         found.n_control_features_ = 0
         found._fit_shape()
