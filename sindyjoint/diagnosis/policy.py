@@ -70,7 +70,7 @@ class DiagnosisPolicy:
     bound_margin: float = convention(0.005, "share of a parameter's logarithmic range that counts as its end")
     admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
     pushing_share: float = convention(
-        0.05, "share of a run in which dry friction may push before that is refused"
+        0.05, "share of the time in which dry friction may push before that is refused"
     )
 
     # The verdict.

@@ -18,14 +18,14 @@ def add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, .
     known: dict[tuple[str, ...], tuple[float, str]] = {(): (float("nan"), "no model")}
     for choice in choices:
         if choice.ids not in known:
-            known[choice.ids] = _response_error(found, evidence, choice.ids)
+            known[choice.ids] = response_error(found, evidence, choice.ids)
     return tuple(
         replace(choice, response=known[choice.ids][0], not_simulated=known[choice.ids][1])
         for choice in choices
     )
 
 
-def _response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> tuple[float, str]:
+def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> tuple[float, str]:
     """Return the error of a set of terms, and why there is none; each run under the fit to the other groups."""
     from sindyjoint.response.model_law import model_law
     from sindyjoint.response.run import simulate_run

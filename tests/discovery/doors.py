@@ -4,7 +4,17 @@ import numpy as np
 import pysindy
 
 from sindyjoint import JointRegressor, TermLibrary, UniqueShareSTLSQ, discover
+from sindyjoint.equation.catalogue import default_candidates
+from sindyjoint.soundness.check import check_campaign
 from sindyjoint.states import campaign_states, regression_rows
+
+
+def prepared(campaign):
+    """Return the rows and the candidates that ``discover`` has: faulty samples left out, gravity where it shows."""
+    usable = check_campaign(campaign).usable
+    states = campaign_states(usable)
+    largest = max(float(np.abs(s.angle).max()) for s in states)
+    return regression_rows(states, campaign.joint.inertia), default_candidates(largest, campaign.joint.motion)
 
 
 def by_sindy(campaign):
@@ -12,8 +22,8 @@ def by_sindy(campaign):
 
     Columns are there in full and are decomposed by QR; the other two doors accumulate products of compiled terms.
     """
-    rows = regression_rows(campaign_states(campaign), campaign.joint.inertia)
-    library = TermLibrary("extended", include_inertia=campaign.joint.inertia is None)
+    rows, candidates = prepared(campaign)
+    library = TermLibrary(candidates, include_inertia=campaign.joint.inertia is None)
     replicate = np.asarray(library.fit(rows.X).transform(rows.X_replicate)), rows.y_replicate
     optimizer = UniqueShareSTLSQ(groups=rows.groups, runs=rows.runs, blocks=rows.blocks, replicate=replicate)
     model = pysindy.SINDy(feature_library=library, optimizer=optimizer)
@@ -24,8 +34,8 @@ def by_sindy(campaign):
 
 def by_estimator(campaign):
     """Return what ``JointRegressor`` finds."""
-    rows = regression_rows(campaign_states(campaign), campaign.joint.inertia)
-    return _terms(JointRegressor("extended").fit(**rows.fit_arguments()).model_)
+    rows, candidates = prepared(campaign)
+    return _terms(JointRegressor(candidates).fit(**rows.fit_arguments()).model_)
 
 
 def by_discover(campaign):

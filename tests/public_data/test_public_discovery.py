@@ -43,24 +43,27 @@ def test_emps_with_everything_on_offer(public_data, sindyjoint):
     # The owners' better model lets damping and friction differ by direction; so must any that beats four terms.
     directions = {"direction_dependent_damping", "asymmetric_friction", "constant_moment", "rate_squared"}
     assert directions & set(model.ids)
-    assert found.verdict.verdict == "refuted" and set(found.verdict.extra) & set(model.ids)
+    assert found.verdict.verdict == "undecided" and set(found.verdict.extra) & set(model.ids)
     printed = " ".join(sindyjoint("discover", public_data("emps")).stdout.split())
     share = 100 * model.fitted.residual_rms / model.fitted.moment_rms
     assert f"({share:.2f} %)" in printed
-    assert "the data need" in printed
+    assert "is neither they nor noise" in printed
 
 
 def test_pendulum_has_no_quadratic_term(public_data):
     # Kaheman et al. 2022: m·g·a/J = 64.22 1/s²; a sine to the third power has k3 = −k1/6 = −10.70; nothing even.
     found = discover(public_data("pendulum"))
     model = found.model
-    assert model["linear_stiffness"].coefficient == pytest.approx(64.2, abs=0.5)
-    assert model["cubic_stiffness"].coefficient == pytest.approx(-10.7, abs=0.3)
-    assert "quadratic_stiffness" not in model
-    assert "quartic_stiffness" not in model and "constant_moment" not in model
-    # The next term of the sine, k1/120 = 0.535, where it is found at all.
-    if "quintic_stiffness" in model:
-        assert model["quintic_stiffness"].coefficient == pytest.approx(64.22 / 120, abs=0.1)
+    assert model["gravity_moment"].coefficient == pytest.approx(64.22, abs=0.5)
+    assert not {"linear_stiffness", "quadratic_stiffness", "cubic_stiffness", "quartic_stiffness"} & set(
+        model.ids
+    )
+    assert "constant_moment" not in model
+    # As powers of the angle the same law has the series' coefficients, but for what the record does not show.
+    powers = discover(public_data("pendulum"), library=load_catalogue("extended")).model
+    assert powers["linear_stiffness"].coefficient == pytest.approx(64.2, abs=0.5)
+    assert powers["cubic_stiffness"].coefficient == pytest.approx(-10.7, abs=0.3)
+    assert "quadratic_stiffness" not in powers and "quartic_stiffness" not in powers
     assert any("softens to zero tangent at 1." in warning for warning in found.warnings)
 
 
@@ -93,7 +96,7 @@ def test_silverbox_is_explained_but_for_a_little(public_data):
     assert model["cubic_stiffness"].coefficient == pytest.approx(7.494e5 / 1.946e5, rel=0.2)
     assert "coulomb_friction" not in model
     assert model.fitted.residual_rms / model.fitted.moment_rms < 0.03
-    assert "Coulomb friction" in found.verdict.reason
+    assert found.verdict.verdict == "undecided" and "no noise floor could be measured" in found.verdict.reason
 
 
 def test_bouc_wen_is_called_memory(public_data):

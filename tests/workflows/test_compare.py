@@ -22,7 +22,8 @@ from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.registry import view_of
 from sindyjoint.reporting.results.comparison import long_csv
 from sindyjoint.reporting.text_table import TextTable
-from sindyjoint.workflows.compare import _response_error, compare
+from sindyjoint.workflows.compare import compare
+from sindyjoint.workflows.held_out_response import response_error
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,7 @@ def test_where_the_weak_form_cannot_be_the_others_stand():
     )
     result = compare(coarse, methods=["stlsq", "weak"], libraries=["paper"], replicates=20)
     assert result.methods[0].terms and not result.methods[1].terms
-    assert "no stretch of 16 samples in which the joint moves one way" in result.warnings[-1]
+    assert "no segment of 16 samples in which the joint moves one way" in result.warnings[-1]
 
 
 def test_a_table_says_what_a_method_cannot_be_given(result):
@@ -184,7 +185,7 @@ def test_left_out_response_of_any_terms():
     )
     found.regressor.terms_ = terms
     evidence = replace(found.regressor.evidence_, ids=("made_up", *found.regressor.evidence_.ids[1:]))
-    error, reason = _response_error(found, evidence, ("made_up", "coulomb_friction"))
+    error, reason = response_error(found, evidence, ("made_up", "coulomb_friction"))
     assert np.isnan(error) and "depends on alpha" in reason
 
 

@@ -37,8 +37,11 @@ def number_complaint(fitted: FittedEffect, reference: Reference, policy: Diagnos
 
 
 def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun]) -> str:
-    """Return whether a slider sticks in most half-cycles of the measured motion: it is then a spring, and no slider."""
-    if YIELD not in fitted.variant.names or not fitted.variant.states:
+    """Return whether a slider sticks in most half-cycles of the measured motion: it is then a spring, and no slider.
+
+    Of sliders with a sharp limit: smooth hysteresis dissipates long before it yields.
+    """
+    if YIELD not in fitted.variant.names or all(state.limit is None for state in fitted.variant.states):
         return ""
     limit = fitted.values[fitted.variant.names.index(YIELD)]
     strokes = [np.abs(np.diff(_reversals(run))) for run in runs]
@@ -60,23 +63,23 @@ def _reversals(run: GapRun) -> NDArray[np.float64]:
 def law_complaint(repaired: Repaired, runs: Sequence[GapRun], policy: DiagnosisPolicy) -> str:
     """Return what a model with effects does along the measured motion that no joint can; empty if nothing.
 
-    Dry friction that pushes, or a run in which the joint gives off energy: ∮ M dθ < 0.
+    Dry friction that pushes, or a joint that gives off energy: ∮ M dθ < 0 over all runs.
     """
     model, effects = repaired.model, repaired.effects
     families = [t.family for t in model.terms]
     families += [e.family for e in effects for _ in e.variant.columns]
     numbers = np.concatenate([model.coefficients, *(e.coefficients for e in effects)])
     dry = np.array([family == FRICTION for family in families])
-    size = model.fitted.moment_rms
-    for run in runs:
-        if run.half_cycles is not None:
-            continue
-        columns = all_columns(run, model, effects)
-        if dry.any():
-            pushing = (columns[:, dry] @ numbers[dry]) * np.sign(run.rate) < -policy.admissible_share * size
-            if np.mean(pushing) > policy.pushing_share:
-                return f"dry friction would push along the motion in {100 * np.mean(pushing):.0f} % of {run.name}"
-        power = float(np.mean((columns @ numbers) * run.rate))
-        if power < -policy.admissible_share * size * float(np.sqrt(np.mean(run.rate**2))):
-            return f"the joint would give off energy in {run.name}"
+    forced = [run for run in runs if run.half_cycles is None]
+    if not forced:
+        return ""
+    columns = np.vstack([all_columns(run, model, effects) for run in forced])
+    rate = np.concatenate([run.rate for run in forced])
+    least = -policy.admissible_share * model.fitted.moment_rms
+    if dry.any():
+        share = float(np.mean((columns[:, dry] @ numbers[dry]) * np.sign(rate) < least))
+        if share > policy.pushing_share:
+            return f"dry friction would push along the motion in {100 * share:.0f} % of the time"
+    if float(np.mean((columns @ numbers) * rate)) < least * float(np.sqrt(np.mean(rate**2))):
+        return "the joint would give off energy over all runs"
     return ""
