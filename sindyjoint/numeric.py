@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+# Samples beside a signal over which a cubic spline forgets how it went on.
+EDGE = 12
+
 
 def chunks(count: int, size: int) -> Iterator[slice]:
     """Yield slices that cut ``count`` items into runs of ``size``; the last one may be shorter.
@@ -71,3 +74,26 @@ def main_frequency(signal: ArrayLike, sample_rate: float, between_bins: bool = F
     curvature = before - 2 * middle + after
     shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
     return float((peak + shift) * sample_rate / size)
+
+
+def delayed(signal: Array, samples: float) -> Array:
+    """Return a signal that comes so many samples later, by cubic splines; at its ends its first and last value goes on.
+
+    All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
+    Σ_k β³(f + k) c(i + k), k = −2 … 1.
+    """
+    from scipy.ndimage import spline_filter1d
+
+    whole = int(np.floor(samples))
+    part = samples - whole
+    margin = EDGE + abs(whole) + 2
+    coefficients = spline_filter1d(np.pad(signal, margin, mode="edge"), order=3)
+    weights = [
+        (1 - part) ** 3,
+        4 - 6 * part**2 + 3 * part**3,
+        1 + 3 * part + 3 * part**2 - 3 * part**3,
+        part**3,
+    ]
+    first = margin - whole + 1
+    terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
+    return np.asarray(sum(terms))

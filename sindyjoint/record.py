@@ -6,6 +6,7 @@ for radian and newton for newton-metre. The attribute names stay those of the ro
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import delayed
 
 Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
@@ -337,3 +339,32 @@ class Campaign:
     def with_runs(self, runs: tuple[Run, ...]) -> Campaign:
         """Return the same campaign with other runs."""
         return replace(self, runs=tuple(runs))
+
+
+def content_hash(campaign: Campaign) -> str:
+    """Return the hash by which a campaign is known: of the samples, rates and frequencies of its runs.
+
+    What a run is used for, and where its file lies, do not change it.
+    """
+    digest = hashlib.sha256(campaign.joint.motion.encode())
+    for run in campaign.runs:
+        digest.update(repr((run.name, float(run.sample_rate), run.frequency, run.n_samples)).encode())
+        for signal in (run.moment, run.angle, run.rate):
+            digest.update(b"-" if signal is None else np.ascontiguousarray(signal).tobytes())
+        if run.whole is not None and run.source is not None:
+            digest.update(run.source.sha256.encode())
+    return f"sha256:{digest.hexdigest()}"
+
+
+def aligned_run(run: Run, delay: float) -> Run:
+    """Return a run whose motion comes ``delay`` s later, by cubic splines, without the ends where it is not known.
+
+    A lag of the moment behind the motion is thereby undone.
+    """
+    samples = delay * run.sample_rate
+    lost = int(np.ceil(abs(samples))) + 1
+    kept = slice(lost, run.n_samples - lost)
+    rate = None if run.rate is None else delayed(run.rate, samples)[kept]
+    valid = None if run.valid is None else run.valid[kept]
+    angle = delayed(run.angle, samples)[kept]
+    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid)

@@ -19,8 +19,9 @@ ALLOWED = {
     "text": set(),
     "policy": set(),
     "numeric": set(),
-    "record": {"errors"},
+    "record": {"errors", "numeric"},
     "threads": set(),
+    "versions": set(),
     "parallel": {"errors", "threads"},
     "rig": {"errors", "record"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
@@ -34,9 +35,9 @@ ALLOWED = {
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "batch": EXPLAINS,
-    "workflows": DIAGNOSES | {"paper", "batch"},
+    "workflows": DIAGNOSES | {"paper", "batch", "versions"},
 }
-BELOW_TOP = DIAGNOSES | {"paper", "batch", "workflows"}
+BELOW_TOP = DIAGNOSES | {"paper", "batch", "workflows", "versions"}
 ALLOWED |= {
     "reporting": BELOW_TOP,
     "export": BELOW_TOP - {"workflows"},

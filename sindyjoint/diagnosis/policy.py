@@ -126,9 +126,6 @@ class DiagnosisPolicy:
     rate_share: float = calibrated(0.02, "rates below this share of the RMS have no sign")
     processing_error: float = calibrated(5e-4, "share of the moment within which processing errs")
     training_share: float = convention(2 / 3, "share of a free run that is fitted to predict the rest")
-    pure: float = calibrated(
-        1.5, "moment beside its sinusoid, over noise, from which the motion was the drive"
-    )
     drive_band: float = calibrated(1.5, "bandwidth of a replicate's moment over that of its angle")
     known_to: float = convention(
         0.005, "relative standard error of a structure's own law where no model is given"

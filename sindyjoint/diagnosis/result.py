@@ -12,6 +12,7 @@ from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
+from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 
@@ -191,7 +192,9 @@ class Diagnosis:
         With its terms estimated beside the effects.
     effects : tuple of FittedEffect
     whole : JointModel, optional
-        The model with those effects among its terms that are functions of angle and rate alone.
+        The model with what the effects add to the joint's law: terms of angle and rate, and elements with a memory.
+    test : TestNuisances, optional
+        What belongs to the test and not to the joint: delays, offsets, drifts, an error of the inertia.
     hidden : str or None
         What a virtual test had hidden.
     source : {"campaign", "structure"}
@@ -222,6 +225,7 @@ class Diagnosis:
     model: JointModel
     effects: tuple[FittedEffect, ...] = field(default=(), repr=False)
     whole: JointModel | None = None
+    test: TestNuisances | None = field(default=None, repr=False)
     hidden: str | None = None
     source: str = "campaign"
     before: tuple[RunGap, ...] = field(default=(), repr=False)

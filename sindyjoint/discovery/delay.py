@@ -20,15 +20,13 @@ from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import Reference, load_catalogue, term_columns
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import scaled_least_squares
-from sindyjoint.record import Campaign, Run
+from sindyjoint.numeric import delayed, scaled_least_squares
+from sindyjoint.record import Campaign, aligned_run
 from sindyjoint.states import campaign_states
 from sindyjoint.states.record import ForceStates
 from sindyjoint.text import quantities
 
 Array = NDArray[np.float64]
-# Samples by which a signal is prolonged, so that its spline does not depend on the end.
-EDGE = 12
 # Gauss–Newton steps, and evenly spaced rows that suffice for them.
 STEPS, ROWS = 4, 40_000
 
@@ -74,7 +72,7 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     samples = time * states.sample_rate
 
     def moved(signal: Array) -> Array:
-        return _delay_signal(signal, samples)
+        return delayed(signal, samples)
 
     moving = states.moving.copy()
     edge = int(np.ceil(abs(samples))) + 1
@@ -97,29 +95,6 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     )
 
 
-def _delay_signal(signal: Array, samples: float) -> Array:
-    """Return a signal that comes so many samples later, by cubic splines; at its ends its first and last value goes on.
-
-    All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
-    Σ_k β³(f + k) c(i + k), k = −2 … 1.
-    """
-    from scipy.ndimage import spline_filter1d
-
-    whole = int(np.floor(samples))
-    part = samples - whole
-    margin = EDGE + abs(whole) + 2
-    coefficients = spline_filter1d(np.pad(signal, margin, mode="edge"), order=3)
-    weights = [
-        (1 - part) ** 3,
-        4 - 6 * part**2 + 3 * part**3,
-        1 + 3 * part + 3 * part**2 - 3 * part**3,
-        part**3,
-    ]
-    first = margin - whole + 1
-    terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
-    return np.asarray(sum(terms))
-
-
 def find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelDelay | None:
     """Return the delay under the paper's law and a constant; None where the data do not carry that law."""
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
@@ -137,14 +112,21 @@ def find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelD
 def align_channels(campaign: Campaign) -> Campaign:
     """Return a campaign with a significant delay between its channels removed, which its notes then state.
 
-    The delay is that of the runs for identification under the paper's law. The motion is moved, by cubic splines; the
-    samples at the ends that it then lacks go.
+    The delay is that of the runs for identification under the paper's law; see :func:`delay_to_remove`.
     """
-    states = campaign_states(campaign)
-    delay = find_delay(states, campaign.joint.inertia)
-    if delay is None or not delay.significant or delay.at_limit:
-        return campaign
-    runs = tuple(_aligned_run(run, delay.time) for run in campaign.runs)
+    delay = delay_to_remove(campaign)
+    return campaign if delay is None else without_delay(campaign, delay)
+
+
+def delay_to_remove(campaign: Campaign) -> ChannelDelay | None:
+    """Return the delay between the channels of a campaign where it is significant, and no end of the search."""
+    delay = find_delay(campaign_states(campaign), campaign.joint.inertia)
+    return None if delay is None or not delay.significant or delay.at_limit else delay
+
+
+def without_delay(campaign: Campaign, delay: ChannelDelay) -> Campaign:
+    """Return a campaign with a delay between its channels removed, which its notes then state."""
+    runs = tuple(aligned_run(run, delay.time) for run in campaign.runs)
     words = quantities(campaign.joint.motion)
     moment, angle = words.moment.lower(), words.angle.lower()
     note = (
@@ -152,17 +134,6 @@ def align_channels(campaign: Campaign) -> Campaign:
         f"{1e3 * delay.standard_error:.3f} ms; the channels were aligned"
     )
     return replace(campaign, runs=runs, notes=(*campaign.notes, note))
-
-
-def _aligned_run(run: Run, time: float) -> Run:
-    """Return a run whose motion comes ``time`` seconds later, without the ends where it is not known."""
-    samples = time * run.sample_rate
-    lost = int(np.ceil(abs(samples))) + 1
-    kept = slice(lost, run.n_samples - lost)
-    rate = None if run.rate is None else _delay_signal(run.rate, samples)[kept]
-    valid = None if run.valid is None else run.valid[kept]
-    angle = _delay_signal(run.angle, samples)[kept]
-    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid)
 
 
 def estimate_delay(

@@ -3,112 +3,27 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.equation.element import JointElement, Value
+from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Joint
 
 if TYPE_CHECKING:
-    import sympy
-
     from sindyjoint.equation.terms import ResolvedTerm
 
-SCHEMA = 1
-INERTIA = "inertia"
-
-
-@dataclass(frozen=True)
-class ModelTerm:
-    """A term of a discovered model.
-
-    Parameters
-    ----------
-    id, symbol : str
-    name, family : str
-    formula : str
-        In the catalogues' syntax; nonlinear parameters by name.
-    parameters : tuple of (str, float)
-        Values of the nonlinear parameters, SI.
-    unit : str
-        SI unit of the coefficient for this joint's kind of motion.
-    coefficient, standard_error : float
-    interval95 : tuple of float
-    unique_share : float
-        Moment that no other term can take over, relative to the RMS moment.
-    """
-
-    id: str
-    symbol: str
-    name: str
-    family: str
-    formula: str
-    parameters: tuple[tuple[str, float], ...]
-    unit: str
-    coefficient: float
-    standard_error: float
-    interval95: tuple[float, float]
-    unique_share: float
-
-    @cached_property
-    def expression(self) -> sympy.Expr:
-        """The formula with numbers for its nonlinear parameters."""
-        from sympy import Float
-
-        from sindyjoint.equation.formula import parameter_symbol, parse_formula
-
-        parsed = parse_formula(self.formula, [name for name, _ in self.parameters])
-        return parsed.xreplace({parameter_symbol(name): Float(value, 17) for name, value in self.parameters})
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """On what data a model was fitted and how well.
-
-    Parameters
-    ----------
-    moment_rms, residual_rms, noise_floor : float
-        Of the transfer moment over moving samples, N·m. The noise floor is the part of the residual that the data
-        themselves cannot repeat; NaN where it could not be measured.
-    moving_fraction : float
-    samples : int
-        Moving samples.
-    runs : int
-    angle, rate : float
-        Largest absolute angle (rad) and rate (rad/s) tested.
-    frequencies : tuple of float
-        Hz.
-    simulated : bool
-    """
-
-    moment_rms: float
-    residual_rms: float
-    noise_floor: float
-    moving_fraction: float
-    samples: int
-    runs: int
-    angle: float
-    rate: float
-    frequencies: tuple[float, ...] = ()
-    simulated: bool = False
-
-    @property
-    def misfit(self) -> float:
-        """Share of the moment's RMS that neither model nor noise explains; all that is left where no noise is known."""
-        floor = self.noise_floor if math.isfinite(self.noise_floor) else 0.0
-        beyond = max(self.residual_rms**2 - floor**2, 0.0)
-        return float(np.sqrt(beyond)) / self.moment_rms if self.moment_rms > 0 else 0.0
+__all__ = ["INERTIA", "Fitted", "JointModel", "ModelTerm", "model_terms"]
 
 
 @dataclass(frozen=True)
 class JointModel:
-    """The equation of a joint: Σ coefficient · term(θ, θ̇) = transfer moment.
+    """The equation of a joint: Σ coefficient · term(θ, θ̇), and the moments of elements with a memory.
 
     Parameters
     ----------
@@ -116,14 +31,16 @@ class JointModel:
     terms : tuple of ModelTerm
         Inertia among them only where it was identified.
     covariance : tuple of tuple of float
-        Of the coefficients, in their order.
+        Of all :attr:`numbers`, in their order.
     fitted : Fitted
+    elements : tuple of JointElement
     """
 
     joint: Joint
     terms: tuple[ModelTerm, ...]
     covariance: tuple[tuple[float, ...], ...]
     fitted: Fitted
+    elements: tuple[JointElement, ...] = ()
 
     def __getitem__(self, term_id: str) -> ModelTerm:
         for term in self.terms:
@@ -150,6 +67,25 @@ class JointModel:
         return np.array([term.standard_error for term in self.terms])
 
     @property
+    def numbers(self) -> NDArray[np.float64]:
+        """Coefficients of the terms, then of each element the coefficients and the nonlinear parameters, SI."""
+        inner = [number.value for element in self.elements for number in element.numbers]
+        return np.concatenate([self.coefficients, inner])
+
+    @property
+    def number_errors(self) -> NDArray[np.float64]:
+        """Standard errors of all :attr:`numbers`, SI."""
+        inner = [number.standard_error for element in self.elements for number in element.numbers]
+        return np.concatenate([self.standard_errors, inner])
+
+    @property
+    def covariance_matrix(self) -> NDArray[np.float64]:
+        """Covariance of all :attr:`numbers`; zeros where none is known."""
+        size = self.numbers.size
+        matrix = np.array(self.covariance, dtype=np.float64)
+        return matrix.reshape(size, size) if matrix.size else np.zeros((size, size))
+
+    @property
     def inertia(self) -> float:
         """Moving inertia, kg·m² (kg): declared, or identified, or zero."""
         if self.joint.inertia is not None:
@@ -168,62 +104,86 @@ class JointModel:
         rows = np.asarray(covariance, dtype=np.float64).tolist()
         return replace(self, terms=tuple(terms), covariance=tuple(map(tuple, rows)))
 
-    def moment(self, angle: ArrayLike, rate: ArrayLike) -> NDArray[np.float64]:
-        """Return the transfer moment at a state; without the part of the inertia.
+    def with_numbers(self, numbers: ArrayLike, covariance: ArrayLike | None = None) -> JointModel:
+        """Return the model with other :attr:`numbers`.
+
+        Parameters
+        ----------
+        numbers : array_like, shape (n,)
+        covariance : array_like, shape (n, n), optional
+            Of them; without it errors and covariance stay. Intervals become ±1.96 standard errors.
+        """
+        values = np.asarray(numbers, dtype=np.float64)
+        matrix = self.covariance if covariance is None else np.asarray(covariance, dtype=np.float64).tolist()
+        errors = self.number_errors if covariance is None else np.sqrt(np.diag(np.asarray(covariance)))
+        pairs = [(float(value), float(error)) for value, error in zip(values, errors, strict=True)]
+        size = len(self.terms)
+        terms = tuple(
+            replace(term, coefficient=value, standard_error=error, interval95=_interval(value, error))
+            for term, (value, error) in zip(self.terms, pairs[:size], strict=True)
+        )
+        rest = iter(pairs[size:])
+        elements = tuple(
+            each.with_numbers([_renewed(n, *next(rest)) for n in each.numbers]) for each in self.elements
+        )
+        return replace(self, terms=terms, elements=elements, covariance=tuple(map(tuple, matrix)))
+
+    def moment(self, angle: ArrayLike, rate: ArrayLike, step: float | None = None) -> NDArray[np.float64]:
+        """Return the transfer moment at a state, or along a motion; without the part of the inertia.
 
         Parameters
         ----------
         angle, rate : array_like, shape (...)
             rad, rad/s. At a rate of zero sign(θ̇) is zero.
+        step : float, optional
+            s between the samples of a motion, shape (n,). A model with elements needs it: what they transfer depends
+            on how a state was reached.
 
         Returns
         -------
         ndarray, shape (...)
             N·m.
+
+        Raises
+        ------
+        InputError
+            If the model has elements and no step is given.
         """
         from sindyjoint.equation.formula import compile_terms
 
         angle, rate = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+        if self.elements and step is None:
+            names = ", ".join(element.id for element in self.elements)
+            raise InputError(
+                f"the moment of {names} depends on the motion before; give angle and rate along a motion, and the step "
+                "between its samples"
+            )
         terms = [term for term in self.terms if term.id != INERTIA]
-        if not terms:
-            return np.zeros(angle.shape)
-        columns = compile_terms([term.expression for term in terms])(angle.ravel(), rate.ravel(), np.nan)
-        return (columns @ np.array([term.coefficient for term in terms])).reshape(angle.shape)
+        total = np.zeros(angle.shape)
+        if terms:
+            columns = compile_terms([term.expression for term in terms])(angle.ravel(), rate.ravel(), np.nan)
+            total = (columns @ np.array([term.coefficient for term in terms])).reshape(angle.shape)
+        for element in self.elements:
+            total = total + element.along(angle, rate, float(step or 0.0))
+        return total
 
     def equation(self) -> str:
-        """Return the equation as one line of text, with symbols for coefficients."""
-        from sindyjoint.equation.formula import formula_pretty
+        """Return the equation as text, with symbols for coefficients, and the rates of internal states behind it."""
+        from sindyjoint.equation.equation_text import plain_equation
 
-        motion = self.joint.motion
-        parts = [_product(t.symbol, formula_pretty(t.expression, motion), "·") for t in self._ordered()]
-        if self.joint.inertia is not None:
-            parts.insert(0, "I·θ̈" if motion == "rotation" else "m·ẍ")
-        return f"{'M' if motion == 'rotation' else 'F'} = {' + '.join(parts) or '0'}"
+        return plain_equation(self.joint, self.terms, self.elements)
 
     def latex(self) -> str:
         """Return the equation as LaTeX, with symbols for coefficients."""
-        from sindyjoint.equation.formula import formula_latex
+        from sindyjoint.equation.equation_text import latex_equation
 
-        motion = self.joint.motion
-        parts = [
-            _product(latex_symbol(t.symbol), formula_latex(t.expression, motion), r"\,")
-            for t in self._ordered()
-        ]
-        if self.joint.inertia is not None:
-            parts.insert(0, r"I\,\ddot{\theta}" if motion == "rotation" else r"m\,\ddot{x}")
-        return f"{'M' if motion == 'rotation' else 'F'} = {' + '.join(parts) or '0'}"
-
-    def _ordered(self) -> list[ModelTerm]:
-        """Inertia first, as the field writes it."""
-        return sorted(self.terms, key=lambda term: term.id != INERTIA)
+        return latex_equation(self.joint, self.terms, self.elements)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the model as plain JSON data; floats keep every bit."""
-        data = asdict(self)
-        data["joint"]["labels"] = dict(self.joint.labels)
-        if math.isnan(self.fitted.noise_floor):
-            data["fitted"]["noise_floor"] = None  # JSON has no NaN
-        return {"schema": SCHEMA, "kind": "JointModel", **data}
+        """Return the model as plain JSON data, schema 2; floats keep every bit."""
+        from sindyjoint.equation.model_record import to_record
+
+        return to_record(self)
 
     def to_json(self) -> str:
         """Return the model as JSON text."""
@@ -231,40 +191,16 @@ class JointModel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> JointModel:
-        """Return the model that :meth:`to_dict` wrote.
+        """Return the model that :meth:`to_dict` wrote, of this schema or the first.
 
         Raises
         ------
         InputError
             If it is not one; the message names the field.
         """
-        if not isinstance(data, Mapping) or data.get("schema") != SCHEMA or "terms" not in data:
-            raise InputError("not a joint model: expected 'schema': 1 and 'terms', as in model.json")
-        try:
-            terms = tuple(
-                ModelTerm(
-                    **{
-                        **term,
-                        "parameters": tuple((str(n), float(v)) for n, v in term["parameters"]),
-                        "interval95": (float(term["interval95"][0]), float(term["interval95"][1])),
-                    }
-                )
-                for term in data["terms"]
-            )
-            fitted = {**data["fitted"], "frequencies": tuple(data["fitted"]["frequencies"])}
-            if fitted.get("noise_floor", 0.0) is None:
-                fitted["noise_floor"] = math.nan
-            model = cls(
-                joint=Joint(**data["joint"]),
-                terms=terms,
-                covariance=tuple(tuple(float(v) for v in row) for row in data["covariance"]),
-                fitted=Fitted(**fitted),
-            )
-            for term in terms:
-                _ = term.expression
-        except (KeyError, TypeError, IndexError) as error:
-            raise InputError(f"not a joint model: {type(error).__name__}: {error}") from None
-        return model
+        from sindyjoint.equation.model_record import from_record
+
+        return cls(**from_record(data))
 
     @classmethod
     def from_json(cls, text: str) -> JointModel:
@@ -310,19 +246,9 @@ def model_terms(
     return tuple(terms)
 
 
-def _product(symbol: str, formula: str, times: str) -> str:
-    if formula == "1":
-        return symbol
-    # A formula that begins with a sign is not a factor as it stands.
-    return f"{symbol}{times}({formula})" if formula.startswith("-") else f"{symbol}{times}{formula}"
+def _interval(value: float, error: float) -> tuple[float, float]:
+    return value - 1.96 * error, value + 1.96 * error
 
 
-def latex_symbol(symbol: str) -> str:
-    r"""Return k1 as k_{1}, M_F as M_{F} and mu_a as \mu_{a}."""
-    from sympy.core.alphabets import greeks
-
-    head, _, tail = symbol.partition("_")
-    if not tail and len(head) > 1 and head not in greeks:
-        head, tail = head[0], head[1:]
-    head, tail = (f"\\{part}" if part in greeks else part for part in (head, tail))
-    return f"{head}_{{{tail}}}" if tail else head
+def _renewed(number: Value, value: float, error: float) -> Value:
+    return replace(number, value=value, standard_error=error, interval95=_interval(value, error))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 
-from sindyjoint.equation.model import JointModel, ModelTerm, latex_symbol
+from sindyjoint.equation.equation_text import latex_symbol
+from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.text import comment, one_line, preamble, words_of
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
 
 from sindyjoint.record import Campaign
-
-PACKAGES = ("sindyjoint", "pysindy", "scikit-learn", "numpy", "scipy", "matplotlib", "sympy", "numba")
+from sindyjoint.versions import versions
 
 
 @dataclass(frozen=True)
@@ -91,17 +88,6 @@ def _hashed(path: Path) -> list[tuple[str, str, str]]:
     return [
         (one.stem, one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in listed if one.is_file()
     ]
-
-
-def versions() -> tuple[tuple[str, str], ...]:
-    """Return the versions of this package, of Python and of what it computes with."""
-    found = [("Python", platform.python_version())]
-    for name in PACKAGES:
-        try:
-            found.append((name, version(name)))
-        except PackageNotFoundError:
-            continue
-    return tuple(found)
 
 
 def _line(command_line: str | Sequence[str] | None) -> str:

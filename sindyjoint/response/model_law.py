@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw
+from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
+from sindyjoint.response.element_law import parts_of, sum_law
 from sindyjoint.text import in_words_of
 
 Array = NDArray[np.float64]
@@ -21,10 +22,12 @@ Array = NDArray[np.float64]
 # The softening limit of a general law is searched up to this multiple of the largest angle tested.
 LIMIT_REACH = 3.0
 LIMIT_POINTS = 3000
+# No positive number of an element is drawn below this share of it.
+LEAST_DRAWN = 0.02
 
 
 def model_law(model: JointModel) -> Law:
-    """Return a model as a law of :mod:`sindyjoint.mechanics`.
+    """Return a model as a law of :mod:`sindyjoint.mechanics`: its terms, and its elements with their internal states.
 
     Models of the paper's five terms, or some of them, become a :class:`~sindyjoint.mechanics.laws.PaperLaw`, which
     needs no compilation; all others a :class:`~sindyjoint.mechanics.laws.FormulaLaw` made of their formulas. Its
@@ -59,6 +62,13 @@ def model_law(model: JointModel) -> Law:
     >>> law.moment([0.0], [-0.1], [-1.0])
     array([-1.])
     """
+    elements = sum_law(parts_of(model.elements))
+    law = _terms_law(model)
+    return law if elements is None else SumLaw(law, elements)
+
+
+def _terms_law(model: JointModel) -> Law:
+    """Return the law of a model's terms, without its elements."""
     terms = law_terms(model)
     ids = {term.id for term in terms}
     if ids <= PAPER_PARAMETERS.keys() and not _has_negative_friction(terms):
@@ -111,38 +121,38 @@ def with_coefficients(
         Of the new coefficients; without it errors and covariance stay. Intervals become ±1.96 standard errors.
     """
     values = np.asarray(coefficients, dtype=np.float64)
-    if values.shape != (len(model.terms),):
-        raise InputError(
-            f"coefficients of shape {values.shape} given; expected ({len(model.terms)},), one per term"
-        )
-    matrix = np.asarray(model.covariance if covariance is None else covariance, dtype=np.float64)
-    errors = model.standard_errors if covariance is None else np.sqrt(np.diag(matrix))
-    terms = tuple(
-        replace(
-            term,
-            coefficient=float(value),
-            standard_error=float(error),
-            interval95=(float(value - 1.96 * error), float(value + 1.96 * error)),
-        )
-        for term, value, error in zip(model.terms, values, errors, strict=True)
-    )
-    return model.with_terms(terms, matrix)
+    count = len(model.terms)
+    if values.shape != (count,):
+        raise InputError(f"coefficients of shape {values.shape} given; expected ({count},), one per term")
+    if not model.elements:
+        return model.with_numbers(values, covariance)
+    numbers = np.concatenate([values, model.numbers[count:]])
+    if covariance is None:
+        return model.with_numbers(numbers)
+    # What the elements share with the old coefficients is not known of the new ones.
+    whole = model.covariance_matrix
+    whole[:count], whole[:, :count] = 0.0, 0.0
+    whole[:count, :count] = covariance
+    return model.with_numbers(numbers, whole)
 
 
 def draw_models(model: JointModel, count: int, generator: np.random.Generator) -> list[JointModel]:
-    """Draw models from the normal distribution of the coefficients; negative friction is set to zero."""
-    p = len(model.terms)
+    """Draw models from the normal distribution of their numbers; negative friction is set to zero."""
     # Scaled by the standard errors: coefficients of 1e0 and 1e9 in one matrix would lose its small part.
-    errors = model.standard_errors
+    errors = model.number_errors
     scale = np.where(errors > 0, errors, 1.0)
-    correlation = np.asarray(model.covariance, dtype=np.float64).reshape(p, p) / np.outer(scale, scale)
+    correlation = model.covariance_matrix / np.outer(scale, scale)
     values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = model.coefficients + generator.standard_normal((count, p)) @ root.T * scale
+    draws = model.numbers + generator.standard_normal((count, errors.size)) @ root.T * scale
     for index, term in enumerate(model.terms):
         if term.id == "coulomb_friction" and term.coefficient >= 0:
             draws[:, index] = np.maximum(draws[:, index], 0.0)
-    return [with_coefficients(model, draw) for draw in draws]
+    inner = slice(len(model.terms), None)
+    # Numbers of an element that are positive stay so: yield angles, times, slider stiffness.
+    least = np.where(model.numbers[inner] > 0, LEAST_DRAWN * model.numbers[inner], -np.inf)
+    draws[:, inner] = np.maximum(draws[:, inner], least)
+    return [model.with_numbers(draw) for draw in draws]
 
 
 def _has_negative_friction(terms: Sequence[ModelTerm]) -> bool:

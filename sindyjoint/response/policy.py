@@ -16,6 +16,14 @@ class ResponsePolicy:
         "least elastic moment, as a share of the moment's RMS, with which a joint is simulated without "
         "restarts",
     )
+    pure: float = limit(
+        1.5,
+        "moment beside its sinusoid, over noise, from which the motion was the drive",
+        source="calibrated on virtual tests",
+    )
+    range_slack: float = limit(
+        0.05, "share of the tested angle or rate by which a motion may go beyond it without a word"
+    )
     free_share: float = limit(
         0.1,
         "a joint vibrates freely while the moment stays below this share of its scale, for all but this share of the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -82,13 +83,17 @@ class SimulatedRun:
         return self.simulated_moment if self.drive == "motion" else self.simulated_angle
 
     @property
+    def response_scale(self) -> float:
+        """RMS of the measured response about its mean, rad (m); of a prescribed motion :attr:`moment_scale`."""
+        return self.moment_scale if self.drive == "motion" else float(np.std(self.angle))
+
+    @property
     def response_nrmse(self) -> float:
-        """RMS of the response's error relative to the RMS of the measured response about its mean; NaN if it failed."""
-        if self.drive == "motion":
-            return rms(self.simulated_moment - self.moment) / self.moment_scale
-        if self.simulated_angle is None:
+        """RMS of the response's error relative to :attr:`response_scale`; NaN if the simulation failed."""
+        simulated = self.simulated_response
+        if simulated is None:
             return float("nan")
-        return rms(self.simulated_angle - self.angle) / float(np.std(self.angle))
+        return rms(simulated - self.measured_response) / self.response_scale
 
     @property
     def moment_nrmse(self) -> float:
@@ -115,6 +120,23 @@ class SimulatedRun:
         return float(np.hypot(noise.moment, self.inertia * noise.acceleration)) / self.moment_scale
 
 
+def pooled_nrmse(errors: Sequence[tuple[str, float, float]]) -> float:
+    """Return the error of several runs together: RMS of all errors over RMS of all responses.
+
+    Parameters
+    ----------
+    errors : sequence of (str, float, float)
+        Of each run what the response is, the NRMSE and the RMS that it is relative to. Angles and moments are pooled
+        apart, and then by their number of runs. NaN without any.
+    """
+    kinds = {kind for kind, _, _ in errors}
+    total = 0.0
+    for kind in kinds:
+        own = np.array([(error, scale) for each, error, scale in errors if each == kind])
+        total += len(own) * float(np.sum((own[:, 0] * own[:, 1]) ** 2) / max(np.sum(own[:, 1] ** 2), 1e-300))
+    return float(np.sqrt(total / len(errors))) if errors else float("nan")
+
+
 def rms(values: ArrayLike) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
@@ -137,6 +159,20 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
         if restoring > POLICY.restoring_share * rms(states.transfer_moment(law.inertia))
         else "windows"
     )
+
+
+def prescribed(states: ForceStates) -> bool:
+    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment.
+
+    A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness.
+    """
+    if states.method != "periodic" or states.frequency is None or states.bandwidth > 1.5 * states.frequency:
+        return False
+    phase = 2 * np.pi * states.frequency * states.time
+    basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
+    residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
+    floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
+    return bool(np.std(residual) > POLICY.pure * floor)
 
 
 def simulate_run(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import rms
+from sindyjoint.response.run import pooled_nrmse, rms
 
 Array = NDArray[np.float64]
 
@@ -61,6 +61,8 @@ class RunVerification:
     energy : ndarray, shape (2, cycles), or None
         Energy dissipated per cycle, measured and simulated, J.
     failure : str
+    scale, moment_scale : float, optional
+        RMS that the errors of response and moment are relative to, SI.
     """
 
     name: str
@@ -78,6 +80,8 @@ class RunVerification:
     oscillations: tuple[Oscillation | None, Oscillation | None]
     energy: Array | None
     failure: str = ""
+    scale: float | None = None
+    moment_scale: float | None = None
 
     @property
     def beyond_noise(self) -> float:
@@ -110,7 +114,8 @@ class Verification:
         One sentence.
     tolerance : float
     response_nrmse, moment_nrmse, noise_floor, amplitude_rms_error, mean_period_difference : float or None
-        Root mean squares over the runs (of the period: the mean).
+        Errors: RMS over all runs relative to that of what was measured. Others: root mean squares over the runs (of the
+        period: the mean).
     runs : tuple of RunVerification
     warnings : tuple of str
     """
@@ -166,6 +171,16 @@ def _pool_runs(values: Sequence[float | None], mean: Callable[[Array], Any]) -> 
     return float(mean(known)) if known.size else None
 
 
+def _pooled(kind: str, runs: Sequence[RunVerification], error: str, scale: str) -> float | None:
+    """Return the error of all runs together, each weighted by the square of its size."""
+    known = [
+        (kind or run.channel, getattr(run, error), getattr(run, scale) or 1.0)
+        for run in runs
+        if getattr(run, error) is not None
+    ]
+    return pooled_nrmse(known) if known else None
+
+
 def judged(
     model: JointModel,
     kind: str,
@@ -174,7 +189,7 @@ def judged(
     runs: Sequence[RunVerification],
     warnings: Sequence[str],
 ) -> Verification:
-    """Return the verdict over all runs; each run counts alike."""
+    """Return the verdict over all runs; for it, each counts alike."""
     failed = [run for run in runs if run.simulated is None]
     messages = [*warnings, *(f"{run.name}: {run.failure}" for run in failed)]
     messages += [
@@ -182,7 +197,7 @@ def judged(
         for run in runs
         if run.band is not None and run.band.failed
     ]
-    whole = None if failed else _pool_runs([run.response_nrmse for run in runs], rms)
+    whole = None if failed else _pooled("", runs, "response_nrmse", "scale")
     floor = _pool_runs([run.noise_floor for run in runs], rms)
     beyond = float("inf") if whole is None else rms([run.beyond_noise for run in runs])
     worst = max(runs, key=lambda run: run.beyond_noise)
@@ -206,7 +221,7 @@ def judged(
         reason=reason,
         tolerance=tolerance,
         response_nrmse=whole,
-        moment_nrmse=_pool_runs([run.moment_nrmse for run in runs], rms),
+        moment_nrmse=_pooled("moment", runs, "moment_nrmse", "moment_scale"),
         noise_floor=floor,
         amplitude_rms_error=_pool_runs([run.amplitude_rms_error for run in runs], rms),
         mean_period_difference=_pool_runs([run.mean_period_difference for run in runs], np.mean),

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import draw_models, model_law
+from sindyjoint.response.model_law import draw_models
+from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import SimulatedRun, simulate_run
+from sindyjoint.response.run import Drive, SimulatedRun, prescribed, simulate_run
+from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
-from sindyjoint.states import force_states
+from sindyjoint.states import force_states, one_after_another
 from sindyjoint.text import in_words_of, quantities
 
 Array = NDArray[np.float64]
@@ -29,8 +31,13 @@ def verify_campaign(
     window: float,
     generator: np.random.Generator,
     say: Callable[[str], None],
+    test: TestNuisances | None = None,
 ) -> Verification:
-    """Compare the validation runs, or all runs where none is kept for validation."""
+    """Compare the validation runs, or all runs where none is kept for validation.
+
+    Channels are put right already; of the ``test`` the moments of time and frequency and the inertia are still to come.
+    """
+    test = test or TestNuisances("")
     warnings = _compare_joints(model, campaign)
     runs = campaign.validation_runs
     if not runs:
@@ -38,17 +45,19 @@ def verify_campaign(
         warnings.append(
             "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
         )
-    laws = [model_law(draw) for draw in draw_models(model, draws, generator)]
-    law = model_law(model)
+    drawn = draw_models(model, draws, generator)
     results = []
-    for run in runs:
+    for states in one_after_another(campaign, [force_states(run) for run in runs]):
+        run = next(each for each in runs if each.name == states.run)
         say(f"simulating {run.name}")
-        states = force_states(run)
-        simulated = simulate_run(law, run, states, window=window)
+        warnings += range_warnings(model, states.angle, states.rate, run.name)
+        drive: Drive | None = "motion" if prescribed(states) else None
+        simulated = simulate_run(test.law(model, states), run, states, drive=drive, window=window)
         band = None
-        if laws and simulated.simulated_response is not None:
+        if drawn and simulated.simulated_response is not None:
             others = (
-                simulate_run(other, run, states, drive=simulated.drive, window=window) for other in laws
+                simulate_run(test.law(other, states), run, states, drive=simulated.drive, window=window)
+                for other in drawn
             )
             band = band_of([other.simulated_response for other in others])
         results.append(_compare_run(simulated, campaign, band))
@@ -100,6 +109,8 @@ def _compare_run(simulated: SimulatedRun, campaign: Campaign, band: Band | None)
         oscillations=oscillations,
         energy=cycle_energy(simulated),
         failure=simulated.failure,
+        scale=simulated.response_scale,
+        moment_scale=simulated.moment_scale,
     )
 
 

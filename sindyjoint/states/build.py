@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -122,3 +123,10 @@ def repeats(run: Run) -> bool:
         - late[: int(late.size - np.ceil(lag))]
     )
     return bool(np.sqrt(np.mean(far**2)) <= POLICY.repeats_within * np.sqrt(2) * spread)
+
+
+def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tuple[ForceStates, ...]:
+    """Return the states with the start of their run, as if the runs had followed one another without a break."""
+    ends = np.cumsum([run.duration for run in campaign.runs])
+    starts = {run.name: float(end - run.duration) for run, end in zip(campaign.runs, ends, strict=True)}
+    return tuple(replace(s, began=starts[s.run]) for s in states)

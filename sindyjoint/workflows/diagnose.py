@@ -16,15 +16,17 @@ from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis, Gap
 from sindyjoint.diagnosis.verdict import UNDECIDED
-from sindyjoint.discovery.delay import align_channels
+from sindyjoint.discovery.delay import ChannelDelay, delay_to_remove, without_delay
 from sindyjoint.equation.catalogue import Catalogue
+from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.parallel import spread
-from sindyjoint.record import Campaign
+from sindyjoint.record import Campaign, content_hash
+from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.discover import fitted_to, the_campaign
 
 if TYPE_CHECKING:
     import numpy as np
@@ -116,9 +118,28 @@ def diagnose(
         if checked.stopping:
             return replace(_stop(checked, model), hidden=hidden)
         say("force states")
-        usable = align_channels(checked.usable) if align else checked.usable
+        usable = checked.usable
+        delay = delay_to_remove(usable) if align else None
+        if delay is not None:
+            usable = without_delay(usable, delay)
         problem = CampaignProblem.build(usable, model, base, known, policy)
-        return replace(_limit(explain_gap(problem, max_effects, say, advise), checked), hidden=hidden)
+        result = _of_campaign(explain_gap(problem, max_effects, say, advise), campaign, delay)
+        return replace(_limit(result, checked), hidden=hidden)
+
+
+def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
+    """Return a diagnosis whose model and test know the campaign; a delay removed beforehand is the test's."""
+    digest = content_hash(campaign)
+    test = result.test or TestNuisances(digest)
+    found = test.nuisances
+    if delay is not None:
+        ends = (delay.time - 1.96 * delay.standard_error, delay.time + 1.96 * delay.standard_error)
+        known = Value("tau", delay.time, delay.standard_error, ends, "s")
+        found = (Nuisance("channel_delay", "time shift", known), *found)
+    kept = tuple(run.name for run in campaign.validation_runs)
+    test = replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
+    whole = None if result.whole is None else fitted_to(result.whole, campaign)
+    return replace(result, test=test, model=fitted_to(result.model, campaign), whole=whole)
 
 
 def _limit(result: Diagnosis, checked: Check) -> Diagnosis:

@@ -16,12 +16,13 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
-from sindyjoint.record import Campaign
+from sindyjoint.record import Campaign, content_hash
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
+from sindyjoint.versions import versions
 from sindyjoint.workflows.discovery import Discovery, stopped_by_data
 from sindyjoint.workflows.policy import POLICY
 from sindyjoint.workflows.second_search import campaign_model, search_again, softened
@@ -96,7 +97,7 @@ def discover(
     check_accepted(accept)
     if campaign is None:
         say("simulating the virtual test")
-    campaign = the_campaign(campaign, random_state, LONGEST)
+    campaign = opened = the_campaign(campaign, random_state, LONGEST)
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
@@ -150,7 +151,7 @@ def discover(
             f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"
         )
     return Discovery(
-        model=model,
+        model=fitted_to(model, opened),
         verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
@@ -243,6 +244,11 @@ def the_campaign(
     from sindyjoint.files import load_campaign
 
     return load_campaign(campaign, longest)
+
+
+def fitted_to(model: JointModel, campaign: Campaign) -> JointModel:
+    """Return a model that knows the campaign it was fitted to, as it was given, and by which versions."""
+    return replace(model, fitted=replace(model.fitted, data=content_hash(campaign), versions=versions()))
 
 
 def _unresolved_delay(

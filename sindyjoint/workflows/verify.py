@@ -15,6 +15,7 @@ from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.record import Campaign
+from sindyjoint.response.nuisances import TestNuisances, read_test
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
 from sindyjoint.response.verify_campaign import verify_campaign
@@ -48,6 +49,7 @@ def verify(
     model: JointModel | str | Path,
     against: Rig | Campaign | str | Path,
     *,
+    test: TestNuisances | None = None,
     accept: Sequence[str] = (),
     align: bool = False,
     tolerance: float = POLICY.verification_tolerance,
@@ -68,6 +70,9 @@ def verify(
         A campaign: its runs marked ``use = "validate"``, or all of them where none is. A rig (or the name of a
         shipped one): the response it names as measured; without one, a virtual pulse test of the rig as it is
         written, in which the model then replaces the joint.
+    test : TestNuisances, optional
+        Channel errors and the like that a diagnosis found in one campaign; put right in that campaign, and in no other.
+        Default: those of ``test.json`` beside a model that is read from a file.
     accept : sequence of str
         Ids of findings of the check of a campaign that shall not stop the work; see :func:`~sindyjoint.check`.
     align : bool
@@ -103,8 +108,9 @@ def verify(
     if draws < 0:
         raise InputError(f"draws is {draws!r}; expected a number that is not negative")
     if not isinstance(model, JointModel):
+        test = read_test(model) if test is None else test
         model = read_model(model)
-    if not model.terms:
+    if not (model.terms or model.elements):
         raise InputError("the model has no terms: there is nothing to simulate; run discover first")
     generator = np.random.default_rng(random_state)
     against = _open_input(against)
@@ -117,10 +123,11 @@ def verify(
             )
         say("checking the data")
         checked = require_sound(check_campaign(against, accept))
-        usable = align_channels(checked.usable) if align else checked.usable
-        result = verify_campaign(model, usable, tolerance, draws, window, generator, say)
+        usable, applied, note = _put_right(checked.usable, against, test)
+        usable = align_channels(usable) if align else usable
+        result = verify_campaign(model, usable, tolerance, draws, window, generator, say, applied)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
-        known["warnings"] = (*checked.warnings, *result.warnings)
+        known["warnings"] = (*checked.warnings, *note, *result.warnings)
         return CampaignVerification(**known, soundness=checked.soundness)
     if align:
         raise InputError("align belongs to a campaign, which has two channels; a rig is given")
@@ -129,6 +136,23 @@ def verify(
             f"accept is {', '.join(accept)}: belongs to a campaign, whose data are checked; a rig is given"
         )
     return verify_rig(model, against, tolerance, draws, truth, generator, say)
+
+
+def _put_right(
+    usable: Campaign, given: Campaign, test: TestNuisances | None
+) -> tuple[Campaign, TestNuisances | None, tuple[str, ...]]:
+    """Return a campaign with the nuisances of its test put right, these, and what is said of it.
+
+    ``given`` is the campaign before anything was left out of it: by its content it is known.
+    """
+    if test is None or not test:
+        return usable, None, ()
+    if not test.belongs_to(given):
+        line = f"what was found in the test of the campaign of {test.joint!r} is not applied to this other campaign"
+        return usable, None, (f"{line} ({test.words})",) if test.words else ()
+    words = f"put right, as found in this campaign: {test.words}" if test.words else ""
+    kept = f"compared are the runs that the fit left out: {', '.join(test.kept_out)}" if test.kept_out else ""
+    return test.corrected(usable), test, tuple(filter(None, (words, kept)))
 
 
 def _open_input(against: Rig | Campaign | str | Path) -> Rig | Campaign:

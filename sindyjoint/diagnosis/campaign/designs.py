@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.diagnosis.campaign.simulated_run import prescribed
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.response.run import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard
@@ -96,7 +96,7 @@ def designs(states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN) -
     plan = [
         (float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(FREQUENCIES, LEVELS)
     ]
-    driven = [s for s in states if s.frequency and not prescribed(s, policy)]
+    driven = [s for s in states if s.frequency and not prescribed(s)]
     # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
     least = min((policy.lowest_level * _swing(s) for s in driven), default=np.inf)
     if 2 * len(driven) < len(tested):

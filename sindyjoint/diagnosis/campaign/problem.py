@@ -20,7 +20,7 @@ from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effects, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, refit, whole_model
+from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
@@ -30,10 +30,10 @@ from sindyjoint.diagnosis.campaign.start import (
     cut_up,
     first_model,
     is_free,
-    one_after_another,
 )
 from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget
 from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
+from sindyjoint.diagnosis.campaign.whole import nuisances_of, whole_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
@@ -47,7 +47,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping
-from sindyjoint.states import ForceStates, campaign_states
+from sindyjoint.states import ForceStates, campaign_states, one_after_another
 from sindyjoint.text import in_words_of
 
 BASE = "paper"
@@ -278,9 +278,8 @@ class CampaignProblem(Problem):
             ),
             model=repaired.model,
             effects=self.found,
-            whole=whole_model(
-                replace(repaired, effects=tuple(e for e in self.found if not e.shifts)), self.work.rows
-            ),
+            whole=whole_model(repaired, self.work.rows),
+            test=nuisances_of(repaired, self.work.rows, self.drift, campaign.joint.motion),
             before=run_gaps(gap_rows(first.work, first.work.model), first.work.model),
             after=run_gaps(gap_rows(self.work, repaired.model, self.found), repaired.model, self.found)
             if found["steps"]

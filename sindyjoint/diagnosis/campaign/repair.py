@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +13,8 @@ from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
-from sindyjoint.equation.dimensions import unit_for
-from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.equation.model import JointModel
 from sindyjoint.response.model_law import with_coefficients
-
-if TYPE_CHECKING:
-    pass
 
 Array = NDArray[np.float64]
 
@@ -94,6 +89,15 @@ def least_squares(columns: Array, target: Array) -> tuple[Array, Array]:
     scale = max(1.0, float(residual @ residual) / max(target.size - norm.size, 1))
     covariance = (right.T * inverse**2) @ right * scale
     return coefficients / norm, covariance / np.outer(norm, norm)
+
+
+def scaled_covariance(jacobian: Array, residual: Array) -> Array:
+    """Return the covariance of the numbers that whitened rows were fitted with, widened by the misfit.
+
+    ``jacobian`` has shape (m, n), ``residual`` (m,).
+    """
+    _, covariance = least_squares(jacobian, np.zeros_like(residual))
+    return covariance * max(1.0, float(residual @ residual) / max(residual.size - jacobian.shape[1], 1))
 
 
 def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
@@ -210,55 +214,6 @@ def refit_nonlinear(
         others = later[:index] + later[index + 1 :]
         later[index] = refine_effect(GapRegression.build(runs, model, others, policy), each)
     return later
-
-
-def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
-    """Return the model with those effects among its terms that are functions of angle and rate alone.
-
-    An effect that the model has a term of is added to that term. Other effects (with a memory, of a channel, of a run)
-    are no terms of a joint model.
-    """
-    model, effects = repaired.model, repaired.effects
-    terms = list(model.terms)
-    parts = [[i] for i in range(len(terms))]  # which coefficients each term is the sum of
-    columns = [(each, k) for each in effects for k in range(len(each.variant.columns))]
-    for index, (each, k) in enumerate(columns, start=len(terms)):
-        if not each.is_term:
-            continue
-        new = _term_of(each, k, model.joint.motion)
-        same = next((i for i, term in enumerate(terms) if term.id == new.id), None)
-        if same is None:
-            terms.append(new)
-            parts.append([index])
-        else:
-            parts[same].append(index)
-    coefficients = coefficients_of(model, effects)
-    covariance = repaired.covariance
-    if covariance is None:
-        covariance = np.asarray(model.covariance, dtype=np.float64)
-    sums = np.array([np.isin(np.arange(coefficients.size), part) for part in parts], dtype=np.float64)
-    shares = unique_shares(runs, model, effects)
-    terms = [replace(t, unique_share=float(shares[part[0]])) for t, part in zip(terms, parts, strict=True)]
-    whole = replace(model, terms=tuple(terms), covariance=())
-    return with_coefficients(whole, sums @ coefficients, sums @ covariance @ sums.T)
-
-
-def _term_of(fitted: FittedEffect, k: int, motion: str) -> ModelTerm:
-    """Return the k-th column of an effect as a term whose error is not yet known."""
-    effect, column = fitted.effect, fitted.variant.columns[k]
-    return ModelTerm(
-        id=effect.id if k == 0 else f"{effect.id}_{k + 1}",
-        symbol=column.symbol,
-        name=effect.name,
-        family=effect.family,
-        formula=column.formula,
-        parameters=tuple(zip(fitted.variant.names, map(float, fitted.values), strict=True)),
-        unit=column.unit if motion == "rotation" else unit_for(column.unit, motion),
-        coefficient=float(fitted.coefficients[k]),
-        standard_error=0.0,
-        interval95=(0.0, 0.0),
-        unique_share=0.0,
-    )
 
 
 def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Array:

@@ -10,11 +10,12 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
-from sindyjoint.diagnosis.campaign.start import Work, cut_up, one_after_another
+from sindyjoint.diagnosis.campaign.start import Work, cut_up
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.states import force_states
+from sindyjoint.response.run import pooled_nrmse
+from sindyjoint.states import force_states, one_after_another
 from sindyjoint.states.rows import group_labels
 
 
@@ -28,20 +29,13 @@ def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect])
     if kept:
         whole = one_after_another(work.campaign, [force_states(run) for run in kept])
         runs, states, _ = cut_up(kept, whole, None, work.policy)
-    gap = own = 0.0
+    errors = []
     for run, state in zip(runs, states, strict=True):
         result = simulated(run, state, model, effects, work.policy)
-        if result is None:
-            continue
-        if result.simulated_angle is not None:
-            measured, other = result.angle, result.simulated_angle
-        elif result.drive == "motion":
-            measured, other = result.moment, result.simulated_moment
-        else:
-            continue
-        gap += float(np.mean((measured - other) ** 2))
-        own += float(np.mean((measured - np.mean(measured)) ** 2))
-    return float(np.sqrt(gap / own)) if own > 0 else float("nan")
+        if result is not None and np.isfinite(result.response_nrmse):
+            kind = "moment" if result.drive == "motion" else "angle"
+            errors.append((kind, result.response_nrmse, result.response_scale))
+    return pooled_nrmse(errors)
 
 
 def processing_error(work: Work, most: int = 4) -> float:

@@ -13,7 +13,7 @@ from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
-from sindyjoint.response.run import SimulatedRun, simulate_run
+from sindyjoint.response.run import SimulatedRun, prescribed, simulate_run
 from sindyjoint.states import ForceStates
 
 
@@ -27,7 +27,7 @@ def simulated(
     """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
-    motion = prescribed(states, policy)
+    motion = prescribed(states)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)
@@ -47,17 +47,3 @@ def simulated(
     except SindyJointError:
         # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
         return None
-
-
-def prescribed(states: ForceStates, policy: DiagnosisPolicy = CAMPAIGN) -> bool:
-    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment.
-
-    A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness.
-    """
-    if states.method != "periodic" or states.frequency is None or states.bandwidth > 1.5 * states.frequency:
-        return False
-    phase = 2 * np.pi * states.frequency * states.time
-    basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
-    residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
-    floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
-    return bool(np.std(residual) > policy.pure * floor)

@@ -22,7 +22,14 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Campaign, Run
-from sindyjoint.states import ForceStates, force_states, pooled_noise, regression_rows, transfer_noise
+from sindyjoint.states import (
+    ForceStates,
+    force_states,
+    one_after_another,
+    pooled_noise,
+    regression_rows,
+    transfer_noise,
+)
 from sindyjoint.states.rows import group_labels
 
 
@@ -132,13 +139,6 @@ def applicable(
     if not is_free(campaign):
         return tuple(kept)
     return tuple(e for e in kept if e.id != "inertia_error" and e.enters != "time shift")
-
-
-def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tuple[ForceStates, ...]:
-    """Return the states with the start of their run, as if the runs had followed one another without a break."""
-    ends = np.cumsum([run.duration for run in campaign.runs])
-    starts = {run.name: float(end - run.duration) for run, end in zip(campaign.runs, ends, strict=True)}
-    return tuple(replace(s, began=starts[s.run]) for s in states)
 
 
 def cut_up(

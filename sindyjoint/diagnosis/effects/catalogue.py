@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,10 @@ from pydantic import Field, ValidationError
 from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
 from sindyjoint.equation import dimensions
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
+from sindyjoint.equation.element import Column, Form, State
 from sindyjoint.equation.formula import compile_terms, formula_pretty, parse_formula
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
-
-if TYPE_CHECKING:
-    import sympy
 
 Array = NDArray[np.float64]
 Enters = Literal["moment", "time shift", "angle zero", "angle drift"]
@@ -80,28 +78,7 @@ class _EffectFile(StrictEntry):
 
 
 @dataclass(frozen=True)
-class Column:
-    """A moment that an effect adds, times a coefficient."""
-
-    symbol: str
-    formula: str
-    unit: str
-    positive: bool
-    expression: sympy.Expr = field(repr=False)
-
-
-@dataclass(frozen=True)
-class State:
-    """An internal state: its rate, and the value that it cannot pass."""
-
-    name: str
-    unit: str
-    rate: sympy.Expr = field(repr=False)
-    limit: sympy.Expr | None = field(repr=False, default=None)
-
-
-@dataclass(frozen=True)
-class Variant:
+class Variant(Form):
     """One way in which an effect may act."""
 
     columns: tuple[Column, ...]
@@ -112,18 +89,6 @@ class Variant:
     def names(self) -> tuple[str, ...]:
         """Names of the nonlinear parameters."""
         return tuple(parameter.name for parameter in self.parameters)
-
-    @property
-    def uses(self) -> set[str]:
-        """Names of all that its columns are made of."""
-        return {symbol.name for column in self.columns for symbol in column.expression.free_symbols}
-
-    @property
-    def symbols(self) -> set[Any]:
-        """Symbols of its columns, and of the rates and limits of its states."""
-        formulas = [c.expression for c in self.columns]
-        formulas += [f for state in self.states for f in (state.rate, state.limit) if f is not None]
-        return {symbol for formula in formulas for symbol in formula.free_symbols}
 
     @property
     def degrees(self) -> int:
@@ -150,26 +115,10 @@ class Variant:
         arguments = (*ARGUMENTS, *(s.name for s in self.states), *self.names)
         return compile_terms([column.expression for column in self.columns], arguments)
 
-    @cached_property
-    def _limit_function(self) -> Any:
-        return compile_terms([s.limit for s in self.states if s.limit is not None], self.names)
-
-    @cached_property
-    def _state_program(self) -> Any:
-        from sindyjoint.diagnosis.effects.internal_states import dependent_rows, program
-
-        arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
-        rates = compile_terms([state.rate for state in self.states], arguments)
-        return *program(rates), *dependent_rows(rates, len(self.states))
-
     def states_along(self, motions: JoinedMotions, values: Array) -> Array:
         """Return the internal states at the kept samples of some motions, shape (n_states, m)."""
         parameters = np.array(values, dtype=np.float64)
-        limits = np.full(len(self.states), np.inf)
-        known = [state.limit is not None for state in self.states]
-        if any(known):
-            limits[known] = self._limit_function(*parameters)[0]
-        return motions.states(parameters, limits, self._state_program)
+        return motions.states(parameters, self.limits(parameters), self.state_program)
 
     def along(self, motion: MeasuredMotion | JoinedMotions, values: Array) -> Array:
         """Return the columns at the kept samples of a motion, or of several, shape (m, n_columns)."""

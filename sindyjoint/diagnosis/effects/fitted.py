@@ -10,25 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
-from sindyjoint.diagnosis.effects.written import written
 from sindyjoint.equation.model import JointModel
+from sindyjoint.response.element_law import Instant, Part, sum_law
 from sindyjoint.response.model_law import model_law
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
 
 Array = NDArray[np.float64]
-
-CLOCK = "clock"  # the state that tells a law the time
-
-
-@dataclass(frozen=True)
-class Instant:
-    """When a law is asked: ``time`` s into a run that ``began`` s after the first; whether time ``runs`` on."""
-
-    time: float = 0.0
-    began: float = 0.0
-    runs: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,35 +110,7 @@ def law_of(
 def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:
     """Return the moment that effects add as a law of :mod:`sindyjoint.mechanics`, or None where none adds one.
 
-    Effects of channels and of the inertia are no part of the law. Time that runs is a state with the rate one.
+    Effects of channels and of the inertia are no part of the law.
     """
-    from sympy import Float, Symbol
-
-    from sindyjoint.mechanics.laws import FormulaLaw
-
-    instant = instant or Instant()
-    expression: Any = Float(0)
-    rates: dict[str, Any] = {}
-    values: dict[str, float] = {}
-    for index, each in enumerate(effects):
-        if each.effect.enters != "moment" or each.effect.id == "inertia_error":
-            continue
-        variant, given = each.variant, {"frequency": Float(frequency)}
-        names = {n: f"p{index}_{n}" for n in variant.names}
-        values |= {names[n]: float(v) for n, v in zip(variant.names, each.values, strict=True)}
-        for signal, now in (("time", instant.time), ("elapsed", instant.time + instant.began)):
-            if signal in {symbol.name for symbol in variant.symbols}:
-                # The instant is a parameter: another segment of a run needs no compilation of its own.
-                values[f"at_{signal}"] = now
-                given[signal] = Symbol(f"at_{signal}", real=True)
-                if instant.runs:
-                    given[signal] += Symbol(CLOCK, real=True)
-                    rates[CLOCK] = Float(1)
-        columns, own = written(
-            variant, names | {s.name: f"state{index}_{s.name}" for s in variant.states}, given
-        )
-        for place, (column, value) in enumerate(zip(columns, each.coefficients, strict=True)):
-            values[f"c{index}_{place}"] = float(value)
-            expression += Symbol(f"c{index}_{place}", real=True) * column
-        rates |= own
-    return None if expression == 0 else FormulaLaw(expression, values, rates)
+    adding = [e for e in effects if e.effect.enters == "moment" and e.effect.id != "inertia_error"]
+    return sum_law([Part(e.variant, e.values, e.coefficients) for e in adding], frequency, instant)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.law import ProgramLaw
 from sindyjoint.diagnosis.effects.structure import Change, Setup
-from sindyjoint.diagnosis.effects.written import written
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
 
@@ -85,7 +84,7 @@ class JointLaws:
     def _build(self, keys: tuple[str, ...], numbers: dict[str, float]) -> ProgramLaw:
         from sympy import Float, Symbol
 
-        added = [(a, *written(a.variant, a.names)) for a in (self.additions[key] for key in keys)]
+        added = [(a, *a.variant.written(a.names)) for a in (self.additions[key] for key in keys)]
         replacing = [(each, columns[0]) for each, columns, _ in added if each.replaces]
         expression: Any = Float(0)
         for term in self.terms:

@@ -15,8 +15,8 @@ import numpy as np
 from numba import carray, cfunc, njit
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.diagnosis.effects.internal_states import program, run_program
 from sindyjoint.equation.evaluation import compile_terms
+from sindyjoint.equation.internal_states import program, run_program
 from sindyjoint.mechanics.kernels import LAW_SIGNATURE, evaluate_law
 from sindyjoint.mechanics.laws import CompiledLaw
 

@@ -128,7 +128,7 @@ class JoinedMotions:
 
     def states(self, parameters: Array, limits: Array, program: tuple[Any, ...]) -> Array:
         """Return internal states at the kept samples, shape (n_states, m)."""
-        from sindyjoint.diagnosis.effects.internal_states import integrate_runs
+        from sindyjoint.equation.internal_states import integrate_runs
 
         integrate: Any = integrate_runs
         states = integrate(self.angle, self.rate, self.ends, *self.timing, parameters, limits, *program)

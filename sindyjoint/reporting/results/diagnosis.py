@@ -17,6 +17,7 @@ from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.tables import model_table
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, terminal, terminal_table
 from sindyjoint.reporting.view import View
+from sindyjoint.response.nuisances import FILE
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     unsaved: ClassVar[dict[str, Any]] = {
         "effects": (),
         "whole": None,
+        "test": None,
         "soundness": None,
         "stopped": None,
     }
@@ -126,8 +128,9 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         }
 
     def files(self, result: Diagnosis, data: Diagnosis) -> dict[str, str]:
-        """Return the model with those effects as terms that are functions of only angle and rate."""
-        return {"model.json": (result.whole or result.model).to_json() + "\n"}
+        """Return the model with what the effects add to the joint's law, and what belongs to the test alone."""
+        texts = {"model.json": (result.whole or result.model).to_json() + "\n"}
+        return texts if not result.test else texts | {FILE: result.test.to_json() + "\n"}
 
     def show(self, result: Diagnosis) -> None:
         """Print verdict, gap by step, where it lies, advice and warnings."""

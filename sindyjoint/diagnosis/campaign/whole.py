@@ -1,0 +1,237 @@
+"""What a diagnosis adds, sorted: terms and elements of the joint's law, and nuisances of the test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.campaign.drift import ChannelDrift
+from sindyjoint.diagnosis.campaign.regression import stack
+from sindyjoint.diagnosis.campaign.repair import (
+    Repaired,
+    all_columns,
+    coefficients_of,
+    scaled_covariance,
+    unique_shares,
+)
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.equation.dimensions import unit_for
+from sindyjoint.equation.element import ElementState, JointElement, Value
+from sindyjoint.equation.formula import formula_text
+from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.response.nuisances import Nuisance, TestNuisances
+
+Array = NDArray[np.float64]
+
+# Step of the differences by a nonlinear parameter, relative to it.
+STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """All numbers of a repaired model together.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Coefficients of the terms, of the effects' columns, then nonlinear parameters of the effects.
+    covariance : ndarray, shape (n, n)
+    coefficients, inner : dict of str to slice
+        Where those of an effect stand.
+    """
+
+    values: Array
+    covariance: Array
+    coefficients: dict[str, slice]
+    inner: dict[str, slice]
+
+    def value(self, at: int, name: str, unit: str, formula: str = "") -> Value:
+        """Return one of them with its error."""
+        number, error = float(self.values[at]), float(np.sqrt(self.covariance[at, at]))
+        return Value(name, number, error, (number - 1.96 * error, number + 1.96 * error), unit, formula)
+
+
+def numbers_of(repaired: Repaired, runs: Sequence[GapRun]) -> Numbers:
+    """Return the numbers of a repaired model, and their covariance by linearisation at the fit.
+
+    s²(JᵀJ)⁻¹ of whitened rows, J holding the columns and, for nonlinear parameters, their derivatives (Seber and Wild
+    1989, section 2.1.2); s² is the reduced χ² where that is above one.
+    """
+    model, effects = repaired.model, repaired.effects
+    adding = tuple(e for e in effects if not e.shifts)
+    size = len(model.terms)
+    at = count(size)
+    columns = {e.name: _slice(at, len(e.variant.columns)) for e in adding}
+    # A delay is out of the states already: its column is the derivative by what is left of it.
+    columns |= {e.name: _slice(at, 1) for e in effects if e.shifts}
+    inner = {e.name: _slice(at, e.values.size) for e in adding}
+    shifts = [float(e.coefficients[0]) for e in effects if e.shifts]
+    values = np.concatenate([coefficients_of(model, adding), shifts, *(e.values for e in adding)])
+    covariance = repaired.covariance
+    if covariance is None or covariance.shape[0] != values.size:
+        covariance = _joint_covariance(runs, model, effects, adding)
+    return Numbers(values, covariance, columns, inner)
+
+
+def _slice(at: count[int], size: int) -> slice:
+    places = [next(at) for _ in range(size)]
+    return slice(places[0], places[0] + size) if places else slice(0, 0)
+
+
+def _joint_covariance(
+    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], adding: Sequence[FittedEffect]
+) -> Array:
+    shifts = [e for e in effects if e.shifts]
+
+    def jacobian(run: GapRun) -> Array:
+        parts = [all_columns(run, model, adding)]
+        parts += [e.variant.along(run.motion, e.values) for e in shifts]
+        for each in adding:
+            for k, value in enumerate(each.values):
+                step = np.zeros(each.values.size)
+                step[k] = STEP * value
+                high, low = (
+                    each.variant.along(run.motion, each.values + sign * step) @ each.coefficients
+                    for sign in (1, -1)
+                )
+                parts.append(((high - low) / (2 * step[k]))[:, None])
+        return np.hstack(parts)
+
+    whole = stack(runs, jacobian)
+    target = np.concatenate([run.white(run.target) for run in runs])
+    linear = coefficients_of(model, adding)
+    residual = target - whole[:, : linear.size] @ linear
+    return scaled_covariance(whole, residual)
+
+
+def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
+    """Return the model with what the effects add to the joint's law: terms of angle and rate, and elements.
+
+    An effect that the model has a term of is added to that term.
+    """
+    model, effects = repaired.model, repaired.effects
+    numbers = numbers_of(repaired, runs)
+    motion = model.joint.motion
+    terms = list(model.terms)
+    parts = [[i] for i in range(len(terms))]  # which numbers each of the whole model is the sum of
+    for each in effects:
+        if not each.is_term:
+            continue
+        for k, at in enumerate(_indices(numbers.coefficients[each.name])):
+            new = _term_of(each, k, motion)
+            same = next((i for i, term in enumerate(terms) if term.id == new.id), None)
+            if same is None:
+                terms.append(new)
+                parts.append([at])
+            else:
+                parts[same].append(at)
+    shares = unique_shares(runs, model, [e for e in effects if not e.shifts])
+    terms = [replace(t, unique_share=float(shares[part[0]])) for t, part in zip(terms, parts, strict=True)]
+    inside = [e for e in effects if is_element(e)]
+    elements = tuple(element_of(each, numbers, motion) for each in inside)
+    for each in inside:
+        parts += [
+            [at] for at in (*_indices(numbers.coefficients[each.name]), *_indices(numbers.inner[each.name]))
+        ]
+    sums = np.array([np.isin(np.arange(numbers.values.size), part) for part in parts], dtype=np.float64)
+    whole = replace(model, terms=tuple(terms), elements=elements, covariance=())
+    return whole.with_numbers(sums @ numbers.values, sums @ numbers.covariance @ sums.T)
+
+
+def is_element(effect: FittedEffect) -> bool:
+    """Return whether an effect is a part of the joint's law that has a memory."""
+    return effect.effect.enters == "moment" and bool(effect.variant.states) and not _of_test(effect)
+
+
+def _of_test(effect: FittedEffect) -> bool:
+    """Return whether an effect depends on time or frequency, which are the test's."""
+    names = {symbol.name for symbol in effect.variant.symbols}
+    known = {"theta", "omega", *effect.variant.names, *(state.name for state in effect.variant.states)}
+    return bool(names - known)
+
+
+def element_of(fitted: FittedEffect, numbers: Numbers, motion: str) -> JointElement:
+    """Return an effect as an element, or as a moment of the test; ids are those of the effects."""
+    variant, units = fitted.variant, fitted.variant.units(motion)
+    coefficients = _indices(numbers.coefficients[fitted.name])
+    return JointElement(
+        id=fitted.name,
+        effect=fitted.name,
+        symbol=variant.columns[0].symbol,
+        name=fitted.effect.name,
+        columns=tuple(
+            numbers.value(at, c.symbol, units[c.symbol], formula_text(c.expression))
+            for at, c in zip(coefficients, variant.columns, strict=True)
+        ),
+        parameters=tuple(
+            numbers.value(at, name, units[name])
+            for at, name in zip(_indices(numbers.inner[fitted.name]), variant.names, strict=True)
+        ),
+        states=tuple(
+            ElementState(
+                s.name,
+                s.unit if motion == "rotation" else unit_for(s.unit, motion),
+                formula_text(s.rate),
+                None if s.limit is None else formula_text(s.limit),
+            )
+            for s in variant.states
+        ),
+        signals=tuple(sorted(variant.uses & {"frequency", "time", "elapsed"})),
+    )
+
+
+def nuisances_of(
+    repaired: Repaired,
+    runs: Sequence[GapRun],
+    drift: ChannelDrift | None,
+    motion: str,
+) -> TestNuisances:
+    """Return what belongs to the test among the effects, without the hash of its campaign."""
+    numbers = numbers_of(repaired, runs)
+    found, moments = [], []
+    for each in repaired.effects:
+        enters = "inertia" if each.name == "inertia_error" else each.effect.enters
+        if enters != "moment":
+            column = each.variant.columns[0]
+            value = numbers.value(
+                numbers.coefficients[each.name].start,
+                column.symbol,
+                each.variant.units(motion)[column.symbol],
+            )
+            found.append(Nuisance(each.name, enters, value))
+        elif not each.is_term and not is_element(each):
+            moments.append(element_of(each, numbers, motion))
+    return TestNuisances(
+        campaign="",
+        nuisances=tuple(found),
+        drift="" if drift is None else drift.effect,
+        slopes={} if drift is None else dict(drift.slopes),
+        moments=tuple(moments),
+    )
+
+
+def _indices(places: slice) -> range:
+    return range(places.start, places.stop)
+
+
+def _term_of(fitted: FittedEffect, k: int, motion: str) -> ModelTerm:
+    """Return the k-th column of an effect as a term whose error is not yet known."""
+    effect, column = fitted.effect, fitted.variant.columns[k]
+    return ModelTerm(
+        id=effect.id if k == 0 else f"{effect.id}_{k + 1}",
+        symbol=column.symbol,
+        name=effect.name,
+        family=effect.family,
+        formula=column.formula,
+        parameters=tuple(zip(fitted.variant.names, map(float, fitted.values), strict=True)),
+        unit=column.unit if motion == "rotation" else unit_for(column.unit, motion),
+        coefficient=float(fitted.coefficients[k]),
+        standard_error=0.0,
+        interval95=(0.0, 0.0),
+        unique_share=0.0,
+    )

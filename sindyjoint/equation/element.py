@@ -1,0 +1,280 @@
+"""Elements of a joint's law beside its terms: moments with internal states, such as a slider or a Maxwell branch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.equation.formula import compile_terms, parse_formula, variable_symbols
+
+if TYPE_CHECKING:
+    import sympy
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A moment that stands in a law times a coefficient."""
+
+    symbol: str
+    formula: str
+    unit: str
+    positive: bool
+    expression: sympy.Expr = field(repr=False)
+
+
+@dataclass(frozen=True)
+class State:
+    """An internal state: its rate, and the value that it cannot pass."""
+
+    name: str
+    unit: str
+    rate: sympy.Expr = field(repr=False)
+    limit: sympy.Expr | None = field(repr=False, default=None)
+
+
+class Form:
+    """Formulas with internal states, whatever their numbers: what simulations and regressions are made of."""
+
+    columns: tuple[Column, ...]
+    states: tuple[State, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the nonlinear parameters."""
+        raise NotImplementedError
+
+    @property
+    def uses(self) -> set[str]:
+        """Names of all that its columns are made of."""
+        return {symbol.name for column in self.columns for symbol in column.expression.free_symbols}
+
+    @property
+    def symbols(self) -> set[Any]:
+        """Symbols of its columns, and of the rates and limits of its states."""
+        formulas = [c.expression for c in self.columns]
+        formulas += [f for state in self.states for f in (state.rate, state.limit) if f is not None]
+        return {symbol for formula in formulas for symbol in formula.free_symbols}
+
+    @cached_property
+    def _limit_function(self) -> Any:
+        return compile_terms([s.limit for s in self.states if s.limit is not None], self.names)
+
+    @cached_property
+    def state_program(self) -> Any:
+        """The rates of the states as numbered operations; see :mod:`sindyjoint.equation.internal_states`."""
+        from sindyjoint.equation.internal_states import dependent_rows, program
+
+        arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
+        rates = compile_terms([state.rate for state in self.states], arguments)
+        return *program(rates), *dependent_rows(rates, len(self.states))
+
+    def limits(self, values: Array) -> Array:
+        """Return the values that the states cannot pass, infinite where there are none, shape (n_states,)."""
+        limits = np.full(len(self.states), np.inf)
+        known = [state.limit is not None for state in self.states]
+        if any(known):
+            limits[known] = self._limit_function(*values)[0]
+        return limits
+
+    def written(
+        self, names: Mapping[str, str], given: Mapping[str, Any] = MappingProxyType({})
+    ) -> tuple[list[Any], dict[str, Any]]:
+        """Return the columns, and the rates of the states by name, as they stand in a law.
+
+        A state z with a limit stops there: its rate is r·(1 − H(|z| − limit)·H(z·θ̇)), H being Heaviside's step.
+
+        Parameters
+        ----------
+        names : mapping of str to str
+            What parameters and states are called in the law.
+        given : mapping of str to sympy.Expr
+            What stands for other symbols, such as the frequency.
+        """
+        from sympy import Abs, Heaviside, Symbol
+
+        here = {
+            s: Symbol(names[s.name], real=True, positive=s.is_positive) if s.name in names else given[s.name]
+            for s in self.symbols
+            if s.name in names or s.name in given
+        }
+        _, omega, _ = variable_symbols()
+        rates = {}
+        for state in self.states:
+            rate = state.rate.xreplace(here)
+            if state.limit is not None:
+                z = Symbol(names[state.name], real=True)
+                full = Heaviside(Abs(z) - state.limit.xreplace(here), 1) * Heaviside(z * omega, 0)
+                rate = rate * (1 - full)
+            rates[names[state.name]] = rate
+        return [column.expression.xreplace(here) for column in self.columns], rates
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number of an element and how sure it is.
+
+    Parameters
+    ----------
+    name : str
+        Symbol of a coefficient, or name of a nonlinear parameter.
+    value, standard_error : float
+        SI.
+    interval95 : tuple of float
+    unit : str
+        For this joint's kind of motion.
+    formula : str
+        Of a coefficient: the moment that it is the factor of; empty for a nonlinear parameter.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    interval95: tuple[float, float]
+    unit: str
+    formula: str = ""
+
+
+@dataclass(frozen=True)
+class ElementState:
+    """An internal state as text: its rate, and the value that it cannot pass, in the catalogues' syntax."""
+
+    name: str
+    unit: str
+    rate: str
+    limit: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _ParsedForm(Form):
+    columns: tuple[Column, ...]
+    states: tuple[State, ...]
+    parameters: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.parameters
+
+
+@dataclass(frozen=True)
+class JointElement:
+    """A part of a joint's law that has a memory: Σ coefficient · column(θ, θ̇, z), ż = rate(θ̇, z), |z| ≤ limit.
+
+    Parameters
+    ----------
+    id : str
+        Of the element, unique in its model.
+    effect : str
+        Id in the catalogue of effects.
+    symbol, name : str
+    columns : tuple of Value
+        Moments with their coefficients.
+    parameters : tuple of Value
+        Nonlinear parameters.
+    states : tuple of ElementState
+    signals : tuple of str
+        What its formulas are made of beside angle, rate, parameters and states.
+    """
+
+    id: str
+    effect: str
+    symbol: str
+    name: str
+    columns: tuple[Value, ...]
+    parameters: tuple[Value, ...]
+    states: tuple[ElementState, ...]
+    signals: tuple[str, ...] = ()
+
+    @property
+    def numbers(self) -> tuple[Value, ...]:
+        """Coefficients of its columns, then nonlinear parameters."""
+        return (*self.columns, *self.parameters)
+
+    @property
+    def coefficients(self) -> Array:
+        """Coefficients of the columns, SI."""
+        return np.array([column.value for column in self.columns])
+
+    @property
+    def values(self) -> Array:
+        """Nonlinear parameters, SI."""
+        return np.array([parameter.value for parameter in self.parameters])
+
+    @property
+    def form(self) -> Form:
+        """Its formulas."""
+        return _parsed(
+            tuple((c.name, c.formula, c.unit) for c in self.columns),
+            tuple(p.name for p in self.parameters),
+            self.states,
+            self.signals,
+        )
+
+    def with_numbers(self, numbers: Sequence[Value]) -> JointElement:
+        """Return the element with other numbers, columns first."""
+        count = len(self.columns)
+        return replace(self, columns=tuple(numbers[:count]), parameters=tuple(numbers[count:]))
+
+    def along(self, angle: ArrayLike, rate: ArrayLike, step: float) -> Array:
+        """Return its moment along a motion, shape (n,), N·m (N).
+
+        Parameters
+        ----------
+        angle, rate : array_like, shape (n,)
+            rad, rad/s, evenly spaced; at the first sample the states are as a joint at rest has them.
+        step : float
+            s between samples.
+        """
+        theta, omega = (np.asarray(x, dtype=np.float64) for x in (angle, rate))
+        form, values = self.form, self.values
+        states = states_along(form, values, theta, omega, step)
+        arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
+        columns = compile_terms([c.expression for c in form.columns], arguments)
+        return np.asarray(columns(theta, omega, *states, *map(float, values)) @ self.coefficients)
+
+
+def states_along(form: Form, values: Array, angle: Array, rate: Array, step: float) -> Array:
+    """Return the internal states of a form along a motion that runs once, shape (n_states, n)."""
+    from sindyjoint.equation.internal_states import integrate_states
+
+    if not form.states:
+        return np.empty((0, angle.size))
+    states = np.empty((len(form.states), angle.size))
+    parameters = np.array(values, dtype=np.float64)
+    # Four parts of a step: a reversal within one is then placed well enough.
+    integrate: Any = integrate_states
+    integrate(states, angle, rate, step, 1, 4, parameters, form.limits(parameters), *form.state_program)
+    return states
+
+
+@lru_cache(maxsize=256)
+def _parsed(
+    columns: tuple[tuple[str, str, str], ...],
+    names: tuple[str, ...],
+    states: tuple[ElementState, ...],
+    signals: tuple[str, ...],
+) -> Form:
+    inner = [state.name for state in states]
+    return _ParsedForm(
+        tuple(
+            Column(symbol, formula, unit, False, parse_formula(formula, names, [*inner, *signals]))
+            for symbol, formula, unit in columns
+        ),
+        tuple(
+            State(
+                state.name,
+                state.unit,
+                parse_formula(state.rate, names, [*inner, *signals]),
+                None if state.limit is None else parse_formula(state.limit, names),
+            )
+            for state in states
+        ),
+        names,
+    )
