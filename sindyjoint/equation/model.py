@@ -93,7 +93,7 @@ class JointModel:
         return self[INERTIA].coefficient if INERTIA in self else 0.0
 
     def with_terms(self, terms: Iterable[ModelTerm], covariance: ArrayLike) -> JointModel:
-        """Return the model with other terms.
+        """Return the model with other terms, and no elements.
 
         Parameters
         ----------
@@ -102,7 +102,13 @@ class JointModel:
             Of their coefficients, SI.
         """
         rows = np.asarray(covariance, dtype=np.float64).tolist()
-        return replace(self, terms=tuple(terms), covariance=tuple(map(tuple, rows)))
+        return replace(self, terms=tuple(terms), elements=(), covariance=tuple(map(tuple, rows)))
+
+    def without_elements(self) -> JointModel:
+        """Return the model of the terms alone."""
+        size = len(self.terms)
+        own = tuple(row[:size] for row in self.covariance[:size])
+        return replace(self, elements=(), covariance=own)
 
     def with_numbers(self, numbers: ArrayLike, covariance: ArrayLike | None = None) -> JointModel:
         """Return the model with other :attr:`numbers`.
