@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.equation.element import JointElement, Value
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Joint
@@ -129,9 +129,7 @@ class JointModel:
             for term, (value, error) in zip(self.terms, pairs[:size], strict=True)
         )
         rest = iter(pairs[size:])
-        elements = tuple(
-            each.with_numbers([_renewed(n, *next(rest)) for n in each.numbers]) for each in self.elements
-        )
+        elements = tuple(each.with_numbers([next(rest) for _ in each.numbers]) for each in self.elements)
         return replace(self, terms=terms, elements=elements, covariance=tuple(map(tuple, matrix)))
 
     def moment(self, angle: ArrayLike, rate: ArrayLike, step: float | None = None) -> NDArray[np.float64]:
@@ -254,7 +252,3 @@ def model_terms(
 
 def _interval(value: float, error: float) -> tuple[float, float]:
     return value - 1.96 * error, value + 1.96 * error
-
-
-def _renewed(number: Value, value: float, error: float) -> Value:
-    return replace(number, value=value, standard_error=error, interval95=_interval(value, error))
