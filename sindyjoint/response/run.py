@@ -20,7 +20,7 @@ from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 
 Array = NDArray[np.float64]
-Drive = Literal["moment", "windows", "motion"]
+Drive = Literal["moment", "windows", "motion", "free run"]
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
@@ -35,9 +35,9 @@ class SimulatedRun:
     Parameters
     ----------
     run : str
-    drive : {"moment", "windows", "motion"}
-        The measured moment moves the joint; the same, restarted from the measured state every so many seconds; or
-        the measured motion gives the moment.
+    drive : {"moment", "windows", "motion", "free run"}
+        The measured moment moves the joint; the same, restarted from the measured state every so many seconds; the
+        measured motion gives the moment; or the measured moment from a state estimated on the first samples.
     sample_rate : float
         Hz.
     frequency : float or None
@@ -213,7 +213,7 @@ def simulate_run(
     span = slice(first, first + states.n_samples)
     skip = settling(states)
     kept = slice(first + skip, span.stop)
-    compared = _cut_states(states, skip)
+    compared = cut_states(states, skip)
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
@@ -250,7 +250,7 @@ def settling(states: ForceStates) -> int:
     return period if states.n_samples >= 3 * period else 0
 
 
-def _cut_states(states: ForceStates, skip: int) -> ForceStates:
+def cut_states(states: ForceStates, skip: int) -> ForceStates:
     """Return the states from a sample on."""
     if not skip:
         return states
