@@ -146,9 +146,7 @@ class RunReader:
             key, unit = KEYS[self.motion][quantity]
             channel: Channel | None = getattr(self.channels, key)
             if channel is not None and channel.unit is not None:
-                factor = conversion(
-                    channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain
-                )
+                factor = conversion(channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain)
                 found.append(FileUnit(quantity, channel.unit, factor))
         return tuple(found)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,6 @@ Array = NDArray[np.float64]
 
 # Step of the differences by an initial angle or rate, in RMS of the signal.
 STEP = 1e-4
-LawOf = Callable[[ForceStates], Law]
 
 
 def free_run_states(run: Run) -> ForceStates:
@@ -29,7 +27,7 @@ def free_run_states(run: Run) -> ForceStates:
     return force_states(run, "broadband")
 
 
-def simulate_free(law_of: LawOf, run: Run, states: ForceStates, samples: int, by_motion: bool) -> SimulatedRun:
+def simulate_free(law: Law, run: Run, states: ForceStates, samples: int, by_motion: bool) -> SimulatedRun:
     """Simulate a run without restart from a state that its first samples tell, and compare the rest.
 
     Internal states of the law settle along the first half of these samples; angle and rate where the second half
@@ -38,8 +36,8 @@ def simulate_free(law_of: LawOf, run: Run, states: ForceStates, samples: int, by
 
     Parameters
     ----------
-    law_of : callable
-        Gives the law of states: moments of one test depend on the time at which these begin.
+    law : Law
+        Of these states: moments of one test depend on the time at which they begin.
     run : Run
     states : ForceStates
         :func:`free_run_states` of the run.
@@ -61,7 +59,6 @@ def simulate_free(law_of: LawOf, run: Run, states: ForceStates, samples: int, by
     first = round(states.time[0] * run.sample_rate)
     settled = samples - first  # samples of the states that the initial state may use
     _check_samples(run, samples, first, states.n_samples)
-    law = law_of(states)
     motion_drives = by_motion or not law.inertia > 0
     failure, moment, motion = "", np.full(states.n_samples, np.nan), None
     begin = settled // 2 if law.n_states else 0
@@ -70,8 +67,7 @@ def simulate_free(law_of: LawOf, run: Run, states: ForceStates, samples: int, by
             law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
         )
         if not motion_drives:
-            late = law_of(cut_states(states, begin))
-            motion = _simulate_from(late, run, states, begin, settled, internal[:, begin])
+            motion = _simulate_from(law, run, states, begin, settled, internal[:, begin])
     except SimulationError as error:
         failure = str(error)
     kept = slice(first + settled, first + states.n_samples)
@@ -129,7 +125,7 @@ def _simulate_from(law: Law, run: Run, states: ForceStates, begin: int, end: int
 
 
 def _best_start(residual: Callable[[Array], Array]) -> Array:
-    """Return the correction of angle and rate, in their RMS, with the smallest sum of squares near the measured ones."""
+    """Return the correction of the measured angle and rate, in their RMS, with the smallest sum of squares."""
     from scipy.optimize import least_squares
 
     def jacobian(x: Array) -> Array:

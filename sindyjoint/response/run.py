@@ -73,6 +73,11 @@ class SimulatedRun:
     failure: str = ""
 
     @property
+    def channel(self) -> Literal["angle", "moment"]:
+        """What the response is."""
+        return "moment" if self.drive == "motion" else "angle"
+
+    @property
     def measured_response(self) -> Array:
         """What the simulation is to predict: the angle, or for a prescribed motion the moment."""
         return self.moment if self.drive == "motion" else self.angle
@@ -103,8 +108,8 @@ class SimulatedRun:
 
     @property
     def moment_scale(self) -> float:
-        """RMS of the moment, N·m: at the sensor or in the joint, whichever is larger (a free decay has no first)."""
-        return max(rms(self.moment), rms(self.states.transfer_moment(self.inertia)))
+        """RMS of the moment, N·m; see :func:`moment_scale`."""
+        return moment_scale(self.moment, self.states, self.inertia)
 
     @property
     def response_floor(self) -> float:
@@ -118,6 +123,14 @@ class SimulatedRun:
         """Noise of moment and acceleration, relative like :attr:`moment_nrmse`."""
         noise = self.states.noise
         return float(np.hypot(noise.moment, self.inertia * noise.acceleration)) / self.moment_scale
+
+
+def moment_scale(moment: Array, states: ForceStates, inertia: float) -> float:
+    """Return the RMS of the moment, N·m: at the sensor or in the joint, whichever is larger.
+
+    A free decay has no moment at the sensor.
+    """
+    return max(rms(moment), rms(states.transfer_moment(inertia)))
 
 
 def pooled_nrmse(errors: Sequence[tuple[str, float, float]]) -> float:

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign, Run
+from sindyjoint.response.compared import compare_run, compared_states
 from sindyjoint.response.free_run import free_run_states, simulate_free
 from sindyjoint.response.model_law import draw_models
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import Drive, SimulatedRun, prescribed, simulate_run
+from sindyjoint.response.run import SimulatedRun, prescribed
 from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
-from sindyjoint.states import ForceStates, force_states, one_after_another
+from sindyjoint.states import ForceStates
 from sindyjoint.text import Quantities, in_words_of, quantities
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ def verify_campaign(
             f"each run is simulated without restart, its initial state estimated on the first {free_run} samples, "
             "which are not compared"
         )
-    for states in one_after_another(campaign, [force_states(run) for run in runs]):
+    for states in compared_states(campaign, runs, test.timed):
         run = next(each for each in runs if each.name == states.run)
         say(f"simulating {run.name}")
         warnings += range_warnings(model, states.angle, states.rate, run.name)
@@ -76,14 +77,11 @@ def _way_of(
     run: Run, states: ForceStates, test: TestNuisances, window: float, free_run: int | None
 ) -> Callable[[JointModel], SimulatedRun]:
     """Return how models are simulated in a run."""
-    driven = prescribed(states)
     if free_run is not None:
+        driven = prescribed(states)
         whole = replace(free_run_states(run), began=states.began)
-        return lambda model: simulate_free(
-            lambda known: test.law(model, known), run, whole, free_run, by_motion=driven
-        )
-    drive: Drive | None = "motion" if driven else None
-    return lambda model: simulate_run(test.law(model, states), run, states, drive=drive, window=window)
+        return lambda model: simulate_free(test.law(model, whole), run, whole, free_run, by_motion=driven)
+    return lambda model: compare_run(lambda known: test.law(model, known), run, states, window)
 
 
 def _by_motion(campaign: Campaign) -> str:
@@ -111,13 +109,11 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
     return warnings
 
 
-def _compare_run(
-    simulated: SimulatedRun, campaign: Campaign, run: Run, band: Band | None
-) -> RunVerification:
+def _compare_run(simulated: SimulatedRun, campaign: Campaign, run: Run, band: Band | None) -> RunVerification:
     q = quantities(campaign.joint.motion)
     names = q.moment.lower(), q.angle.lower()
-    by_motion = simulated.drive == "motion"
-    rmse_unit, size = _unit_of(run, "moment" if by_motion else "angle", q)
+    by_motion = simulated.channel == "moment"
+    rmse_unit, size = _unit_of(run, simulated.channel, q)
     response = simulated.simulated_response
     measured = simulated.measured_response
     frequency = simulated.frequency

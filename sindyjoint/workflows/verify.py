@@ -129,15 +129,13 @@ def verify(
         checked = require_sound(check_campaign(against, accept))
         usable, applied, note = _put_right(checked.usable, against, test)
         usable = align_channels(usable) if align else usable
-        result = verify_campaign(
-            model, usable, tolerance, draws, window, generator, say, applied, free_run
-        )
+        result = verify_campaign(model, usable, tolerance, draws, window, generator, say, applied, free_run)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
         known["warnings"] = (*checked.warnings, *note, *result.warnings)
         return CampaignVerification(**known, soundness=checked.soundness)
     if free_run is not None:
         raise InputError(
-            f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state to estimate; a rig is given"
+            f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
         )
     if align:
         raise InputError("align belongs to a campaign, which has two channels; a rig is given")

@@ -36,7 +36,9 @@ def in_its_unit(run: RunVerification) -> str:
     """Return the RMS error of a run in the unit of its channel, with a prefix."""
     if run.rmse is None:
         return DASH
-    factor, unit = prefixed(run.rmse, run.rmse_unit) if run.rmse_unit in PREFIXED else (1.0, pretty_unit(run.rmse_unit))
+    factor, unit = (
+        prefixed(run.rmse, run.rmse_unit) if run.rmse_unit in PREFIXED else (1.0, pretty_unit(run.rmse_unit))
+    )
     return f"{short_number(run.rmse * factor)} {unit}".rstrip()
 
 
