@@ -61,6 +61,8 @@ def sum_law(
     instant : Instant, optional
         Time that runs is a state with the rate one.
     """
+    if not parts:
+        return None
     from sympy import Float, Symbol
 
     instant = instant or Instant()
@@ -85,4 +87,4 @@ def sum_law(
             values[f"c{index}_{place}"] = float(value)
             expression += Symbol(f"c{index}_{place}", real=True) * column
         rates |= own
-    return None if expression == 0 else FormulaLaw(expression, values, rates)
+    return FormulaLaw(expression, values, rates)
