@@ -137,7 +137,8 @@ class TestNuisances:
     @property
     def timed(self) -> bool:
         """Whether a moment of the test changes in time."""
-        return any({"time", "elapsed"} & set(each.signals) for each in self.moments)
+        used = {symbol.name for each in self.moments for symbol in each.form.symbols}
+        return bool({"time", "elapsed"} & used)
 
     def law(self, model: JointModel, states: ForceStates) -> Law:
         """Return the law of a model in one run of this test."""
