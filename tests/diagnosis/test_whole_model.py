@@ -92,7 +92,7 @@ def test_the_command_line_passes_the_whole_model_on(tmp_path):
     runner, folder = CliRunner(), str(tmp_path / "out")
     options = ["--no-advice", "--max-effects", "1", "--out", folder, "--quiet"]
     assert runner.invoke(app, ["diagnose", str(manifest), *options]).exit_code == 0
-    assert read_test(folder).kept_out == ()
+    assert read_test(folder) is None  # nothing of the test was at fault
     made = runner.invoke(
         app,
         ["simulate", "--model", folder, "--frequencies", "4", "--levels", "0.8", "--noise", "0.001"]
