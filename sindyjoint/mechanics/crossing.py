@@ -25,10 +25,10 @@ class Stepper:
         self.damping = structure.loss / omega
         compiled = [as_compiled(hinge.law) for hinge in structure.hinges]
         joints = len(compiled)
-        width = max([c.parameters.size for c in compiled], default=0) or 1
+        width = max([c.numbers.size for c in compiled], default=0) or 1
         parameters = np.zeros((joints, width))
         for row, c in zip(parameters, compiled, strict=True):
-            row[: c.parameters.size] = c.parameters
+            row[: c.numbers.size] = c.numbers
         counts = np.array([c.n_states for c in compiled], dtype=np.int64)
         self.laws = (np.array([c.address for c in compiled], dtype=np.int64), parameters, counts)
         self.keep_alive = compiled

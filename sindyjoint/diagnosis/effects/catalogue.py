@@ -156,7 +156,8 @@ class Variant:
 
     @cached_property
     def _state_program(self) -> Any:
-        from sindyjoint.diagnosis.effects.internal_states import dependent_rows, program
+        from sindyjoint.diagnosis.effects.internal_states import dependent_rows
+        from sindyjoint.mechanics.programs import program
 
         arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
         rates = compile_terms([state.rate for state in self.states], arguments)

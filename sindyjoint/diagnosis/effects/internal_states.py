@@ -15,32 +15,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sindyjoint.mechanics.programs import run_rows
+
 if TYPE_CHECKING:
     from sindyjoint.equation.evaluation import TermFunction
 
 Array = NDArray[np.float64]
-
-CODES = {
-    name: code
-    for code, name in enumerate(
-        (
-            "abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "atan",
-            "add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "heaviside",
-        )
-    )
-}  # fmt: skip
-
-
-def program(function: TermFunction) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-    """Return constants, operations (code, first, second) and output registers as arrays."""
-    operations = np.array(
-        [(CODES[name], first, second) for name, first, second in function.operations], dtype=np.int64
-    ).reshape(-1, 3)
-    return (
-        np.array(function.constants, dtype=np.float64),
-        operations,
-        np.array(function.outputs, dtype=np.int64),
-    )
 
 
 def dependent_rows(
@@ -61,66 +41,6 @@ def dependent_rows(
         np.array(moving, dtype=np.int64),
         np.array(stateful, dtype=np.int64),
     )
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _operated(code, a, b):
-    """Return the result of one operation."""
-    if code == 12:
-        value = a * b
-    elif code == 10:
-        value = a + b
-    elif code == 11:
-        value = a - b
-    elif code == 13:
-        value = a / b
-    elif code == 0:
-        value = abs(a)
-    elif code == 1:
-        value = np.sign(a)
-    elif code == 14:
-        value = a**b
-    elif code == 3:
-        value = np.exp(a)
-    elif code == 15:
-        value = min(a, b)
-    elif code == 16:
-        value = max(a, b)
-    elif code == 2:
-        value = np.sqrt(a)
-    elif code == 4:
-        value = np.log(a)
-    elif code == 5:
-        value = np.sin(a)
-    elif code == 6:
-        value = np.cos(a)
-    elif code == 7:
-        value = np.tan(a)
-    elif code == 8:
-        value = np.tanh(a)
-    elif code == 9:
-        value = np.arctan(a)
-    else:
-        value = 1.0 if a > 0 else (0.0 if a < 0 else b)
-    return value
-
-
-@njit(cache=True, error_model="numpy")
-def run_program(registers, start, operations):
-    """Fill the registers of the operations from those of arguments and constants."""
-    for row in range(operations.shape[0]):
-        a = registers[operations[row, 1]]
-        b = registers[operations[row, 2]] if operations[row, 2] >= 0 else 0.0
-        registers[start + row] = _operated(operations[row, 0], a, b)
-
-
-@njit(cache=True, error_model="numpy")
-def run_rows(registers, start, operations, rows):
-    """Do the same for some of the operations, in their order."""
-    for row in rows:
-        a = registers[operations[row, 1]]
-        b = registers[operations[row, 2]] if operations[row, 2] >= 0 else 0.0
-        registers[start + row] = _operated(operations[row, 0], a, b)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
