@@ -36,10 +36,14 @@ CODES = {
 
 
 def program(function: TermFunction) -> tuple[Array, Integers, Integers]:
-    """Return constants, operations (code, first, second) and output registers as arrays."""
+    """Return constants, operations (code, first, second) and output registers as arrays.
+
+    Where an operation has one operand only, that stands for the second, too.
+    """
     operations = np.array(
-        [(CODES[name], first, second) for name, first, second in function.operations], dtype=np.int64
-    ).reshape(-1, 3)
+        [(CODES[name], first, first if second < 0 else second)
+         for name, first, second in function.operations], dtype=np.int64,
+    ).reshape(-1, 3)  # fmt: skip
     return (
         np.array(function.constants, dtype=np.float64),
         operations,
@@ -116,12 +120,14 @@ def operated(code, a, b):
 
 
 @njit(cache=True, error_model="numpy")
-def run_rows(registers, start, operations, rows):
-    """Fill the registers of some operations, in their order, from those of arguments and constants."""
-    for row in rows:
-        a = registers[operations[row, 1]]
-        b = registers[operations[row, 2]] if operations[row, 2] >= 0 else 0.0
-        registers[start + row] = operated(operations[row, 0], a, b)
+def run_rows(registers, start, operations, rows, begin, end):
+    """Fill the registers of operations ``rows[begin:end]``, in their order; all are pointers.
+
+    ``start`` is the register of the first operation: behind those of arguments and constants.
+    """
+    for i in range(begin, end):
+        operation = shifted(operations, 3 * rows[i])
+        registers[start + rows[i]] = operated(operation[0], registers[operation[1]], registers[operation[2]])
 
 
 # Integers in front of the program, by their bits: numbers of states, of values, of constants, of operations.
@@ -144,8 +150,7 @@ def PROGRAM_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: 
     for row in range(count):
         operation = shifted(plan, 3 * row)
         first, second = integer_at(shifted(operation, 1)), integer_at(shifted(operation, 2))
-        b = registers[second] if second >= 0 else 0.0
-        registers[start + row] = operated(integer_at(operation), registers[first], b)
+        registers[start + row] = operated(integer_at(operation), registers[first], registers[second])
     outputs = shifted(plan, 3 * count)
     for i in range(1 + states):
         out[i] = registers[integer_at(shifted(outputs, i))]

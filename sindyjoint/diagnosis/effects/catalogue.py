@@ -156,12 +156,11 @@ class Variant:
 
     @cached_property
     def _state_program(self) -> Any:
-        from sindyjoint.diagnosis.effects.internal_states import dependent_rows
-        from sindyjoint.mechanics.programs import program
+        from sindyjoint.diagnosis.effects.internal_states import state_program
 
         arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
         rates = compile_terms([state.rate for state in self.states], arguments)
-        return *program(rates), *dependent_rows(rates, len(self.states))
+        return state_program(rates, len(self.states))
 
     def states_along(self, motions: JoinedMotions, values: Array) -> Array:
         """Return the internal states at the kept samples of some motions, shape (n_states, m)."""
