@@ -20,8 +20,11 @@ collect_ignore_glob = ["*conftest.py"]
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Send tests that share a fixture of a module or a session to one worker, so that it is made once."""
+def pytest_collection_modifyitems(config, items):
+    """Send tests that share a fixture of a module or a session to one worker, so that it is made once.
+
+    Among workers long tests come first: none is left for one worker when the others have nothing more to do.
+    """
     for item in items:
         fixtures = getattr(item, "_fixtureinfo", None)
         made = [defined[-1] for defined in fixtures.name2fixturedefs.values()] if fixtures else []
@@ -29,6 +32,8 @@ def pytest_collection_modifyitems(items):
         if homes:
             # A session's fixture, of a folder, before those of its files.
             item.add_marker(pytest.mark.xdist_group(min(homes, key=len)))
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 class Answer(NamedTuple):

@@ -52,7 +52,6 @@ def best_subsets(
     factor: Factor,
     forced: Sequence[int] = (),
     signs: Mapping[int, int] | None = None,
-    largest: int | None = None,
 ) -> list[Subset]:
     """Return the best subset of every size, from one column (or the forced ones) up.
 
@@ -64,8 +63,6 @@ def best_subsets(
         Columns that every set holds.
     signs : mapping of int to int, optional
         Column to +1 or -1: the sign its coefficient must have. Sizes at which no set obeys are omitted.
-    largest : int, optional
-        Largest size. Default: all.
 
     Raises
     ------
@@ -85,10 +82,9 @@ def best_subsets(
     expected = np.array(
         [0 if signs is None else int(signs.get(column, 0)) for column in order], dtype=np.int64
     )
-    top = p if largest is None else int(np.clip(largest, max(1, len(forced)), p))
-    errors, sets = _search(start, len(set(forced)), expected, top)
+    errors, sets = _search(start, len(set(forced)), expected, p)
     found = []
-    for size in range(max(1, len(set(forced))), top + 1):
+    for size in range(max(1, len(set(forced))), p + 1):
         if np.isfinite(errors[size]):
             columns = tuple(sorted(order[i] for i in np.flatnonzero(sets[size])))
             found.append(Subset(columns, float(errors[size]) * target**2))

@@ -70,11 +70,12 @@ class Form:
     @cached_property
     def state_program(self) -> Any:
         """The rates of the states as numbered operations; see :mod:`sindyjoint.equation.internal_states`."""
-        from sindyjoint.equation.internal_states import dependent_rows, program
+        from sindyjoint.equation.internal_states import state_program
 
         arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
-        rates = compile_terms([state.rate for state in self.states], arguments)
-        return *program(rates), *dependent_rows(rates, len(self.states))
+        return state_program(
+            compile_terms([state.rate for state in self.states], arguments), len(self.states)
+        )
 
     def limits(self, values: Array) -> Array:
         """Return the values that the states cannot pass, infinite where there are none, shape (n_states,)."""
@@ -248,15 +249,17 @@ class JointElement:
 
 def states_along(form: Form, values: Array, angle: Array, rate: Array, step: float) -> Array:
     """Return the internal states of a form along a motion that runs once, shape (n_states, n)."""
-    from sindyjoint.equation.internal_states import integrate_states
+    from sindyjoint.equation.internal_states import integrate_runs
 
     if not form.states:
         return np.empty((0, angle.size))
-    states = np.empty((len(form.states), angle.size))
     parameters = np.array(values, dtype=np.float64)
     # Four parts of a step: a reversal within one is then placed well enough.
-    integrate: Any = integrate_states
-    integrate(states, angle, rate, step, 1, 4, parameters, form.limits(parameters), *form.state_program)
+    timing = np.array([step]), np.array([1]), np.array([4])
+    integrate: Any = integrate_runs
+    states: Array = integrate(
+        angle, rate, np.array([angle.size]), timing, parameters, form.limits(parameters), form.state_program
+    )
     return states
 
 

@@ -22,20 +22,34 @@ class CompiledLaw:
 
     Parameters
     ----------
-    function : object
-        The compiled ``numba`` function that others may compose; takes arrays.
     callback : object
-        The C callback made of it. Held here so that its address stays valid.
-    parameters : ndarray, shape (n_parameters,)
+        The C callback. Held here so that its address stays valid.
+    numbers : ndarray
+        What the function reads: the law's parameters, and what a general function needs to know of a law beside them.
     n_states : int
+    own : ndarray of int, optional
+        Where among the numbers the law's parameters stand. Default: all are parameters.
+    parts : tuple of CompiledLaw
+        Laws whose functions it calls, for they must stay, too.
     """
 
-    function: Any
     callback: Any
-    parameters: Array
+    numbers: Array
     n_states: int
+    own: NDArray[np.int64] | None = None
+    parts: tuple[CompiledLaw, ...] = ()
 
     @property
     def address(self) -> int:
         """Address of the C function."""
         return self.callback.address
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """Where the law's parameters stand among the numbers."""
+        return np.arange(self.numbers.size) if self.own is None else self.own
+
+    @property
+    def parameters(self) -> Array:
+        """Parameters of the law, in its order."""
+        return self.numbers[self.places]

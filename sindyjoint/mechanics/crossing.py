@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -25,42 +27,47 @@ class Stepper:
         self.damping = structure.loss / omega
         compiled = [as_compiled(hinge.law) for hinge in structure.hinges]
         joints = len(compiled)
-        width = max([c.parameters.size for c in compiled], default=0) or 1
+        width = max([c.numbers.size for c in compiled], default=0) or 1
         parameters = np.zeros((joints, width))
         for row, c in zip(parameters, compiled, strict=True):
-            row[: c.parameters.size] = c.parameters
+            row[: c.numbers.size] = c.numbers
         counts = np.array([c.n_states for c in compiled], dtype=np.int64)
         self.laws = (np.array([c.address for c in compiled], dtype=np.int64), parameters, counts)
         self.keep_alive = compiled
         self.n_states = max(1, int(counts.max(initial=0)))
         self.unbounded = np.tile([-np.inf, np.inf], (joints, 1))
         self.room = np.zeros(kernel.room_for(len(self.mass), joints, self.n_states))
+        # Per set of moving joints: for whole steps, and for one of any length, whose first matrix is made anew.
         self._whole: dict[bytes, Array] = {}
-        self._masses: dict[bytes, Array] = {}
-
-    def inverse(self, direction: Array, h: float) -> Array:
-        """Inverse of M + h/2·C + h²/4·K over what moves, zero elsewhere."""
-        return _invert_moving(self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness, direction)
+        self._any: dict[bytes, Array] = {}
 
     def matrices(self, direction: Array, h: float | None = None) -> Array:
-        """Inverses for a step of h (the whole step without it) and of the mass, mass, damping and stiffness."""
+        """Inverses for a step of h (the whole step without it) and of the mass, mass, damping and stiffness.
+
+        Those for a step of h are overwritten by the next.
+        """
         key = (direction != 0).tobytes()
-        if h is None and key in self._whole:
-            return self._whole[key]
-        if key not in self._masses:
-            self._masses[key] = _invert_moving(self.mass, direction)
-        matrices = np.array(
-            [
-                self.inverse(direction, h or self.step),
-                self._masses[key],
-                self.mass,
-                self.damping,
-                self.stiffness,
-            ]
-        )
         if h is None:
-            self._whole[key] = matrices
+            if key not in self._whole:
+                self._whole[key] = self._filled(direction, self.step)
+            return self._whole[key]
+        if key not in self._any:
+            self._any[key] = self._filled(direction, h)
+        else:
+            self._fill_inverse(self._any[key], direction, h)
+        return self._any[key]
+
+    def _filled(self, direction: Array, h: float) -> Array:
+        matrices = np.zeros((5, *self.mass.shape))
+        matrices[2:] = self.mass, self.damping, self.stiffness
+        matrices[1] = _invert_moving(self.mass, direction)
+        self._fill_inverse(matrices, direction, h)
         return matrices
+
+    def _fill_inverse(self, matrices: Array, direction: Array, h: float) -> None:
+        """Fill in the inverse of M + h/2·C + h²/4·K over what moves, zero elsewhere."""
+        whole = self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness
+        matrices[0] = _invert_moving(whole, direction)
 
     def march(self, first: int, last: int, direction: Array, limits: Array, forces: tuple[Array, Array],
               rows: tuple[Array, Array, Array, Array, NDArray[np.bool_]], work: Array,
@@ -81,12 +88,16 @@ class Stepper:
 
 
 def _invert_moving(matrix: Array, direction: Array) -> Array:
-    if np.all(direction):
+    still = direction == 0
+    if not still.any():
         return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    moving = np.ones(len(matrix), dtype=bool)
-    moving[: direction.size] = direction != 0
     result = np.zeros_like(matrix)
-    index = np.ix_(moving, moving)
+    if still.all():
+        # The joints' coordinates are the first ones: a block is quicker to cut out than rows and columns are.
+        moving = slice(direction.size, None)
+        result[moving, moving] = np.linalg.inv(matrix[moving, moving])
+        return result
+    index = np.ix_(*2 * [np.delete(np.arange(len(matrix)), np.flatnonzero(still))])
     result[index] = np.linalg.inv(matrix[index])
     return result
 
@@ -99,12 +110,18 @@ def side_of(moment: Array) -> float:
 
 def margins(direction: Array, moments: Array, v1: Array, rate_scale: float) -> Array:
     """How far each joint is from changing: its rate along its direction, or its moment's room in the interval."""
-    held, low, high = moments.T
-    width = high - low
-    room = np.minimum(high - held, held - low) / np.maximum(width / 2, 1e-300)
-    frictionless = width <= kernel.FRICTIONLESS * (abs(low) + abs(high))
-    moving = np.where(frictionless, np.inf, v1[: direction.size] * direction / rate_scale)
-    return np.where(direction == 0, room, moving)
+    answer = np.empty(direction.size)
+    # Numbers, not arrays: for one joint or two, each call of NumPy would take longer than all of this.
+    rows = zip(direction.tolist(), moments.tolist(), v1.tolist(), strict=False)
+    for j, (side, (held, low, high), rate) in enumerate(rows):
+        width = high - low
+        if side == 0:
+            answer[j] = min(high - held, held - low) / max(width / 2, 1e-300)
+        elif width <= kernel.FRICTIONLESS * (abs(low) + abs(high)):
+            answer[j] = math.inf
+        else:
+            answer[j] = rate * side / rate_scale
+    return answer
 
 
 class Crossing:
@@ -116,20 +133,22 @@ class Crossing:
         self.q, self.v, self.z = (x.copy() for x in state)
         self.direction, self.work, self.rate_scale = direction, work, rate_scale
         self.events = 0
+        # Two samples each of q, v, z, moments and sticking: now, and where a trial ends.
+        joints = direction.size
+        self.rows = (
+            *(np.zeros((2, *x.shape)) for x in state), np.empty((2, joints, 3)), np.empty((2, joints), np.bool_)
+        )  # fmt: skip
+        self.forces = np.empty((2, 2))
 
     def trial(self, x: float) -> tuple[Array, Array, Array, Array, Array]:
-        """State a time x ahead, room of the joints there, and the work done."""
-        force, now = (
-            self.excitation.mean(self.time, self.time + x),
-            self.excitation(self.time + x * (1 - 1e-9)),
-        )
-        joints = self.direction.size
-        q, v, z = (np.array([row, row]) for row in (self.q, self.v, self.z))
-        moments, work = np.empty((2, joints, 3)), np.zeros((2, joints, 2))
-        rows = q, v, z, moments, np.empty((2, joints), np.bool_)
-        forces = np.full(2, force), np.full(2, now)
+        """State a time x ahead, room of the joints there, and the work done; the next trial overwrites the state."""
+        self.forces[0] = self.excitation.mean(self.time, self.time + x)
+        self.forces[1] = self.excitation(self.time + x * (1 - 1e-9))
+        q, v, z, moments, _ = self.rows
+        q[0], v[0], z[0] = self.q, self.v, self.z
+        work = np.zeros((2, self.direction.size, 2))
         s, direction = self.stepper, self.direction.copy()
-        _, reason, _ = s.march(0, 1, direction, s.unbounded, forces, rows, work, x)
+        _, reason, _ = s.march(0, 1, direction, s.unbounded, tuple(self.forces), self.rows, work, x)
         if reason == kernel.NOT_CONVERGED:
             raise not_converged(self.time, x)
         return q[1], v[1], z[1], margins(self.direction, moments[1], v[1], self.rate_scale), work[1]
@@ -150,7 +169,8 @@ class Crossing:
 
     def accept(self, x: float, trial: tuple) -> None:
         """Take a trial step."""
-        self.q, self.v, self.z, _, work = trial
+        *state, _, work = trial
+        self.q, self.v, self.z = (x.copy() for x in state)
         self.work += work
         self.time += x
         # Only a joint without friction gets here against its direction.

@@ -12,16 +12,13 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, cfunc, njit, types
+from numba import cfunc, njit, types
 from numba.core.errors import NumbaError
-from numba.extending import intrinsic as numba_intrinsic
 from numpy.typing import NDArray
 
+from sindyjoint.equation.pointers import integer_at, intrinsic, pointer, shifted
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
-
-# Its annotations describe the Python function, which takes a typing context first; callers do not give that.
-intrinsic: Any = numba_intrinsic
 
 _pointer = types.CPointer(types.float64)
 LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer, _pointer, _pointer)
@@ -43,30 +40,6 @@ def call_law(typingctx, address, theta, omega, direction, state, parameters, out
         return context.get_dummy_value()
 
     return signature, codegen
-
-
-@intrinsic
-def pointer(typingctx, array):
-    """Pointer to the first element of an array, which the caller keeps alive.
-
-    The integrators work on pointers: numba counts references to arrays, and counting costs them more than the
-    arithmetic does.
-    """
-
-    def codegen(context, builder, signature, args):
-        return context.make_array(signature.args[0])(context, builder, args[0]).data
-
-    return types.CPointer(array.dtype)(array), codegen
-
-
-@intrinsic
-def shifted(typingctx, base, count):
-    """Pointer `count` elements further on."""
-
-    def codegen(context, builder, signature, args):
-        return builder.gep(args[0], [args[1]])
-
-    return base(base, types.intp), codegen
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,14 +68,14 @@ def evaluate_law(address, theta, omega, direction, state, parameters, out):
 
 
 @lru_cache(maxsize=256)
-def _compile(function: ScalarLaw, n_states: int) -> tuple[Any, Any]:
+def _compile(function: ScalarLaw) -> Any:
     compiled = function if hasattr(function, "py_func") else njit(error_model="numpy")(function)
 
     def callback(theta, omega, direction, state, parameters, out):
         compiled(theta, omega, direction, state, parameters, out)
 
     try:
-        return compiled, cfunc(LAW_SIGNATURE)(callback)
+        return cfunc(LAW_SIGNATURE)(callback)
     except NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
         name = getattr(function, "__name__", repr(function))
@@ -120,42 +93,35 @@ def compile_scalar_law(function: ScalarLaw, parameters: NDArray[np.float64], n_s
     InputError
         When numba cannot compile the function.
     """
-    compiled, callback = _compile(function, n_states)
-    return CompiledLaw(compiled, callback, np.array(parameters, dtype=np.float64), n_states)
+    return CompiledLaw(_compile(function), np.array(parameters, dtype=np.float64), n_states)
 
 
-@lru_cache(maxsize=256)
-def _compile_pair(first: Any, second: Any, n1: int, n2: int, p1: int, p2: int) -> tuple[Any, Any]:
-    n, p = n1 + n2, p1 + p2
-
-    @njit(error_model="numpy")
-    def both(theta, omega, direction, state, parameters, out):
-        second(theta, omega, direction, state[n1:], parameters[p1:], out[n1:])
-        moment = out[n1]
-        # The second law's moment landed on the last state rate of the first one, which is written only now.
-        first(theta, omega, direction, state, parameters, out)
-        out[0] += moment
-
-    @cfunc(LAW_SIGNATURE)
-    def callback(theta, omega, direction, state, parameters, out):
-        both(
-            theta,
-            omega,
-            direction,
-            carray(state, max(n, 1)),
-            carray(parameters, max(p, 1)),
-            carray(out, n + 1),
-        )
-
-    return both, callback
+# In front of the numbers of both, by their bits: addresses of the laws, numbers of states and numbers of the first.
+SUM_HEADER = 4
 
 
-def compile_sum(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
-    """Compile the sum of two laws, states and parameters of the first one first."""
-    n1, n2 = first.n_states, second.n_states
-    p1, p2 = first.parameters.size, second.parameters.size
-    function, callback = _compile_pair(first.function, second.function, n1, n2, p1, p2)
-    return CompiledLaw(function, callback, np.concatenate([first.parameters, second.parameters]), n1 + n2)
+@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
+def SUM_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802, D103
+    first, second = integer_at(parameters), integer_at(shifted(parameters, 1))
+    n, p = integer_at(shifted(parameters, 2)), integer_at(shifted(parameters, 3))
+    own = shifted(parameters, SUM_HEADER)
+    call_law(second, theta, omega, direction, shifted(state, n), shifted(own, p), shifted(out, n))
+    moment = out[n]
+    # The second law's moment landed on the last state rate of the first one, which is written only now.
+    call_law(first, theta, omega, direction, state, own, out)
+    out[0] += moment
+
+
+def sum_of(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
+    """Return the sum of two laws, states and parameters of the first one first; there is nothing to compile."""
+    header = np.array([first.address, second.address, first.n_states, first.numbers.size], dtype=np.int64)
+    return CompiledLaw(
+        SUM_CALLBACK,
+        np.concatenate([header.view(np.float64), first.numbers, second.numbers]),
+        first.n_states + second.n_states,
+        np.concatenate([SUM_HEADER + first.places, SUM_HEADER + first.numbers.size + second.places]),
+        (first, second),
+    )
 
 
 @lru_cache(maxsize=256)

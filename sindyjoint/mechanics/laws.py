@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import FormulaError, InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 
 if TYPE_CHECKING:
@@ -134,9 +134,9 @@ class PaperLaw:
 
     def compiled(self) -> CompiledLaw:
         """Compiled form, shared by every set of coefficients."""
-        from sindyjoint.mechanics.kernels import PAPER_CALLBACK, paper_law
+        from sindyjoint.mechanics.kernels import PAPER_CALLBACK
 
-        return CompiledLaw(paper_law, PAPER_CALLBACK, self.parameters, 0)
+        return CompiledLaw(PAPER_CALLBACK, self.parameters, 0)
 
 
 # Averages over 3, 4, 5 and 6 Hz printed in the last but one row of the paper's Tables 1 and 2. The paper gives no
@@ -170,7 +170,7 @@ class _CallbackLaw(ABC):
             omega.ravel(),
             s.ravel(),
             z.reshape(self.n_states, theta.size),
-            law.parameters,
+            law.numbers,
             out,
         )
         return out.reshape(1 + self.n_states, *shape)
@@ -218,10 +218,11 @@ class FunctionLaw(_CallbackLaw):
 
 @dataclass(frozen=True)
 class FormulaLaw(_CallbackLaw):
-    """A law written as sympy expressions.
+    """A law written as sympy expressions, interpreted by the integrators (:mod:`sindyjoint.mechanics.programs`).
 
-    The symbols ``theta`` and ``omega`` are angle and rate, ``direction`` the sense of slip; ``sign(omega)`` is
-    taken as ``direction`` and is thereby set-valued at standstill. All other symbols are states or parameters.
+    One with a function that formulas of catalogues do not have is compiled by numba on first use. The symbols
+    ``theta`` and ``omega`` are angle and rate, ``direction`` the sense of slip; ``sign(omega)`` is taken as
+    ``direction`` and is thereby set-valued at standstill. All other symbols are states or parameters.
 
     Parameters
     ----------
@@ -238,6 +239,13 @@ class FormulaLaw(_CallbackLaw):
     ------
     InputError
         When a symbol has no value.
+
+    Examples
+    --------
+    >>> from sympy import Symbol, sign
+    >>> c, w = Symbol("c"), Symbol("omega")
+    >>> FormulaLaw(c * w + 2 * sign(w), {"c": 3.0}).moment([0.0], [0.0], [-1.0])
+    array([-2.])
     """
 
     expression: sympy.Expr
@@ -248,8 +256,8 @@ class FormulaLaw(_CallbackLaw):
 
     def __post_init__(self) -> None:
         known = {"theta", "omega", "direction", *self.parameters, *self.state_rates}
-        used = {s.name for e in (self.expression, *self.state_rates.values()) for s in e.free_symbols}
-        if used - known:
+        used = _symbols_of((self.expression, *self.state_rates.values()))
+        if not used <= known:
             raise InputError(
                 f"the law {self.expression} uses {', '.join(sorted(used - known))} without a value; "
                 f"give it in parameters (known: {', '.join(sorted(known))})"
@@ -260,19 +268,41 @@ class FormulaLaw(_CallbackLaw):
         """Number of internal states."""
         return len(self.state_rates)
 
-    @cached_property
-    def _function(self) -> ScalarLaw:
-        from sindyjoint.mechanics.kernels import scalar_law_of_expressions
+    def with_parameters(self, values: Mapping[str, float]) -> FormulaLaw:
+        """Return the same formulas with other values of some parameters."""
+        return replace(self, parameters={**self.parameters, **values})
 
-        return scalar_law_of_expressions(
-            (self.expression, *self.state_rates.values()), tuple(self.state_rates), tuple(self.parameters)
+    @property
+    def _written(self) -> tuple[tuple[Any, ...], tuple[str, ...], tuple[str, ...]]:
+        """Expressions, names of states, names of parameters."""
+        return (self.expression, *self.state_rates.values()), tuple(self.state_rates), tuple(self.parameters)
+
+    @cached_property
+    def _interpreted(self) -> CompiledLaw | None:
+        """None for a function that formulas of catalogues do not have."""
+        from sindyjoint.mechanics.programs import interpreted_law, program_of_expressions
+
+        try:
+            program = program_of_expressions(*self._written)
+        except FormulaError:
+            return None
+        return interpreted_law(
+            program, self.n_states, np.array([*self.parameters.values()], dtype=np.float64)
         )
 
     def compiled(self) -> CompiledLaw:
-        """Compiled form; new parameter values need no new compilation of the same object's formula."""
-        from sindyjoint.mechanics.kernels import compile_scalar_law
+        """Form for the integrators; new parameter values need no new compilation of the same formulas."""
+        if self._interpreted is not None:
+            return self._interpreted
+        from sindyjoint.mechanics.kernels import compile_scalar_law, scalar_law_of_expressions
 
-        return compile_scalar_law(self._function, np.array([*self.parameters.values()]), self.n_states)
+        function = scalar_law_of_expressions(*self._written)
+        return compile_scalar_law(function, np.array([*self.parameters.values()]), self.n_states)
+
+
+@lru_cache(maxsize=1024)
+def _symbols_of(expressions: tuple[sympy.Expr, ...]) -> frozenset[str]:
+    return frozenset(symbol.name for each in expressions for symbol in each.free_symbols)
 
 
 @dataclass(frozen=True)
@@ -303,7 +333,7 @@ class SumLaw(_CallbackLaw):
         return getattr(self.first, "softening_angle", np.inf)
 
     def compiled(self) -> CompiledLaw:
-        """Compiled form, compiled once per pair of functions."""
-        from sindyjoint.mechanics.kernels import compile_sum
+        """Compiled form; once both laws have theirs, there is nothing more to compile."""
+        from sindyjoint.mechanics.kernels import sum_of
 
-        return compile_sum(as_compiled(self.first), as_compiled(self.second))
+        return sum_of(as_compiled(self.first), as_compiled(self.second))

@@ -81,16 +81,19 @@ def _describe_failure(status: int, time: float, limits: Array, where: str) -> Si
     return SimulationError(where + text, time=float(time))
 
 
-def _expand_parameters(parameters: ArrayLike | None, default: Array, runs: int) -> Array:
+def _expand_parameters(parameters: ArrayLike | None, law: CompiledLaw, runs: int) -> Array:
+    """Return what the law reads in each run, shape (runs, n_numbers)."""
+    numbers = np.tile(law.numbers, (runs, 1))
     if parameters is None:
-        return np.ascontiguousarray(np.broadcast_to(default, (runs, default.size)))
-    sets = np.atleast_2d(np.asarray(parameters, dtype=np.float64))
-    if sets.shape[1] != default.size or sets.shape[0] not in (1, runs):
+        return numbers
+    sets, count = np.atleast_2d(np.asarray(parameters, dtype=np.float64)), law.places.size
+    if sets.shape[1] != count or sets.shape[0] not in (1, runs):
         raise InputError(
-            f"parameters have shape {sets.shape}; expected ({runs}, {default.size}): one row of the law's "
+            f"parameters have shape {sets.shape}; expected ({runs}, {count}): one row of the law's "
             "parameters per run"
         )
-    return np.ascontiguousarray(np.broadcast_to(sets, (runs, default.size)))
+    numbers[:, law.places] = sets
+    return numbers
 
 
 def _find_limits(law: Any, limits: tuple[float, float] | str | None) -> Array:
@@ -173,7 +176,7 @@ def simulate_many(
             f"duration {duration!r} s at {sample_rate!r} Hz with rtol {rtol!r} and max_step {max_step!r}; "
             "expected at least two samples, 1e-13 ≤ rtol < 1 and a positive step"
         )
-    sets = _expand_parameters(parameters, compiled.parameters, runs)
+    sets = _expand_parameters(parameters, compiled, runs)
     beam = np.broadcast_to(np.asarray(beam_inertia, dtype=np.float64), runs)
     total = np.ascontiguousarray(beam + law.inertia)
     if not np.all(total > 0):
@@ -289,13 +292,11 @@ def _bring_from_zero(compiled: CompiledLaw, angle: Array, rate: Array) -> Array:
     duration = 0.5 * np.pi * abs(float(angle[0])) / fastest
     phase = np.linspace(0.0, np.pi, APPROACH)
     approach, speed = 0.5 * angle[0] * (1 - np.cos(phase)), 0.5 * angle[0] * np.sin(phase) * np.pi / duration
-    integrate_states(
-        compiled.address, approach, speed, compiled.parameters, duration / (APPROACH - 1), 1, state
-    )
+    integrate_states(compiled.address, approach, speed, compiled.numbers, duration / (APPROACH - 1), 1, state)
     still = np.zeros((1 + compiled.n_states, 1))
     zero = np.zeros(1)
     evaluate_law(
-        compiled.address, zero, zero, zero, np.zeros((compiled.n_states, 1)), compiled.parameters, still
+        compiled.address, zero, zero, zero, np.zeros((compiled.n_states, 1)), compiled.numbers, still
     )
     return np.where(still[1:, 0] == 0, state[:, -1], 0.0)
 
@@ -350,7 +351,7 @@ def transfer_moment(
     if compiled.n_states:
         state[:, 0] = _bring_from_zero(compiled, theta, omega)
         integrate_states(
-            compiled.address, theta, omega, compiled.parameters, 1.0 / sample_rate, int(substeps), state
+            compiled.address, theta, omega, compiled.numbers, 1.0 / sample_rate, int(substeps), state
         )
         bad = np.flatnonzero(~np.isfinite(state).all(axis=0))
         if bad.size:

@@ -15,7 +15,8 @@ import math
 import numpy as np
 from numba import njit
 
-from sindyjoint.mechanics.kernels import call_law, pointer, shifted
+from sindyjoint.equation.pointers import pointer, shifted
+from sindyjoint.mechanics.kernels import call_law
 
 DONE, LIMIT, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, ACTIVE_FRICTION = range(6)
 

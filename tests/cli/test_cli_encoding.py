@@ -7,20 +7,43 @@ import sys
 
 import pytest
 
-from sindyjoint.cli import encoding
+from sindyjoint.cli import encoding, main
 
 # A name with letters of several scripts, in a campaign whose units and symbols are not ASCII anyway.
 NAME = "Gelenk θ₁ ü 漢"
 
 
-def run(encoding, *arguments):
-    environment = {**os.environ, "PYTHONIOENCODING": encoding}
-    command = [sys.executable, "-m", "sindyjoint", *map(str, arguments)]
-    answer = subprocess.run(command, env=environment, capture_output=True)
-    # Strict: what is written is of this encoding and of no other.
-    stdout, stderr = (part.decode(encoding.partition(":")[0]) for part in (answer.stdout, answer.stderr))
+def answer(console, status, stdout, stderr):
+    """Return what a command left behind; strict: what is written is of this encoding and of no other."""
+    stdout, stderr = (part.decode(console.partition(":")[0]) for part in (stdout, stderr))
     assert "Traceback" not in stderr
-    return answer.returncode, stdout, stderr
+    return status, stdout, stderr
+
+
+def in_new_process(console, *arguments):
+    environment = {**os.environ, "PYTHONIOENCODING": console}
+    command = [sys.executable, "-m", "sindyjoint", *map(str, arguments)]
+    done = subprocess.run(command, env=environment, capture_output=True)
+    return answer(console, done.returncode, done.stdout, done.stderr)
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """Run the command line in this process, on streams as Python opens them under PYTHONIOENCODING."""
+
+    def run(console, *arguments):
+        name, _, errors = console.partition(":")
+        streams = [
+            io.TextIOWrapper(io.BytesIO(), encoding=name, errors=each, write_through=True)
+            for each in (errors or "strict", "backslashreplace")
+        ]
+        with monkeypatch.context() as patch, pytest.raises(SystemExit) as leave:
+            patch.setattr(sys, "stdout", streams[0])
+            patch.setattr(sys, "stderr", streams[1])
+            main([str(argument) for argument in arguments])
+        return answer(console, int(leave.value.code or 0), *(stream.buffer.getvalue() for stream in streams))
+
+    return run
 
 
 @pytest.fixture
@@ -29,8 +52,19 @@ def named(folder):
     return folder.path
 
 
-@pytest.mark.parametrize("console", ["ascii", "cp1252", "ascii:surrogateescape"])
-def test_a_result_is_spelled(named, console):
+CONSOLES = ["ascii", "cp1252", "ascii:surrogateescape"]
+
+
+@pytest.mark.parametrize("console", CONSOLES)
+def test_a_new_process_writes_what_this_one_does(run, named, console):
+    # A result, and an error; that of all commands is seen below.
+    for arguments in (("libraries", "show", "paper"), ("discover", named / "campaign θ.toml")):
+        fresh = in_new_process(console, *arguments)
+        assert fresh == run(console, *arguments) and "theta" in fresh[1] + fresh[2]
+
+
+@pytest.mark.parametrize("console", CONSOLES)
+def test_a_result_is_spelled(run, named, console):
     status, stdout, stderr = run(console, "discover", named, "--library", "paper", "--verbose")
     assert status == 0 and "done" in stderr
     assert stdout.startswith(r"Gelenk theta1 ")
@@ -42,7 +76,7 @@ def test_a_result_is_spelled(named, console):
 
 
 @pytest.mark.parametrize("console", ["ascii", "cp1252"])
-def test_other_commands_end_as_they_would(named, tmp_path, console):
+def test_other_commands_end_as_they_would(run, named, tmp_path, console):
     quick = ("--method", "stlsq", "--replicates", "10", "-l", "paper")
     assert run(console, "compare", named, *quick, "--out", tmp_path / "θ")[0] == 0
     (tmp_path / "in" / "ψ").mkdir(parents=True)

@@ -8,7 +8,6 @@ import sympy
 
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes, steady_level
-from sindyjoint.diagnosis.effects.law import ProgramLaw
 from sindyjoint.diagnosis.effects.structure import (
     Scales,
     Setup,
@@ -22,7 +21,7 @@ from sindyjoint.diagnosis.structure.noise import record_noise
 from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, MissingInputError
-from sindyjoint.mechanics.laws import INTER_PANEL
+from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
 from sindyjoint.mechanics.pulse_test import presliding_law, with_laws
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.structure import LumpedMass
@@ -46,7 +45,7 @@ def tip(rig, law, **options):
 def test_an_interpreted_law_moves_a_structure_like_a_compiled_one():
     rig = load_rig("pulse-rig")
     elastic, m_f, numbers = paper_expression()
-    law = ProgramLaw(elastic + m_f * sympy.sign(OMEGA), numbers, softening_limit=INTER_PANEL.softening_limit)
+    law = FormulaLaw(elastic + m_f * sympy.sign(OMEGA), numbers, softening_limit=INTER_PANEL.softening_limit)
     assert np.allclose(
         law.moment([1e-4, 0.0], [0.01, 0.0], [1, -1]), INTER_PANEL.moment([1e-4, 0.0], [0.01, 0.0], [1, -1])
     )
@@ -54,7 +53,7 @@ def test_an_interpreted_law_moves_a_structure_like_a_compiled_one():
     want = tip(rig, INTER_PANEL, duration=2.0)
     assert np.abs(tip(rig, law, duration=2.0) - want).max() < 1e-9 * np.abs(want).max()
     rate = (OMEGA - sympy.Abs(OMEGA) * Z) / sympy.Symbol("y", positive=True)
-    memory = ProgramLaw(elastic + m_f * Z, {**numbers, "y": 2e-5}, {"z": rate})
+    memory = FormulaLaw(elastic + m_f * Z, {**numbers, "y": 2e-5}, {"z": rate})
     want = tip(rig, presliding_law(INTER_PANEL, 2e-5), duration=2.0)
     assert np.abs(tip(rig, memory, duration=2.0) - want).max() < 1e-7 * np.abs(want).max()
     other = law.with_parameters({"k1": 2 * INTER_PANEL.k1})

@@ -60,7 +60,7 @@ def test_replicates_are_searched_alike(make_factor):
     factors = [make_factor(seed)[0].normalised()[0] for seed in range(6)]
     marks = replicate_subsets(np.array([f.triangle for f in factors]), 5)
     for factor, mark in zip(factors, marks, strict=True):
-        for subset in best_subsets(factor, largest=5):
+        for subset in best_subsets(factor)[:5]:
             assert tuple(np.flatnonzero(mark[len(subset.columns)])) == subset.columns
 
 

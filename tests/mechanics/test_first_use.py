@@ -1,4 +1,4 @@
-"""A first use compiles once, in a few seconds, and is kept on disk; a new formula costs well under a second."""
+"""A first use compiles once, in a few seconds, and is kept on disk; a new formula costs next to nothing."""
 
 import os
 import subprocess
@@ -54,7 +54,8 @@ def test_first_use_compiles_for_a_few_seconds_and_then_no_more(code, cache, tmp_
     assert cached < 0.5 * cold
 
 
-def test_a_new_formula_costs_no_more_than_a_second(cache):
-    formula, _ = seconds(FORMULA, cache[0])
-    # Measured 0.24 s; the import of sympy is not in it.
-    assert formula < 1.0
+def test_a_first_formula_costs_less_than_a_second_and_a_later_one_next_to_nothing(cache):
+    first, _ = seconds(FORMULA, cache[0])
+    later, _ = seconds(FORMULA, cache[0])
+    # Measured 0.49 s, which compile what interprets any formula, and 0.04 s; the import of sympy is not in them.
+    assert first < 1.0 and later < 0.25

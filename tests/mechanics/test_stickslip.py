@@ -17,6 +17,7 @@ from sindyjoint.mechanics.laws import (
     PaperLaw,
     SumLaw,
 )
+from sindyjoint.mechanics.programs import PROGRAM_CALLBACK
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import (
     simulate,
@@ -203,6 +204,36 @@ def test_formula_function_and_paper_law_move_alike():
     np.testing.assert_allclose(
         formula.moment([1e-4, 2e-4], 0.01, [1, -1]), INTER_PANEL.moment(np.array([1e-4, 2e-4]), 0.01, [1, -1])
     )
+
+
+def test_a_formula_is_interpreted_and_one_with_another_function_is_compiled_to_the_same_motion():
+    theta, omega, k, c = sympy.symbols("theta omega k c", real=True)
+    values, drive = {"k": 5e3, "c": 60.0}, harmonic(3.0, 4.0)
+    known = FormulaLaw(k * theta + c * omega + sympy.sign(omega), values, inertia=0.02)
+    # cosh² − sinh² is one, and no catalogue has either.
+    one = sympy.cosh(theta, evaluate=False) ** 2 - sympy.sinh(theta, evaluate=False) ** 2
+    other = FormulaLaw(k * theta * one + c * omega + sympy.sign(omega), values, inertia=0.02)
+    assert known.compiled().callback is PROGRAM_CALLBACK is not other.compiled().callback
+    paper = simulate(PaperLaw(5e3, c1=60.0, M_F=1.0), drive, 1.0, 1000.0).angle
+    for law in (known, other):
+        np.testing.assert_allclose(
+            simulate(law, drive, 1.0, 1000.0).angle, paper, rtol=0, atol=1e-9 * paper.max()
+        )
+
+
+def test_parameter_sets_are_those_of_the_law_whether_interpreted_or_a_sum():
+    theta, k = sympy.symbols("theta k", real=True)
+    spring = FormulaLaw(k * theta, {"k": 500.0})
+    both = SumLaw(SumLaw(INTER_PANEL, spring), FunctionLaw(jenkins, (500.0, 0.1), n_states=1))
+    assert both.compiled().parameters.tolist() == [*INTER_PANEL.parameters, 500.0, 500.0, 0.1]
+    sets = np.tile(both.compiled().parameters, (3, 1))
+    sets[:, 5] *= (0.5, 1.0, 2.0)
+    many = simulate_many(both, [harmonic(3.0, 4.0)], 1.0, 500.0, parameters=sets)
+    stiff = SumLaw(SumLaw(INTER_PANEL, spring.with_parameters({"k": 1000.0})), both.second)
+    np.testing.assert_array_equal(many.angle[2], simulate(stiff, harmonic(3.0, 4.0), 1.0, 500.0).angle)
+    assert np.abs(many.angle[2] - many.angle[0]).max() > 0.01 * np.abs(many.angle).max()
+    with pytest.raises(InputError, match=r"parameters have shape \(3, 7\); expected \(3, 8\)"):
+        simulate_many(both, [harmonic(3.0, 4.0)], 1.0, 500.0, parameters=sets[:, 1:])
 
 
 def test_sum_of_laws_keeps_states_apart():

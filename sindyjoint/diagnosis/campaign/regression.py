@@ -191,7 +191,7 @@ class GapRegression:
 
 def fit_effect(problem: GapRegression, effect: Effect) -> FittedEffect:
     """Return the variant and nonlinear parameters of an effect that lower χ² most."""
-    return refine_effect(problem, _searched(problem, effect))
+    return refine_effect(problem, _searched(problem, problem.rough(), effect))
 
 
 def fit_effects(problem: GapRegression, effects: Sequence[Effect]) -> list[FittedEffect]:
@@ -200,7 +200,7 @@ def fit_effects(problem: GapRegression, effects: Sequence[Effect]) -> list[Fitte
     Nonlinear parameters are searched along a roughly followed motion; those that come near the best are refined along
     the motion itself.
     """
-    found = side_by_side(_searched, effects, [problem])
+    found = side_by_side(_searched, effects, [problem, problem.rough()])
     worth = WORTH_REFINING * max((f.gain for f in found), default=0.0)
     return side_by_side(_refined, [(f, bool(f.variant.states) and f.gain >= worth) for f in found], [problem])
 
@@ -209,9 +209,8 @@ def _refined(problem: GapRegression, task: tuple[FittedEffect, bool]) -> FittedE
     return refine_effect(problem, task[0]) if task[1] else task[0]
 
 
-def _searched(problem: GapRegression, effect: Effect) -> FittedEffect:
+def _searched(problem: GapRegression, rough: GapRegression, effect: Effect) -> FittedEffect:
     """Return the best variant and nonlinear parameters that a search along the roughly followed motion finds."""
-    rough = problem.rough()
     best: FittedEffect | None = None
     for variant in effect.variants:
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
-from sindyjoint.diagnosis.effects.law import ProgramLaw
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
+from sindyjoint.mechanics.laws import FormulaLaw
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class JointLaws:
         self.elements = model.elements
         self.limit = softening_limit
         self.additions: dict[str, Addition] = {}
-        self._built: dict[tuple[str, ...], ProgramLaw] = {}
+        self._built: dict[tuple[str, ...], FormulaLaw] = {}
 
     def numbers(self) -> dict[str, float]:
         """Return the model's own coefficients by the names they have in the law."""
@@ -81,13 +81,13 @@ class JointLaws:
         """Numbers of the model's elements, which stay as they are, by the names they have in the law."""
         return {f"{place_of(e.id)}_{n.name}": n.value for e in self.elements for n in e.numbers}
 
-    def law(self, setup: Setup) -> ProgramLaw:
+    def law(self, setup: Setup) -> FormulaLaw:
         """Return the law of a setup's joint."""
         if setup.added not in self._built:
             self._built[setup.added] = self._build(setup.added, setup.numbers)
         return self._built[setup.added].with_parameters(setup.numbers)
 
-    def _build(self, keys: tuple[str, ...], numbers: dict[str, float]) -> ProgramLaw:
+    def _build(self, keys: tuple[str, ...], numbers: dict[str, float]) -> FormulaLaw:
         from sympy import Float, Symbol
 
         added = [(a, *a.variant.written(a.names)) for a in (self.additions[key] for key in keys)]
@@ -114,7 +114,7 @@ class JointLaws:
                 for place, column in enumerate(columns):
                     expression += Symbol(each.name(f"c{place}"), real=True) * column
             rates |= own_rates
-        return ProgramLaw(expression, dict(numbers), rates, self.limit)
+        return FormulaLaw(expression, dict(numbers), rates, softening_limit=self.limit)
 
 
 def place_of(term: str) -> str:
@@ -220,7 +220,7 @@ def _at_reference(
     """Return the size of a column at the largest angle and rate, states as large as the angle."""
     angle, rate = reference.angle or 1.0, reference.rate or 1.0
     states = () if variant is None else tuple(s.name for s in variant.states)
-    law = ProgramLaw(expression, inner, {name: expression for name in states})
+    law = FormulaLaw(expression, inner, {name: expression for name in states})
     grid = np.array([0.25, 0.5, 0.75, 1.0])
     z = np.tile(grid * angle, (len(states), 1))
     return float(np.abs(law.moment(grid * angle, grid * rate, np.ones(4), z)).max())
@@ -235,7 +235,7 @@ def steady_level(variant: Variant, values: Array, reference: Reference, fast: fl
         return float("nan")
     state = variant.states[0]
     inner = dict(zip(variant.names, map(float, values), strict=True))
-    column = ProgramLaw(variant.columns[0].expression, inner, {state.name: state.rate})
+    column = FormulaLaw(variant.columns[0].expression, inner, {state.name: state.rate})
     rate = fast * (reference.rate or 1.0)
     if state.limit is None:
         z = np.geomspace(1e-4, FAR, 400) * (reference.angle or 1.0)
@@ -246,9 +246,9 @@ def steady_level(variant: Variant, values: Array, reference: Reference, fast: fl
         i = int(falls[0])
         settled = z[i - 1] + (z[i] - z[i - 1]) * slopes[i - 1] / (slopes[i - 1] - slopes[i])
     else:
-        limit = ProgramLaw(state.limit, inner)
-        settled = float(limit.moment(0.0, 0.0, 1.0)[0])
-    return float(column.moment(0.0, rate, 1.0, np.array([[settled]]))[0])
+        limit = FormulaLaw(state.limit, inner)
+        settled = float(limit.moment(0.0, 0.0, 1.0))
+    return float(column.moment(0.0, rate, 1.0, np.array([[settled]])))
 
 
 def _is_friction(variant: Variant, reference: Reference) -> bool:

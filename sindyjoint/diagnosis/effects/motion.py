@@ -131,7 +131,7 @@ class JoinedMotions:
         from sindyjoint.equation.internal_states import integrate_runs
 
         integrate: Any = integrate_runs
-        states = integrate(self.angle, self.rate, self.ends, *self.timing, parameters, limits, *program)
+        states = integrate(self.angle, self.rate, self.ends, self.timing, parameters, limits, program)
         parts, begin = [], 0
         for (keep, every), end in zip(self.kept, self.ends, strict=True):
             own = states[:, begin:end]

@@ -1,0 +1,96 @@
+"""A formula as a short list of numbered operations, and the interpreter that compiled loops call for one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sindyjoint.equation.pointers import shifted
+
+if TYPE_CHECKING:
+    from sindyjoint.equation.evaluation import TermFunction
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+CODES = {
+    name: code
+    for code, name in enumerate(
+        (
+            "abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "atan",
+            "add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "heaviside",
+        )
+    )
+}  # fmt: skip
+
+
+def program(function: TermFunction) -> tuple[Array, Integers, Integers]:
+    """Return constants, operations (code, first, second) and output registers as arrays.
+
+    Where an operation has one operand only, that stands for the second, too.
+    """
+    operations = np.array(
+        [(CODES[name], first, first if second < 0 else second)
+         for name, first, second in function.operations], dtype=np.int64,
+    ).reshape(-1, 3)  # fmt: skip
+    return (
+        np.array(function.constants, dtype=np.float64),
+        operations,
+        np.array(function.outputs, dtype=np.int64),
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def operated(code, a, b):
+    """Return the result of one operation."""
+    if code == 12:
+        value = a * b
+    elif code == 10:
+        value = a + b
+    elif code == 11:
+        value = a - b
+    elif code == 13:
+        value = a / b
+    elif code == 0:
+        value = abs(a)
+    elif code == 1:
+        value = np.sign(a)
+    elif code == 14:
+        value = a**b
+    elif code == 3:
+        value = np.exp(a)
+    elif code == 15:
+        value = min(a, b)
+    elif code == 16:
+        value = max(a, b)
+    elif code == 2:
+        value = np.sqrt(a)
+    elif code == 4:
+        value = np.log(a)
+    elif code == 5:
+        value = np.sin(a)
+    elif code == 6:
+        value = np.cos(a)
+    elif code == 7:
+        value = np.tan(a)
+    elif code == 8:
+        value = np.tanh(a)
+    elif code == 9:
+        value = np.arctan(a)
+    else:
+        value = 1.0 if a > 0 else (0.0 if a < 0 else b)
+    return value
+
+
+@njit(cache=True, error_model="numpy")
+def run_rows(registers, start, operations, rows, begin, end):
+    """Fill the registers of operations ``rows[begin:end]``, in their order; all are pointers.
+
+    ``start`` is the register of the first operation: behind those of arguments and constants.
+    """
+    for i in range(begin, end):
+        operation = shifted(operations, 3 * rows[i])
+        registers[start + rows[i]] = operated(operation[0], registers[operation[1]], registers[operation[2]])
