@@ -54,7 +54,8 @@ class Progress:
                 "starting", spinner="line" if console.options.ascii_only else "dots"
             )
             self._status.start()
-        self.say("starting")
+        if self._status is None and self._verbose:
+            self.say("starting")
         return self
 
     def say(self, stage: str) -> None:

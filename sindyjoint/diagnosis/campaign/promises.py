@@ -68,7 +68,7 @@ class CoarseRows:
         problem = GapRegression.build(runs, model, others, policy)
         columns = np.hstack([problem.base, _columns(runs, members)])
         return cls(
-            factor=np.linalg.qr(columns, mode="r"),
+            factor=np.asarray(np.linalg.qr(columns, mode="r")),
             base=problem.base.shape[1],
             rows=len(columns),
             choices=tuple(problem.choices(each.variant) for each in members),

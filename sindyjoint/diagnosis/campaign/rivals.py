@@ -116,7 +116,8 @@ class _Rivals:
         effort: Effort,
     ) -> None:
         self.rows, self.states, self.model, self.policy = tuple(rows), work.states, work.model, work.policy
-        self.others, self.members, self.runs = tuple(others), (mine,), tuple(runs)
+        self.others, self.runs = tuple(others), tuple(runs)
+        self.members: tuple[FittedEffect, ...] = (mine,)
         self._effort = [effort]
         # Each rival in the shape in which it comes nearest to each of the others, as far as was measured.
         self.shapes: list[list[FittedEffect]] = []
