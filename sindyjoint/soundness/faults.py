@@ -19,6 +19,7 @@ from sindyjoint.soundness.floor import find_coarse_steps, find_mains, find_noise
 from sindyjoint.soundness.held import find_dead, find_held
 from sindyjoint.soundness.kin import find_odd_runs
 from sindyjoint.soundness.lines import find_lines
+from sindyjoint.soundness.lost import find_lost
 from sindyjoint.soundness.profile import Profile, profile_of
 from sindyjoint.soundness.saturation import find_saturation
 from sindyjoint.soundness.shape import find_filters
@@ -54,6 +55,8 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from find_unit_mismatches(campaign, words)
     yield from find_dead(raw, words)
     yield from find_sizes(raw, words)
+    for run in campaign.runs:
+        yield from find_lost(run)
     yield from find_repeated_blocks(raw, words)
     yield from find_scaled_copies(raw, words)
     samples = [finding for profile in raw for finding in _find_in_samples(profile, words)]

@@ -113,6 +113,9 @@ class SoundnessPolicy:
         source=CALIBRATED,
     )
     phase_step: float = limit(0.06, "jump of the phase that is reported", unit="rad", source=CALIBRATED)
+    bridged_gap: float = limit(
+        0.1, "gap in periods of its main line that is bridged in a run that does not repeat"
+    )
     lost_samples: float = limit(1.0, "lost samples that are reported", unit="samples")
     step_contrast: float = limit(
         2.5, "step over the ranges of the four periods on either side of it", source=CALIBRATED
