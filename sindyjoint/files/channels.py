@@ -74,6 +74,8 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
         key = KEYS[motion][quantity][0]
         channel: Channel | None = getattr(channels, key)
+        if channel is not None and channel.column is None and channel.constant is None:
+            channel = None  # only its noise is declared
         in_rig = rig is not None and getattr(rig, raw) is not None
         if in_rig and channel is not None:
             raise InputError(f"{where} {key}: [rig] {raw} gives it already; give one of the two")
@@ -127,7 +129,7 @@ class RunReader:
             where = f"{self.manifest}: [channels] {key}"
             if channel is not None and channel.constant is not None:
                 constants[quantity] = parse_quantity(channel.constant, unit, f"{where}.constant")
-            elif channel is not None:
+            elif channel is not None and channel.column is not None:
                 signals[quantity] = _measured(channel, columns, unit, where)
         if self.rig is not None:
             self._add_gauges(self.rig, columns, signals)

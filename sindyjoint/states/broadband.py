@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit, within
-from sindyjoint.states.noise import WIDEST, coherent_to_the_top, moment_noise, motion_noise, signal_end
+from sindyjoint.states.noise import (
+    WIDEST,
+    coherent_to_the_top,
+    ends_at_a_filter,
+    moment_noise,
+    motion_noise,
+    signal_end,
+)
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 
@@ -147,6 +154,12 @@ def broadband_states(
     )
     of_moment, moment_measured = moment_noise(run.moment, run.sample_rate, declared.moment)
     shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
+    moment_measured &= declared.moment is not None or not ends_at_a_filter(
+        run.moment, run.angle, run.sample_rate
+    )
+    angle_measured &= declared.angle is not None or not ends_at_a_filter(
+        run.angle, run.moment, run.sample_rate
+    )
     slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
     if run.valid is not None:

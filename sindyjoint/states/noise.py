@@ -178,6 +178,27 @@ def motion_noise(signal: Array, sample_rate: float, declared: float | None = Non
     return (rounding, True) if rounding >= end.noise else (end.noise, end.flat)
 
 
+def ends_at_a_filter(channel: Array, other: Array, sample_rate: float) -> bool:
+    """Return whether a channel falls abruptly from what it does not share with the other one.
+
+    A signal that ends abruptly, as a multisine does at its last line, is in both channels up to its end. What is in one
+    of them only is noise, and noise that ends abruptly was cut by an anti-alias filter: what lies beyond is the level
+    stop band of a Chebyshev or elliptic one, and no floor.
+    """
+    from scipy.signal import coherence
+
+    end = signal_end(channel, sample_rate)
+    if not end.abrupt or np.ptp(channel) == 0 or np.ptp(other) == 0:
+        return False
+    segment = int(np.clip(channel.size // SEGMENTS, 16, 512))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        frequency, shared = coherence(
+            channel, other, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+        )
+    below = (frequency > 0.5 * end.bandwidth) & (frequency < JUST_BELOW * end.bandwidth) & np.isfinite(shared)
+    return bool(below.any() and np.median(shared[below]) < POLICY.shared_below_end)
+
+
 def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool:
     """Return whether two channels share the top third of their band: what they share is signal and no noise."""
     from scipy.signal import coherence
