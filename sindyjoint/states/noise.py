@@ -209,7 +209,8 @@ def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> flo
     density = welch(channel, sample_rate, **settings)[1]
     below = (frequency > BEFORE[0] * end.bandwidth) & (frequency < JUST_BELOW * end.bandwidth)
     below &= np.isfinite(shared)
-    if not below.any() or np.median(shared[below]) >= POLICY.shared_below_end:
+    # By power: between the lines of a multisine there is noise, too, but not what ends.
+    if not below.any() or np.average(shared[below], weights=density[below]) >= POLICY.shared_below_end:
         return None
     before = below & (frequency < BEFORE[1] * end.bandwidth)
     return float(np.sqrt(np.median(density[before if before.any() else below]) * sample_rate / 2))
