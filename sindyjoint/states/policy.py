@@ -84,7 +84,7 @@ class StatesPolicy:
     )
     shared_below_end: float = limit(
         0.2,
-        "mean coherence of angle and moment, by power, just below where a channel ends abruptly, below which it is noise that a "
+        "mean coherence of angle and moment, by power, just below an abrupt end, below which what ends is noise that a "
         "filter cut there",
         source="filtered noise has 0.02, the last lines of a multisine 0.7 or more",
     )
