@@ -46,10 +46,14 @@ def plan_of(seed: int, drive: str | None = None, sample_rate: float = 1000.0):
 def sparse_campaign(seed, noise, drive, samples):
     """Return a campaign whose highest frequency has a random number of samples per period between two limits.
 
-    Of sinusoids each run has its own rate; of a multisine or a sweep, 20 s long, the line at 8 Hz counts.
+    Of sinusoids each run has its own rate, ten samples per period at least: a run of fewer is refused. Of a multisine
+    or a sweep, 20 s long, the line at 8 Hz counts.
     """
     plan = plan_of(seed, drive)
-    per = float(np.random.default_rng((30_000, seed)).uniform(*samples))
+    least, most = samples
+    if drive not in APERIODIC:
+        least = max(10.0, least)
+    per = float(np.random.default_rng((30_000, seed)).uniform(least, most))
     if drive in APERIODIC:
         plan = plan_of(seed, drive, sample_rate=8.0 * per)
         return plan, aperiodic_campaign(plan, noise, drive, duration=20.0)

@@ -9,6 +9,7 @@ import pytest
 from sindyjoint import discover
 from sindyjoint.files import load_campaign
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.reporting.output import CampaignFiles
 from sindyjoint.soundness.check import check_campaign
 from sindyjoint.workflows.check import check
 
@@ -85,3 +86,13 @@ def test_what_was_left_out_before_is_shown_again(whole):
     marked = whole.with_runs((replace(whole.runs[0], valid=valid), *whole.runs[1:]))
     (found,) = [f for f in check_campaign(marked).soundness.findings if f.id == "lost_samples"]
     assert found.run == whole.runs[0].name and found.spans == ((100, 110),)
+
+
+def test_a_diagnosis_beside_a_batch_says_what_is_left_out(lost, tmp_path):
+    """It is of the campaign as it was read, not of the one without those samples, of which nothing is to be said."""
+    found = discover(load_campaign(lost))
+    assert found.measured is not None and found.campaign is not found.measured
+    CampaignFiles(reports=False, diagnose=True)(found, tmp_path)
+    record = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())
+    assert "lost_samples" in record["soundness"]["ids"]
+    assert any("left out: lost samples" in warning for warning in record["warnings"])
