@@ -210,6 +210,7 @@ class SoundnessPolicy:
         40_000, "samples of runs that do not repeat that a delay is sought in", unit="samples", source="time"
     )
     longest_broadband: float = limit(5e-3, "delay of runs that do not repeat that is believed", unit="s")
+    most_broadband: int = limit(24, "runs that do not repeat that are held against each other", source="time")
     broadband_contrast: float = limit(
         10.0, "delay of runs that do not repeat in standard errors", source=CALIBRATED
     )
