@@ -200,10 +200,12 @@ def corrected_model(
         return Corrected(model, None, str(cause))
     if not np.all(np.isfinite([bias.pooled, bias.pooled_error])):
         return Corrected(model, None, "the simulated runs do not determine the coefficients")
-    extra = bias.pooled_error**2 + (POLICY.uncertain_share * bias.pooled) ** 2 + change**2
+    cut = any(map(cut_by_sampling, states))
+    uncertain = POLICY.uncertain_share_cut if cut else POLICY.uncertain_share
+    extra = bias.pooled_error**2 + (uncertain * bias.pooled) ** 2 + change**2
     if moved is not None:
         extra = extra + (POLICY.uncertain_share * moved) ** 2
-    left_over = _left_over(model, states)
+    left_over = _left_over(model, states) + (POLICY.cut_error**2 if cut else 0.0)
     corrected = _without_bias(model, bias)
     covariance = np.array(model.covariance)
     changed = []

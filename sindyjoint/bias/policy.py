@@ -16,6 +16,16 @@ class BiasPolicy:
         "share of a measured bias that stays in the standard error: it was measured with the model's coefficients, "
         "not the joint's",
     )
+    uncertain_share_cut: float = limit(
+        0.5,
+        "the same where sampling cuts the motion: bias is then large, and depends on what the simulation lacks",
+        source="calibrated on campaigns of 10 to 12 samples per period",
+    )
+    cut_error: float = limit(
+        0.002,
+        "share of the moment's RMS by which a simulation errs where sampling cuts the motion",
+        source="calibrated on campaigns of 10 to 12 samples per period",
+    )
     largest_difference: float = limit(
         0.15,
         "RMS difference of smoothed angles, relative to the angle's, up to which a replicate of a run that does not "

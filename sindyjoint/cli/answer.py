@@ -41,11 +41,7 @@ def answer(
             result = find(progress)
         except UnsoundError as error:
             result, stopped = error.check, True
-        if out is not None:
-            from sindyjoint.reporting.output import write_results
-
-            progress.say("writing the report")
-            write_results(result, out, ["sindyjoint", *sys.argv[1:]], seed, files)
+        write(result, out, progress, seed, files)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
@@ -60,3 +56,14 @@ def answer(
         raise typer.Exit(1)
     found: R = result
     return found
+
+
+def write(
+    result: Any, out: Path | None, progress: Progress, seed: object = None, files: Sequence[Path | str] = ()
+) -> None:
+    """Write a result into a folder, if one is given."""
+    if out is not None:
+        from sindyjoint.reporting.output import write_results
+
+        progress.say("writing the report")
+        write_results(result, out, ["sindyjoint", *sys.argv[1:]], seed, files)

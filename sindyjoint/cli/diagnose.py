@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, write
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
@@ -60,7 +60,8 @@ def diagnose(
         bool,
         typer.Option(
             "--advice/--no-advice",
-            help="Whether to seek runs that would tell rivals apart; often the longest part.",
+            help="Whether to seek runs that would tell rivals apart: at most some 20 s of processor time. With --out "
+            "the diagnosis is written before.",
         ),
     ] = True,
     out: Annotated[
@@ -96,6 +97,7 @@ def diagnose(
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
+            before_advice=lambda result: write(result, out, progress, random_state, files),
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
@@ -105,7 +107,8 @@ def diagnose(
         )
 
     files = [path for path in (model, campaign) if path is not None and path.exists()]
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, files, written="")
+    progress = Progress(quiet, verbose, lines=True)
+    result = answer(find, out, as_json, progress, random_state, files, written="")
     raise typer.Exit(0 if result.settled else 1)
 
 

@@ -27,6 +27,8 @@ class Progress:
         Never show anything.
     verbose : bool
         A line per stage, terminal or not, and what lies behind the result.
+    lines : bool
+        For commands that take long: a line per stage where stderr is no terminal, too.
 
     Raises
     ------
@@ -34,11 +36,12 @@ class Progress:
         If both are given.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False):
+    def __init__(self, quiet: bool = False, verbose: bool = False, lines: bool = False):
         if quiet and verbose:
             raise typer.BadParameter("contradicts --quiet; choose one of them", param_hint="--verbose")
-        self._verbose = verbose
+        self._verbose, self._stage = verbose, ""
         self._spins = not quiet and not verbose and sys.stderr.isatty()
+        self._lines = verbose or (lines and not quiet and not self._spins)
         self._status: Any = None
         self._start = time.perf_counter()
 
@@ -51,14 +54,17 @@ class Progress:
                 "starting", spinner="line" if console.options.ascii_only else "dots"
             )
             self._status.start()
-        self.say("starting")
+        if self._status is None and self._verbose:
+            self.say("starting")
         return self
 
     def say(self, stage: str) -> None:
-        """Name the stage that begins."""
+        """Name the stage that begins, or after a colon how far it is: of that lines keep what is said first."""
         if self._status is not None:
             self._status.update(stage)
-        elif self._verbose:
+            return
+        before, self._stage = self._stage, stage.partition(":")[0]
+        if self._lines and self._stage != before:
             print(f"{time.perf_counter() - self._start:7.2f} s  {stage}", file=sys.stderr, flush=True)
 
     def tell(self, result: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Generic
 
@@ -13,6 +14,7 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Say, Start
 from sindyjoint.diagnosis.result import Diagnosis, Step
 from sindyjoint.diagnosis.verdict import UNKNOWN, Gaps, Residual, discount, judge
+from sindyjoint.parallel import ProcessorTime
 from sindyjoint.text import percent, spelled
 
 
@@ -53,24 +55,24 @@ class Explained(Generic[P]):
         return misfit + policy.number_cost * self.progress.problem.numbers
 
 
-def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosis:
+def explain_gap(
+    first: P,
+    most: int,
+    say: Say,
+    advised: bool = True,
+    without_advice: Callable[[Diagnosis], None] = lambda d: None,
+) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given leaves something unexplained, it is made again from the best other
     start that the problem knows, and the better end is used. Unless ``advised``, no runs are sought that would
-    tell rivals apart.
+    tell rivals apart; if so, ``without_advice`` is given the diagnosis before that begins.
     """
     say("the gap")
     straight, steps = first.corrected()
-    given = _explain(first, Start(straight, steps), most, say)
-    best, note = given, ""
-    if not given.whole:
-        starts = first.other_starts(straight, given.progress.problem, say)
-        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
-        other = given if start is None else _explain(first, start, most, say)
-        if other.cost(first.policy) < given.cost(first.policy):
-            best = other
-        note = _compare_starts(given, best)
+    clock = ProcessorTime()
+    with clock:
+        best, note = _best_search(first, straight, steps, most, say, clock)
     last = best.progress.problem.finished()
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
     final = best.gaps.final
@@ -78,8 +80,6 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
         # The figures belong to the model that is handed on.
         final = last.gap
         steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
-    if advised:
-        say("advice")
     found = {
         "verdict": best.verdict,
         "reason": best.reason,
@@ -89,17 +89,42 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
         "budget": best.straight.budget(first, last),
         "where": first.places() if best.verdict != "nothing_missing" else (),
         "steps": steps,
-        "advice": advise(last, steps, best.progress.rankings) if advised else (),
+        "advice": (),
     }
     result = last.diagnosis(first, found)
-    return replace(result, warnings=(note, *result.warnings)) if note else result
+    result = replace(result, warnings=(*filter(None, note), *result.warnings))
+    if not advised:
+        return result
+    if any(len(step.members) > 1 for step in steps):
+        without_advice(result)
+    say("advice")
+    advice, search = advise(last, steps, best.progress.rankings, say)
+    warned = (search.warning, *result.warnings) if search.warning else result.warnings
+    return replace(result, advice=advice, search=search, warnings=warned)
 
 
-def _explain(first: P, start: Start[P], most: int, say: Say) -> Explained[P]:
+def _best_search(
+    first: P, straight: P, steps: tuple[Step, ...], most: int, say: Say, clock: ProcessorTime
+) -> tuple[Explained[P], tuple[str, str]]:
+    """Return the search that ended best, and what to say of other starts and of time."""
+    given = _explain(first, Start(straight, steps), most, say, clock)
+    best, note, most_seconds = given, "", first.policy.search_seconds
+    if not given.whole and clock.seconds < most_seconds:
+        starts = first.other_starts(straight, given.progress.problem, say)
+        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
+        other = given if start is None else _explain(first, start, most, say, clock)
+        if other.cost(first.policy) < given.cost(first.policy):
+            best = other
+        note = _compare_starts(given, best)
+    late = clock.seconds >= most_seconds and not best.whole
+    return best, (note, f"the search ended after {most_seconds:g} s of processor time" if late else "")
+
+
+def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTime) -> Explained[P]:
     """Return what the search from one start comes to."""
     initial, straight = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
-    progress = add_effects(Progress(straight, before, start.steps), most + start.free, say)
+    progress = add_effects(Progress(straight, before, start.steps), most + start.free, say, clock)
     final = progress.steps[-1].gap_after if progress.steps else straight.gap
     gaps = Gaps(initial, final, first.noise_floor)
     residual = progress.problem.residual(start.before or straight)

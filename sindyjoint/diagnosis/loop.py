@@ -13,6 +13,7 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, P, Say
 from sindyjoint.diagnosis.ranking import Ranking, admissible_part
 from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.parallel import ProcessorTime
 
 # Of the rivals of a step so many are told, with more than this probability.
 RIVALS, LEAST_RIVAL = 6, 1e-4
@@ -70,12 +71,15 @@ class Round(Generic[P]):
     paired: bool = False
 
 
-def add_effects(start: Progress[P], most: int, say: Say) -> Progress[P]:
-    """Add effects until the gap is noise, nothing explains it, or the count is reached."""
+def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | None = None) -> Progress[P]:
+    """Add effects until the gap is noise, nothing explains it, or the count is reached, or the time on the clock."""
     here, refused = start, frozenset[str]()
     # Where a pair was begun: the first of it may win nothing until the second is there.
     begun: Progress[P] | None = None
     while True:
+        if clock is not None and clock.seconds >= here.problem.policy.search_seconds:
+            say("stopping: the time of the search is used up")
+            break
         tried = try_effect(here, refused, most, say)
         if tried.outcome is Outcome.REFUSE:
             say(f"refusing {tried.effect.replace('_', ' ')}: {tried.reason}")

@@ -144,6 +144,24 @@ class DiagnosisPolicy:
         1.1, "mean square, in units of noise, above which fallback variants are tried"
     )
 
+    # What a diagnosis may cost.
+    search_seconds: float = judgement(
+        120.0,
+        "processor time of a search after which no further effect is tried, nor another start: a last resort that no "
+        "published campaign comes near",
+        unit="s",
+    )
+    advice_work: float = judgement(
+        1.5e8,
+        "samples that rivals are laid along, trial by trial, in the search for runs that separate them: the same on "
+        "every machine, of a processor of 2024 some 15 s",
+        unit="samples",
+    )
+    advice_seconds: float = convention(
+        20.0, "processor time after which that search ends in any case", unit="s"
+    )
+    most_rivals: int = judgement(4, "members of a class that are held against each other in that search")
+
     # Advice.
     most_runs: int = convention(2, "most runs advised for one class")
     enough: float = convention(0.95, "expected confidence at which a run by a moment is as good as any")
@@ -163,6 +181,7 @@ STRUCTURE = replace(
     found_error=0.01,
     price_inflated=False,
     most_effects=3,
+    search_seconds=300.0,
     unexplained=0.25,
     unexplained_rms=True,
     most_regions=5,

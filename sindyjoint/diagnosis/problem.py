@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from sindyjoint.diagnosis.budget import Budget
+from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import Candidate, Ranking
@@ -146,8 +147,8 @@ class Problem(Protocol):
     def places(self) -> tuple[Place, ...]:
         """Return where the gap of the model as it was given lies."""
 
-    def separating_runs(self, step: Step, ranking: Ranking[Any]) -> tuple[Advice, ...]:
-        """Return the runs that would tell the members of a class apart."""
+    def separating_runs(self, step: Step, ranking: Ranking[Any], effort: Effort) -> tuple[Advice, ...]:
+        """Return the runs that would tell the members of a class apart, as far as the effort goes."""
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: what was found, completed by model, effects, pictures and warnings."""

@@ -169,6 +169,39 @@ class RecordGap:
     noise_floor: float
 
 
+NOT_SOUGHT, NOT_NEEDED, COMPLETE, STOPPED = "not_sought", "not_needed", "complete", "stopped"
+
+
+@dataclass(frozen=True)
+class AdviceSearch:
+    """How far the search for runs that tell rivals apart went.
+
+    Parameters
+    ----------
+    status : {"not_sought", "not_needed", "complete", "stopped"}
+        Not sought: it was not asked for, or has not ended yet. Not needed: no class has rivals.
+    tried, planned : int
+        Runs that were looked at, and that there were to look at.
+    reason : str
+        When it was stopped, in words.
+    """
+
+    status: str = NOT_SOUGHT
+    tried: int = 0
+    planned: int = 0
+    reason: str = ""
+
+    @property
+    def warning(self) -> str:
+        """What a result says of a search that was stopped; empty otherwise."""
+        if self.status != STOPPED:
+            return ""
+        return (
+            f"the search for runs that tell rivals apart ended {self.reason}, with {self.tried} of {self.planned} runs "
+            "tried: there may be better ones, or one where none is named"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The result of :func:`~sindyjoint.workflows.diagnose.diagnose`, of a campaign, and of ``diagnose_structure``.
@@ -210,6 +243,8 @@ class Diagnosis:
         What the check of the data found; ``None`` where there is no campaign to check.
     stopped : Check, optional
         The check, where its findings are such that nothing was examined; the figures are NaN then.
+    search : AdviceSearch
+        How far runs to advise were sought.
     """
 
     verdict: str
@@ -234,6 +269,7 @@ class Diagnosis:
     records: tuple[RecordGap, ...] = field(default=(), repr=False)
     soundness: Soundness | None = None
     stopped: Check | None = field(default=None, repr=False)
+    search: AdviceSearch = AdviceSearch()
 
     @property
     def level_unit(self) -> str:
@@ -316,6 +352,11 @@ class Diagnosis:
                 }
                 for a in self.advice
             ],
+            "advice_search": {
+                "status": self.search.status,
+                "tried": self.search.tried,
+                "planned": self.search.planned,
+            },
             "warnings": list(self.warnings),
             **({} if self.soundness is None else {"soundness": summarize(self.soundness)}),
         }

@@ -144,7 +144,9 @@ class _RunLoader:
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
         opened, sha256 = read_table(path) if rows is None else self._read_rows(path, *rows)
-        reader = RunReader(opened, channels, self.manifest.rig, self.motion, self.file, self.notes)
+        reader = RunReader(
+            opened, channels, self.manifest.rig, self.motion, self.file, self.notes, rows is not None
+        )
         signals, rate = reader.read()
         try:
             run = Run(
@@ -153,6 +155,7 @@ class _RunLoader:
                 signals["angle"],
                 rate,
                 rate=signals.get("rate"),
+                valid=signals.get("valid"),
                 frequency=frequency,
                 level=None if table.level is None else str(table.level),
                 use=table.use,
@@ -185,7 +188,9 @@ class _RunLoader:
         blocks = open_blocks(path)
         if blocks is None or blocks.rows <= self.longest:
             return None
-        head = RunReader(blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file)
+        head = RunReader(
+            blocks.table(0, 4096), channels, self.manifest.rig, self.motion, self.file, part=True
+        )
         # Without the filters that cost samples at the ends: only the sampling rate is needed.
         rate = replace(head, channels=channels.model_copy(update={"skew": None})).read()[1]
         length = WITHOUT_FREQUENCY if frequency is None else max(SEGMENT, PERIODS * rate / frequency)

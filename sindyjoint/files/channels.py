@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,14 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.manifest import Channel, Channels, Column, RigTable
 from sindyjoint.files.readers.table import Table
-from sindyjoint.files.timeaxis import advanced, check_order, margin, resampled, uniform_rate
+from sindyjoint.files.timeaxis import (
+    advanced,
+    check_order,
+    margin,
+    resampled,
+    uniform_rate,
+    with_lost_samples,
+)
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
 from sindyjoint.record import ColumnUnit, FileUnit, Motion, SensorNoise
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
@@ -33,6 +41,10 @@ KEYS: dict[Motion, dict[str, tuple[str, str]]] = {
         "inertia": ("mass", "kg"),
     },
 }
+
+
+# Among the channels that were read: False at samples that the recorder lost.
+VALID = "valid"
 
 
 def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifest: Path) -> None:
@@ -62,6 +74,8 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
         key = KEYS[motion][quantity][0]
         channel: Channel | None = getattr(channels, key)
+        if channel is not None and channel.column is None and channel.constant is None:
+            channel = None  # only its noise is declared
         in_rig = rig is not None and getattr(rig, raw) is not None
         if in_rig and channel is not None:
             raise InputError(f"{where} {key}: [rig] {raw} gives it already; give one of the two")
@@ -93,9 +107,13 @@ class RunReader:
     manifest: Path
     notes: list[str] = field(default_factory=list)
     """What had to be decided; filled by :meth:`read`."""
+    part: bool = False
+    """Whether the table is a part of a longer one, of which no sample may be missing."""
 
-    def read(self) -> tuple[dict[str, Array], float]:
+    def read(self) -> tuple[dict[str, Any], float]:
         """Return moment, angle and perhaps rate in SI units, each shape (n,), and the sampling rate, Hz.
+
+        Where the recorder lost samples, ``"valid"`` is False and the channels are interpolated.
 
         Raises
         ------
@@ -111,7 +129,7 @@ class RunReader:
             where = f"{self.manifest}: [channels] {key}"
             if channel is not None and channel.constant is not None:
                 constants[quantity] = parse_quantity(channel.constant, unit, f"{where}.constant")
-            elif channel is not None:
+            elif channel is not None and channel.column is not None:
                 signals[quantity] = _measured(channel, columns, unit, where)
         if self.rig is not None:
             self._add_gauges(self.rig, columns, signals)
@@ -193,9 +211,7 @@ class RunReader:
         self._refuse_lengths({str(name): columns[name].size for name in names})
         return [_scaled(columns[name], factor, 0.0, f"{self.table.path}: column {name!r}") for name in names]
 
-    def _timed(
-        self, signals: dict[str, Array], columns: dict[Column, Array]
-    ) -> tuple[dict[str, Array], float]:
+    def _timed(self, signals: dict[str, Array], columns: dict[Column, Array]) -> tuple[dict[str, Any], float]:
         """Return the channels on a uniform time axis, and its rate, Hz."""
         sizes = {KEYS[self.motion][name][0]: values.size for name, values in signals.items()}
         axis = self.channels.time
@@ -210,6 +226,10 @@ class RunReader:
         try:
             return signals, uniform_rate(time, where, self.table.row)
         except InputError:
+            lost = None if self.part else with_lost_samples(time, signals)
+            if lost is not None:
+                filled, rate, present = lost
+                return filled | {VALID: present}, rate
             if not self.channels.resample:
                 raise
         signals, rate = resampled(time, signals, where, self.table.row)
@@ -231,7 +251,7 @@ class RunReader:
     def _refuse_dead(self, signals: dict[str, Array]) -> None:
         """Refuse a measured channel that never changes."""
         for quantity, values in signals.items():
-            if values.size and np.ptp(values) <= 1e-13 * np.abs(values).max():
+            if quantity != VALID and values.size and np.ptp(values) <= 1e-13 * np.abs(values).max():
                 key, unit = KEYS[self.motion][quantity]
                 raise InputError(
                     f"{self.table.path}: {key} is constant ({values[0]:g} {unit}); a dead channel? "

@@ -42,7 +42,8 @@ class StrictTable(BaseModel):
 class Channel(StrictTable):
     """One measured quantity: a column with its unit, or a declared constant.
 
-    The value in the file is multiplied by ``gain`` (with a unit) and then ``offset`` is added.
+    The value in the file is multiplied by ``gain`` (with a unit) and then ``offset`` is added. Of a quantity that
+    ``[rig]`` gives, ``noise`` alone.
     """
 
     column: Column | None = Field(
@@ -63,6 +64,8 @@ class Channel(StrictTable):
 
     @model_validator(mode="after")
     def _column_or_constant(self) -> Channel:
+        if self.model_fields_set == {"noise"}:
+            return self
         if (self.column is None) == (self.constant is None):
             raise ValueError("expected either column (with unit) or constant")
         if self.constant is not None and (self.unit or self.gain or self.offset or self.noise):

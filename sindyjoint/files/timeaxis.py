@@ -82,6 +82,37 @@ def uniform_rate(time: Array, where: str, row: Callable[[int], str]) -> float:
     return float(f"{1 / slope if rounded else (time.size - 1) / (time[-1] - time[0]):.9g}")
 
 
+def with_lost_samples(
+    time: Array, signals: dict[str, Array]
+) -> tuple[dict[str, Array], float, NDArray[np.bool_]] | None:
+    """Return the samples on the whole grid of a recorder that lost some: its stamps go on, by whole steps.
+
+    Straight lines run across what is missing.
+
+    Returns
+    -------
+    signals : dict of ndarray, shape (m,)
+    rate : float
+        Hz.
+    present : ndarray of bool, shape (m,)
+        False at samples that were lost. ``None`` where the stamps are on no grid, most of it is missing, or nothing.
+    """
+    steps = np.diff(time)
+    places = np.concatenate([[0], np.cumsum(np.round(steps / np.median(steps)))]).astype(np.int64)
+    if np.any(np.diff(places) < 1) or places[-1] + 1 > 2 * time.size or places[-1] + 1 == time.size:
+        return None
+    slope, start = np.polyfit(places, time, 1)
+    digit = _resolution(time)
+    off_grid = float(np.abs(time - (start + slope * places)).max())
+    if off_grid > max(IRREGULARITY * slope, digit if digit <= 0.25 * slope else 0.0):
+        return None
+    grid = np.arange(places[-1] + 1)
+    present = np.zeros(grid.size, dtype=bool)
+    present[places] = True
+    filled = {name: np.interp(grid, places, values) for name, values in signals.items()}
+    return filled, float(f"{1 / slope:.9g}"), present
+
+
 def _resolution(time: Array) -> float:
     """Return the step between neighbouring values that the stamps could have taken, s."""
     for digits in range(10):

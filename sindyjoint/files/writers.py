@@ -171,6 +171,10 @@ def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> d
         written = _channel(moment, units[moment], run.noise.moment)
         channels[moment] = f"{{ constant = {value} }}" if constant else written
         channels[angle] = _channel(angle, units[angle], run.noise.angle)
+    else:
+        for key, noise in ((moment, run.noise.moment), (angle, run.noise.angle)):
+            if noise is not None:
+                channels[key] = f"{{ noise = {_quantity(noise, units[key])} }}"
     if run.rate is not None:
         channels[rate] = _channel(rate, units[rate], run.noise.rate)
     return channels

@@ -124,9 +124,10 @@ class CampaignFiles:
             from sindyjoint.workflows.diagnose import diagnose
 
             try:
+                # As it was read: what is left out of it is found, left out and said once more.
+                campaign = result.measured or result.campaign
                 write_results(
-                    diagnose(result.campaign, result.model, accept=result.soundness.accepted),
-                    folder / "diagnosis",
+                    diagnose(campaign, result.model, accept=result.soundness.accepted), folder / "diagnosis"
                 )
             except InputError as error:
                 # The joint is discovered all the same.

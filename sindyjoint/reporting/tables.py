@@ -187,7 +187,7 @@ def findings_table(findings: Sequence[Finding]) -> TextTable:
     columns = ("Finding", "Where", "Severity", "Extent", "What it does; what to do")
     rows = tuple(
         (
-            f.id.replace("_", " "),
+            f.id,
             ", ".join(part for part in (f.run, f.channel) if part) or "all runs",
             f"{f.severity}, left out" if f.masked else f.severity,
             f.extent,
@@ -195,4 +195,5 @@ def findings_table(findings: Sequence[Finding]) -> TextTable:
         )
         for f in findings
     )
-    return TextTable("findings", "What the check of the data found.", columns, rows)
+    title = "What the check of the data found, by the ids that --accept takes."
+    return TextTable("findings", title, columns, rows, text=columns)

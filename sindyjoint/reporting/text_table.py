@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 DASH = "–"
+# What begins with a digit, a sign or an estimate's "about": 5910 ± 40, −2 %, < 0.1.
+FIGURE = re.compile(r"[-−+±<>≤≥~≈(\[]?\s*[-−+]?\s*[.\d∞]")
 WIDTH = 100  # characters, where no terminal says how wide it is
 LATEX = {
     "&": r"\&",
@@ -46,12 +48,25 @@ class TextTable:
         The name stands in files and links, the title is what people read.
     columns : tuple of str
     rows : tuple of tuple of str
+    text : tuple of str
+        Columns that hold words even where these begin with a digit, as names of runs do.
     """
 
     name: str
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    text: tuple[str, ...] = ()
+
+    @property
+    def is_text(self) -> tuple[bool, ...]:
+        """Whether a column holds words and not figures: such a one begins at the left."""
+        if not self.rows:
+            return (True,) * len(self.columns)
+        return tuple(
+            name in self.text or any(cell not in ("", DASH) and not FIGURE.match(cell) for cell in column)
+            for name, column in zip(self.columns, zip(*self.rows, strict=True), strict=True)
+        )
 
     def markdown(self) -> str:
         """Return the table as Markdown."""

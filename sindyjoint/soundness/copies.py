@@ -138,7 +138,8 @@ def find_scaled_copies(profiles: Sequence[Profile], words: Words) -> Iterator[Fi
         rows, names, signals = [], [], []
         for p in profiles:
             channel = p.channel(name)
-            third = None if channel is None else _noise_of(channel.values)
+            dense = (p.samples_per_period or np.inf) >= POLICY.copied_period
+            third = _noise_of(channel.values) if channel is not None and dense else None
             if channel is not None and third is not None:
                 rows.append(third)
                 names.append(p)

@@ -190,6 +190,9 @@ def _find_level_steps(
     after, before = slice(at + 1, at + 1 + SIDE), slice(max(0, at - SIDE), at)
     changed = {n: float(height[n][after].mean() / max(height[n][before].mean(), 1e-12)) for n in height}
     alone = abs(changed[other] - 1) < POLICY.gain_alone * abs(changed[name] - 1)
+    if alone and (profile.samples_per_period or np.inf) < POLICY.few_samples:
+        # Where the few samples of a period fall on a friction step, its amplitude beats.
+        return
     where = profile.at(first + at) / profile.run.sample_rate
     span = ((profile.at(first + at), profile.at(first + at + 1)),)
     if alone and np.ptp(ratio) > 0:

@@ -78,6 +78,14 @@ class Cycles:
         names = tuple(self.names[i] for i in rows)
         return Cycles(names, self.frequency[rows], self.moment[rows], self.angle[rows])
 
+    def turned(self, gain: float) -> Cycles:
+        """Return the runs with their angles times a factor."""
+        return Cycles(self.names, self.frequency, self.moment, self.angle * gain)
+
+    def load(self) -> Array:
+        """Return the moment over one cycle, shape (r, POINTS)."""
+        return synthesise(self.moment)
+
     def motion(self, angle: Complex | None = None) -> tuple[Array, Array, Array]:
         """Return angle, rate and acceleration over one cycle, each shape (r, POINTS).
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.broadband_delay import find_broadband_delay
+from sindyjoint.soundness.broadband_kin import find_broadband_kin
 from sindyjoint.soundness.copies import find_repeated_blocks, find_scaled_copies
 from sindyjoint.soundness.course import find_course
 from sindyjoint.soundness.cycle import cycles_of, spectra_of
@@ -19,6 +20,7 @@ from sindyjoint.soundness.floor import find_coarse_steps, find_mains, find_noise
 from sindyjoint.soundness.held import find_dead, find_held
 from sindyjoint.soundness.kin import find_odd_runs
 from sindyjoint.soundness.lines import find_lines
+from sindyjoint.soundness.lost import find_lost
 from sindyjoint.soundness.profile import Profile, profile_of
 from sindyjoint.soundness.saturation import find_saturation
 from sindyjoint.soundness.shape import find_filters
@@ -54,6 +56,8 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from find_unit_mismatches(campaign, words)
     yield from find_dead(raw, words)
     yield from find_sizes(raw, words)
+    for run in campaign.runs:
+        yield from find_lost(run)
     yield from find_repeated_blocks(raw, words)
     yield from find_scaled_copies(raw, words)
     samples = [finding for profile in raw for finding in _find_in_samples(profile, words)]
@@ -72,8 +76,12 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     even = [p for p in whole if p.run.name not in uneven]
     laws = list(_find_in_laws(campaign, even, words))
     yield from laws
-    if not any(finding.severity == "stops" for finding in laws):
-        yield from find_broadband_delay(campaign, [p.run for p in even], words)
+    if any(finding.severity == "stops" for finding in laws):
+        return
+    kin = list(find_broadband_kin(campaign, [p.run for p in even], words))
+    yield from kin
+    odd = {finding.run for finding in kin if finding.id != "drift"}
+    yield from find_broadband_delay(campaign, [p.run for p in even if p.run.name not in odd], words)
 
 
 def _find_in_samples(profile: Profile, words: Words) -> Iterator[Finding]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,31 @@ class Rows:
         return rms(self.target[run] - self.columns[run] @ law)
 
 
+class Motions(Protocol):
+    """Motion and moment of some runs: mean cycles, or samples of runs that do not repeat."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the runs."""
+
+    def __len__(self) -> int: ...
+
+    def take(self, index: Sequence[int]) -> Self:
+        """Return some of the runs."""
+
+    def turned(self, gain: float) -> Self:
+        """Return the runs with their angles times a factor."""
+
+    def load(self) -> Array:
+        """Return the moment, shape (r, n)."""
+
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Return angle, rate and acceleration, each shape (r, n)."""
+
+
+M = TypeVar("M", bound=Motions)
+
+
 def rows_of(
     cycles: Cycles,
     scale: Scale,
@@ -91,10 +117,30 @@ def rows_of(
     slowest : float
         Share of a run's largest rate below which a row counts as standstill.
     """
-    theta, rate, acceleration = cycles.motion(angle)
-    norm = np.std(synthesise(cycles.moment), axis=1, keepdims=True)
+    measured = cycles.load()
+    load = measured if moment is None else synthesise(moment)
+    return _rows(cycles.motion(angle), load, measured, scale, inertia, columns, slowest)
+
+
+def rows_of_motions(motions: Motions, scale: Scale, inertia: float | None) -> Rows:
+    """Return the moving rows of runs that repeat or do not, under the flexible law."""
+    load = motions.load()
+    return _rows(motions.motion(), load, load, scale, inertia, flexible_columns, POLICY.moving_rate)
+
+
+def _rows(
+    motion: tuple[Array, Array, Array],
+    load: Array,
+    measured: Array,
+    scale: Scale,
+    inertia: float | None,
+    columns: Columns,
+    slowest: float,
+) -> Rows:
+    theta, rate, acceleration = motion
+    norm = np.std(measured, axis=1, keepdims=True)
     norm[norm == 0] = 1.0
-    load = synthesise(cycles.moment if moment is None else moment) - (inertia or 0.0) * acceleration
+    load = load - (inertia or 0.0) * acceleration
     moving = np.abs(rate) > slowest * np.abs(rate).max(axis=1, keepdims=True)
     weight = moving / norm
     built = columns(theta / scale.angle, rate / scale.rate)
@@ -108,7 +154,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
-def scale_of(cycles: Cycles) -> Scale:
+def scale_of(cycles: Motions) -> Scale:
     """Return the scale of a campaign: medians, so that one run in another unit does not set it."""
     angle, rate, _ = cycles.motion()
     swing = np.abs(angle - angle.mean(axis=1, keepdims=True)).max(axis=1)
@@ -167,14 +213,14 @@ def odd_runs(rows: Rows, size: int) -> OddRuns | None:
     return best if alike and apart else None
 
 
-def find_odd_runs(cycles: Cycles, inertia: float | None, words: Words) -> tuple[list[Finding], Cycles]:
+def find_odd_runs(cycles: M, inertia: float | None, words: Words) -> tuple[list[Finding], M]:
     """Return findings on runs that differ from their kin, with what explains it, and the cycles of the others."""
     remaining = list(range(len(cycles)))
     odd: list[int] = []
     common = 0.0
     while len(remaining) >= POLICY.fewest_kin and len(odd) <= len(cycles) // 3:
         kin = cycles.take(remaining)
-        rows = rows_of(kin, scale_of(kin), inertia)
+        rows = rows_of_motions(kin, scale_of(kin), inertia)
         found = odd_runs(rows, 1)
         if found is None and len(remaining) >= 2 * POLICY.fewest_kin:
             found = odd_runs(rows, 2)  # two runs that have each other's channel
@@ -187,15 +233,15 @@ def find_odd_runs(cycles: Cycles, inertia: float | None, words: Words) -> tuple[
     if not odd or len(remaining) < 2:
         return [], kin
     scale = scale_of(kin)
-    law = solve(rows_of(kin, scale, inertia).products.sum(axis=0))[0]
+    law = solve(rows_of_motions(kin, scale, inertia).products.sum(axis=0))[0]
     return [_describe(cycles.take([i]), law, common, scale, inertia, words) for i in odd], kin
 
 
 def _describe(
-    run: Cycles, law: Array, common: float, scale: Scale, inertia: float | None, words: Words
+    run: Motions, law: Array, common: float, scale: Scale, inertia: float | None, words: Words
 ) -> Finding:
     """Return the finding: the factor on moment or angle that restores the law, or that none does."""
-    rows = rows_of(run, scale, inertia)
+    rows = rows_of_motions(run, scale, inertia)
     expected, target = rows.columns[0] @ law, rows.target[0]
     moment_gain = float(target @ expected / max(float(expected @ expected), 1e-300))
     after_moment = rms(target - moment_gain * expected)
@@ -237,11 +283,11 @@ def _describe(
     )
 
 
-def _best_angle_gain(run: Cycles, law: Array, scale: Scale, inertia: float | None) -> tuple[float, float]:
+def _best_angle_gain(run: Motions, law: Array, scale: Scale, inertia: float | None) -> tuple[float, float]:
     """Return the factor of the angle under which the law fits best, and the RMS that it then leaves."""
 
     def left(gain: float) -> float:
-        return rows_of(run, scale, inertia, angle=run.angle / gain).left_by(law, 0)
+        return rows_of_motions(run.turned(1 / gain), scale, inertia).left_by(law, 0)
 
     size = float(np.abs(run.motion()[0]).max()) / scale.angle
     grid = np.concatenate([np.geomspace(0.5, 2.0, 25), np.geomspace(0.2, 5.0, 25) * size, [-1.0]])

@@ -105,6 +105,11 @@ class SoundnessPolicy:
     )
     copied_share: float = limit(0.05, "share of a run found in another one that is reported")
     copied_noise: float = limit(0.98, "correlation of the noise of two runs from which one is a scaled copy")
+    copied_period: float = limit(
+        32.0,
+        "samples per period below which friction steps, which two levels share, are too dense to be told from noise",
+        source="a step reaches four third differences, and comes twice a period",
+    )
     dead_share: float = limit(0.05, "amplitude over the run's median below which a period has no excitation")
     phase_scatter: float = limit(
         0.004,
@@ -113,6 +118,9 @@ class SoundnessPolicy:
         source=CALIBRATED,
     )
     phase_step: float = limit(0.06, "jump of the phase that is reported", unit="rad", source=CALIBRATED)
+    bridged_gap: float = limit(
+        0.1, "gap in periods of its main line that is bridged in a run that does not repeat"
+    )
     lost_samples: float = limit(1.0, "lost samples that are reported", unit="samples")
     step_contrast: float = limit(
         2.5, "step over the ranges of the four periods on either side of it", source=CALIBRATED
@@ -202,6 +210,7 @@ class SoundnessPolicy:
         40_000, "samples of runs that do not repeat that a delay is sought in", unit="samples", source="time"
     )
     longest_broadband: float = limit(5e-3, "delay of runs that do not repeat that is believed", unit="s")
+    most_broadband: int = limit(24, "runs that do not repeat that are held against each other", source="time")
     broadband_contrast: float = limit(
         10.0, "delay of runs that do not repeat in standard errors", source=CALIBRATED
     )

@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit, within
-from sindyjoint.states.noise import WIDEST, coherent_to_the_top, moment_noise, motion_noise, signal_end
+from sindyjoint.states.noise import (
+    WIDEST,
+    coherent_to_the_top,
+    moment_noise,
+    motion_noise,
+    noise_before_filter,
+    signal_end,
+)
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 
@@ -103,7 +110,8 @@ def broadband_states(
     """
     from scipy.signal import fftconvolve
 
-    end = signal_end(run.angle, run.sample_rate)
+    filtered_angle = noise_before_filter(run.angle, run.moment, run.sample_rate)
+    end = signal_end(run.angle, run.sample_rate, filtered_angle)
     highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)
     cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
     low, first, second = smoothing_kernels(cutoff, run.sample_rate)
@@ -128,6 +136,8 @@ def broadband_states(
     angle = smooth(run.angle - run.angle[0], low) + run.angle[0]
     declared = run.noise
     angle_noise, angle_measured = motion_noise(run.angle, run.sample_rate, declared.angle)
+    if declared.angle is None and filtered_angle is not None:
+        angle_noise, angle_measured = filtered_angle, True
     if run.rate is None:
         # Centred first: a large offset times the kernel's rounding would show in the second derivative.
         rate, acceleration = (smooth(run.angle - np.mean(run.angle), k) for k in (first, second))
@@ -147,6 +157,9 @@ def broadband_states(
     )
     of_moment, moment_measured = moment_noise(run.moment, run.sample_rate, declared.moment)
     shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
+    filtered = noise_before_filter(run.moment, run.angle, run.sample_rate)
+    if declared.moment is None and filtered is not None:
+        of_moment, moment_measured = filtered, True
     slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
     if run.valid is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 WIDEST = 0.38
 # Where, below a signal's end, it is asked whether it was cut there.
 JUST_BELOW = 0.9
+# And, in parts of that end, where a filter that cuts there does not yet fall.
+BEFORE = (0.5, 0.7)
 # Differences of values that are alike but for rounding, relative to the largest value; and by how much a difference may
 # miss a multiple of the quantisation step, in steps.
 ROUNDING, OFF_STEP = 1e-9, 0.02
@@ -56,12 +59,20 @@ def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
     return end.bandwidth, end.noise
 
 
-def signal_end(signal: Array, sample_rate: float) -> SignalEnd:
+def signal_end(signal: Array, sample_rate: float, noise: float | None = None) -> SignalEnd:
     """Return the frequency at which a signal first falls to its noise floor, and that noise.
 
     The floor is the median spectral density over the top third of the band. Going up from the strongest line, the
     signal ends where the running median of its density falls below four times the floor; single lines above it
     (mains, a mode of the sensor) do not count. Beyond that frequency a derivative gains more noise than signal.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    sample_rate : float
+        Hz.
+    noise : float, optional
+        RMS of white noise, where the floor is known otherwise.
     """
     from scipy.ndimage import median_filter
     from scipy.signal import welch
@@ -71,7 +82,7 @@ def signal_end(signal: Array, sample_rate: float) -> SignalEnd:
         signal, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
     )
     top = density[2 * density.size // 3 :]
-    floor = float(np.median(top))
+    floor = float(np.median(top)) if noise is None else 2 * noise**2 / sample_rate
     smooth = median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
     peak = int(np.argmax(density))
     sunk = np.flatnonzero(smooth[peak:] <= POLICY.signal_to_noise * floor)
@@ -176,6 +187,33 @@ def motion_noise(signal: Array, sample_rate: float, declared: float | None = Non
     end = signal_end(signal, sample_rate)
     rounding = quantisation_step(signal) / np.sqrt(12.0)
     return (rounding, True) if rounding >= end.noise else (end.noise, end.flat)
+
+
+def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> float | None:
+    """Return the RMS of a channel's noise where a filter cut it, over the whole band; None where none did.
+
+    A signal that ends abruptly, as a multisine does at its last line, is in both channels up to its end. What is in one
+    of them only is noise, or the tail of steps, and where it ends abruptly an anti-alias filter cut it: what lies
+    beyond, if it is level, is the stop band of a Chebyshev or elliptic one, and no floor. The floor is the density
+    before the filter begins to fall.
+    """
+    from scipy.signal import coherence, welch
+
+    end = signal_end(channel, sample_rate)
+    if not (end.abrupt and end.flat) or np.ptp(channel) == 0 or np.ptp(other) == 0:
+        return None
+    segment = int(np.clip(channel.size // SEGMENTS, 16, 512))
+    settings: dict[str, Any] = dict(window="blackmanharris", nperseg=segment, detrend="linear")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        frequency, shared = coherence(channel, other, sample_rate, **settings)
+    density = welch(channel, sample_rate, **settings)[1]
+    below = (frequency > BEFORE[0] * end.bandwidth) & (frequency < JUST_BELOW * end.bandwidth)
+    below &= np.isfinite(shared)
+    # By power: between the lines of a multisine there is noise, too, but not what ends.
+    if not below.any() or np.average(shared[below], weights=density[below]) >= POLICY.shared_below_end:
+        return None
+    before = below & (frequency < BEFORE[1] * end.bandwidth)
+    return float(np.sqrt(np.median(density[before if before.any() else below]) * sample_rate / 2))
 
 
 def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool:

@@ -82,6 +82,12 @@ class StatesPolicy:
         "median coherence of angle and moment in the top third of the band, beyond which most of it is signal",
         source="half of the power",
     )
+    shared_below_end: float = limit(
+        0.2,
+        "mean coherence of angle and moment, by power, just below an abrupt end, below which what ends is noise that a "
+        "filter cut there",
+        source="filtered noise has 0.02, the last lines of a multisine 0.7 or more",
+    )
     rate_sigmas: float = limit(4.0, "standard errors of the rate below which its sign is not known")
     periodic_rate_share: float = limit(
         0.05, "share of the peak rate below which a sample of a periodic run is reversal"

@@ -47,6 +47,7 @@ def diagnose(
     max_effects: int = CAMPAIGN.most_effects,
     hold_out: Sequence[str] = (),
     advise: bool = True,
+    before_advice: Callable[[Diagnosis], None] | None = None,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -80,7 +81,11 @@ def diagnose(
     hold_out : sequence of str
         Names of runs that are kept out of the fit, as if marked ``use = "validate"``.
     advise : bool
-        Whether runs are sought that would tell rivals apart; often the longest part.
+        Whether runs are sought that would tell rivals apart; ``policy.advice_work`` and ``policy.advice_seconds`` end
+        that early.
+    before_advice : callable, optional
+        Called with the diagnosis, complete but for advice, before runs are sought; an interruption of that search
+        then takes nothing with it.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -123,8 +128,13 @@ def diagnose(
         if delay is not None:
             usable = without_delay(usable, delay)
         problem = CampaignProblem.build(usable, model, base, known, policy)
-        result = _of_campaign(explain_gap(problem, max_effects, say, advise), campaign, delay)
-        return replace(_limit(result, checked), hidden=hidden)
+
+        def limited(result: Diagnosis) -> Diagnosis:
+            return replace(_limit(_of_campaign(result, campaign, delay), checked), hidden=hidden)
+
+        keep = before_advice or (lambda result: None)
+        result = explain_gap(problem, max_effects, say, advise, lambda result: keep(limited(result)))
+        return limited(result)
 
 
 def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
@@ -186,6 +196,7 @@ def diagnose_structure(
     max_effects: int = STRUCTURE.most_effects,
     hold_out: Sequence[Rig | str | Path] = (),
     advise: bool = True,
+    before_advice: Callable[[Diagnosis], None] | None = None,
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -215,7 +226,9 @@ def diagnose_structure(
         Other pulses of the same structure, which no fit sees; the gaps are told on them. Default: the second half of
         the time in which the record stands out of its noise.
     advise : bool
-        Whether records are sought that would tell rivals apart.
+        Whether records are sought that would tell rivals apart; ends early as that of runs does.
+    before_advice : callable, optional
+        Called with the diagnosis, complete but for advice, before records are sought.
     random_state : int, Generator or None
         Of the virtual pulse test.
     progress : callable, optional
@@ -242,7 +255,7 @@ def diagnose_structure(
     known = _known_effects(library, effects, max_effects)
     with spread(jobs, workers, cluster):
         problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
-        return explain_gap(problem, max_effects, say, advise)
+        return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
 
 
 def _known_effects(

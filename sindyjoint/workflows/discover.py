@@ -103,7 +103,7 @@ def discover(
     checked = check_campaign(campaign, accept)
     if checked.stopping:
         return stopped_by_data(checked, regressor)
-    campaign = checked.usable
+    measured_campaign, campaign = campaign, checked.usable
     inertia = campaign.joint.inertia
     say("force states")
     force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
@@ -162,6 +162,7 @@ def discover(
         campaign=campaign,
         bias=fixed.bias if fixed is not None else None,
         soundness=checked.soundness,
+        measured=measured_campaign,
     )
 
 

@@ -51,6 +51,8 @@ class Discovery:
     stopped : Check or None
         The check, where its findings are such that nothing was discovered: there are no states then, and the regressor
         is not fitted.
+    measured : Campaign, optional
+        As it was read, with the samples that are left out.
     """
 
     model: JointModel
@@ -65,6 +67,7 @@ class Discovery:
     bias: Bias | None = field(repr=False, default=None)
     soundness: Soundness = Soundness()
     stopped: Check | None = field(repr=False, default=None)
+    measured: Campaign | None = field(repr=False, default=None)
 
     @property
     def selection(self) -> Selection:

@@ -24,7 +24,18 @@ NAMED = [
     ("angle_drift", 1, {"angle_drift"}),
 ]
 
-KEYS = ["schema", "verdict", "reason", "gap", "budget", "where", "steps", "advice", "warnings"]
+KEYS = [
+    "schema",
+    "verdict",
+    "reason",
+    "gap",
+    "budget",
+    "where",
+    "steps",
+    "advice",
+    "advice_search",
+    "warnings",
+]
 
 
 @pytest.mark.slow

@@ -1,6 +1,8 @@
 """What is written is read back: the same joint, the same runs, to the last bit."""
 
+import re
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -192,3 +194,18 @@ def test_text_holds_every_bit(values):
     columns = {"x": np.array(values), "y": np.array(values[::-1])}
     table = read_text("f.csv", ENCODERS["csv"](columns))
     np.testing.assert_array_equal(table.columns(["x", "y"]), list(columns.values()))
+
+
+def test_declared_noise_comes_back_through_a_rig(tmp_path):
+    """Of a quantity that the gauges give, the manifest declares the noise alone."""
+    noises = (SensorNoise(moment=0.02, angle=1e-6), SensorNoise(moment=0.02, angle=3e-6))
+    runs = [replace(r, noise=n) for r, n in zip(CAMPAIGN.runs[:2], noises, strict=True)]
+    write_campaign(CAMPAIGN.with_runs(tuple(runs)), tmp_path, rig=RIG)
+    assert tuple(r.noise for r in load_campaign(tmp_path).runs) == noises
+    manifest = tomllib.loads((tmp_path / "campaign.toml").read_text(encoding="utf-8"))
+    assert manifest["channels"]["moment"] == {"noise": "0.02 N*m"}
+    # Without the gauges such an entry is no channel.
+    text = (tmp_path / "campaign.toml").read_text(encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(re.sub(r"(?s)\[rig\].*?\n\n", "", text), encoding="utf-8")
+    with pytest.raises(InputError, match="key 'moment' is missing"):
+        load_campaign(tmp_path)

@@ -7,7 +7,7 @@ from handmade import model
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.localisation import Place
-from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, RunGap, Step
+from sindyjoint.diagnosis.result import Advice, AdviceSearch, Diagnosis, Gap, RecordGap, RunGap, Step
 from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.verification import Band, RunVerification, Verification
@@ -111,6 +111,7 @@ def diagnosis(name="bench joint", effect="jenkins_element", verdict="ambiguous")
         hidden=effect if named else None,
         before=run_gaps(0.05),
         after=run_gaps(0.0) if named else (),
+        search=AdviceSearch("complete", 120, 120),
     )  # fmt: skip
 
 

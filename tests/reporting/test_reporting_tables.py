@@ -13,7 +13,9 @@ from sindyjoint.errors import InputError
 from sindyjoint.reporting.packing import pack
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.style import prefixed, pretty_unit, shortened
-from sindyjoint.reporting.tables import TERM_COLUMNS, term_rows, terms_csv, terms_table
+from sindyjoint.reporting.tables import TERM_COLUMNS, findings_table, term_rows, terms_csv, terms_table
+from sindyjoint.reporting.text_table import DASH, TextTable
+from sindyjoint.soundness.finding import Finding
 
 VIEW = DiscoveryView()
 
@@ -108,3 +110,17 @@ def damaged(change):
 def test_damaged_data_are_refused(data, message):
     with pytest.raises(InputError, match=message.replace("(", r"\(")):
         VIEW.restore(data)
+
+
+def test_words_begin_at_the_left_and_figures_end_at_the_right():
+    rows = (("k1", "5910 ± 40", "N·m/rad", "−0.2 %", "3Hz-low"), ("k2", DASH, "1", "< 0.1", "5Hz"))
+    table = TextTable("made", "Made.", ("id", "value", "unit", "change", "run"), rows, text=("run",))
+    assert table.is_text == (True, False, True, False, True)
+    assert TextTable("none", "None.", ("a",), ()).is_text == (True,)
+
+
+def test_findings_are_shown_by_the_ids_that_accept_takes():
+    finding = Finding("lost_samples", "3Hz", None, "stops", "many", "c1", "repeat")
+    table = findings_table([finding])
+    assert table.rows[0][:2] == ("lost_samples", "3Hz") and all(table.is_text)
+    assert "--accept" in table.title

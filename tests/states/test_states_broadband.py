@@ -164,7 +164,7 @@ def test_the_last_lines_of_a_motion_that_ends_abruptly_are_kept():
     tones, phases = rng.uniform(1, 8, 25), rng.uniform(0, 2 * np.pi, 25)
     angle = np.sum([np.sin(2 * np.pi * f * time + p) for f, p in zip(tones, phases, strict=True)], axis=0)
     noisy = angle + 5e-3 * np.std(angle) * rng.standard_normal(time.size)
-    states = broadband_states(Run("tones", np.sin(time), noisy, 400.0))
+    states = broadband_states(Run("tones", 2 * angle + np.sin(time), noisy, 400.0))
     first = round(states.time[0] * 400.0)
     error = states.angle - angle[first : first + states.n_samples]
     assert 8.0 < states.bandwidth < 11.0

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt
+from scipy.signal import butter, cheby2, ellip, sosfilt
 
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run, SensorNoise
@@ -84,6 +84,34 @@ def test_states_say_whether_their_noise_is_known():
     assert pooled_noise([known], 0.0, [1]) == pytest.approx(0.05, rel=0.1)
     assert np.isnan(pooled_noise([known, unknown], 0.0, [1, 1]))
     assert pooled_noise([known, unknown], 0.0, [3, 1]) == pytest.approx(0.05, rel=0.1)
+
+
+STOP_BANDS = {
+    "Chebyshev, 60 dB": cheby2(8, 60, 0.5, output="sos"),
+    "Chebyshev, 40 dB": cheby2(6, 40, 0.3, output="sos"),
+    "elliptic": ellip(6, 0.5, 60, 0.5, output="sos"),
+}
+
+
+@pytest.mark.parametrize("filtered", STOP_BANDS)
+@pytest.mark.parametrize("top", [12.0, 60.0])
+def test_a_level_stop_band_is_no_floor(filtered, top):
+    """What lies beyond the edge is level, and 40 to 60 dB below the noise that the channel really has."""
+    angle = 1e-3 * smooth(top)
+    channels = [5e3 * angle + noise(0.05, 6), angle + noise(1e-5, 7)]
+    behind = [sosfilt(STOP_BANDS[filtered], channel) for channel in channels]
+    states = force_states(Run("run", *behind, RATE))
+    found = states.noise
+    # The noise before the filter began to fall; near its edge some is gone.
+    assert found.moment == pytest.approx(0.05, rel=0.25) and found.measured
+    assert found.angle == pytest.approx(1e-5, rel=0.25) and found.motion_measured
+    # And the edge of the filter is not taken for the end of the signal.
+    assert states.bandwidth < 2 * top
+    # The multisine itself ends as abruptly, in both channels: its floor is one.
+    known = force_states(Run("run", *channels, RATE)).noise
+    assert known.measured and known.motion_measured and known.moment == pytest.approx(0.05, rel=0.1)
+    declared = SensorNoise(moment=0.05, angle=1e-5)
+    assert force_states(Run("run", *behind, RATE, noise=declared)).noise.moment == 0.05
 
 
 def test_declared_noise_is_the_floor_where_nothing_repeats():

@@ -36,6 +36,7 @@ from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
 from sindyjoint.diagnosis.campaign.whole import nuisances_of, whole_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
@@ -265,9 +266,11 @@ class CampaignProblem(Problem):
         moments = GapRegression.build(self.work.moment_rows(), self.work.model, (), self.policy)
         return locate_gap(moments, self.work.campaign.joint.motion)
 
-    def separating_runs(self, step: Step, ranking: Ranking[FittedEffect]) -> tuple[Advice, ...]:
+    def separating_runs(
+        self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
+    ) -> tuple[Advice, ...]:
         """Return the runs that would tell the members of a class apart."""
-        return separating_runs(self.work, self.found, step, [f.effect for f in ranking.members[1:]])
+        return separating_runs(self.work, self.found, step, [f.effect for f in ranking.members[1:]], effort)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""

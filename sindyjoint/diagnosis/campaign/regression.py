@@ -36,6 +36,9 @@ STARTS = {1: 1, 2: 3}
 # Nonlinear parameters are refined until their gain rises by less than this, or this share of it; the search is coarser.
 LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
 MOST_TRIALS = 80  # of nonlinear parameters, per parameter; a ridge is followed slowly
+USUAL_TRIALS = 30
+PER_TRIAL = 5_000.0  # samples that a trial costs beside those that it goes along
+FOLLOWED = 4  # samples in one step of a rough motion, about
 # Steps of integration over all runs for one trial of nonlinear parameters.
 ROUGH_STEPS = 30_000
 # Nonlinear parameters are refined where the search came within this share of the best gain.
@@ -139,8 +142,8 @@ class GapRegression:
     def rough(self) -> GapRegression:
         """Return the regression for searching: states follow the motion roughly, and windows of long records only."""
         runs = [run.rough() for run in self.runs]
-        share = ROUGH_STEPS / sum(run.motion.angle.size / run.motion.follow for run in runs)
-        if share >= 1 or any(run.folded or run.half_cycles for run in runs):
+        share = _share(runs)
+        if share >= 1:
             return replace(self, runs=tuple(runs))
         parts = [excerpt(run, share) for run in runs]
         starts = np.cumsum([0, *(run.target.size for run in runs[:-1])])
@@ -252,19 +255,49 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
 def rank_effects(problem: GapRegression, fitted: Sequence[FittedEffect]) -> Ranking[FittedEffect]:
     """Return the candidates in order of probability."""
     policy, correlated = problem.policy, problem.correlated
-    error = policy.column_error
-    if not problem.repeats:
-        best = max(fitted, key=lambda f: f.gain)
-        error = policy.state_error_once if best.variant.states else policy.column_error_once
     scale = EvidenceScale(
         problem.chi_square,
         problem.degrees,
         problem.target.size / correlated,
-        error,
+        column_error(fitted, problem.repeats, policy),
         problem.explained,
         correlated,
     )
     return rank(fitted, [problem.choices(f.variant) for f in fitted], scale, policy)
+
+
+def column_error(fitted: Sequence[FittedEffect], repeats: bool, policy: DiagnosisPolicy) -> float:
+    """Return the relative error of the candidates' columns, by the best of them."""
+    if repeats:
+        return policy.column_error
+    best = max(fitted, key=lambda f: f.gain)
+    return policy.state_error_once if best.variant.states else policy.column_error_once
+
+
+def trials_of(runs: Sequence[GapRun], effect: Effect) -> float:
+    """Return about how many samples a search for an effect's nonlinear parameters goes along, over all its trials."""
+    whole = sum(run.motion.angle.size + run.target.size for run in runs)
+    rough = sum(run.motion.angle.size / run.motion.follow / FOLLOWED + run.target.size for run in runs)
+    trials = 0.0
+    for variant in effect.variants:
+        count = len(variant.parameters)
+        grid = int(np.prod(GRID.get(count, (4,) * count))) if count else 1
+        trials += (grid + STARTS.get(count, 2) * USUAL_TRIALS * count) * (rough + PER_TRIAL)
+    most = max(len(variant.parameters) for variant in effect.variants)
+    return trials + USUAL_TRIALS * most * (whole + PER_TRIAL)
+
+
+def shortened(runs: Sequence[GapRun]) -> tuple[GapRun, ...]:
+    """Return runs of which no more is kept than a search goes along; those that repeat, or are free, stay whole."""
+    share = _share(runs)
+    return tuple(runs) if share >= 1 else tuple(excerpt(run, share)[0] for run in runs)
+
+
+def _share(runs: Sequence[GapRun]) -> float:
+    """Return what share of some runs is searched; one where their rows are few, or belong together."""
+    if any(run.folded or run.half_cycles for run in runs):
+        return 1.0
+    return ROUGH_STEPS / sum(run.motion.angle.size / run.motion.follow for run in runs)
 
 
 def stack(runs: Sequence[GapRun], columns: Callable[[GapRun], Array]) -> Array:

@@ -1,53 +1,106 @@
 """Which runs would tell effects apart: each rival in turn is taken for true, and the others are fitted to it.
 
 The rivals are laid along motions that nobody has measured yet, beside those that were. What the others cannot follow is
-put into the same probabilities by which effects are named.
+put into the same probabilities by which effects are named. A run's promise with the rivals as they are costs little,
+and all runs are held against each other by it; the best are looked at with the rivals refined, and in the end searched
+anew. The search ends early where its effort is spent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, Design, designs, expected_states
-from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect, rank_effects, refine_effect
+from sindyjoint.diagnosis.campaign.promises import CoarseRows
+from sindyjoint.diagnosis.campaign.regression import (
+    GapRegression,
+    fit_effect,
+    rank_effects,
+    refine_effect,
+    shortened,
+    trials_of,
+)
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.equation.model import JointModel
 from sindyjoint.parallel import side_by_side
 from sindyjoint.text import in_words_of
 
-# How rivals are laid along a run that nobody measured: as found, from there refined, or searched anew as well.
-Rivals = Literal["as found", "refined", "searched"]
+T = TypeVar("T")
+R = TypeVar("R")
+
+# How rivals are laid along a run that nobody measured: refined from what is known, or searched anew as well.
+Rivals = Literal["refined", "searched"]
 # Expected confidence, expected margin, the run, its rows.
 Promise = tuple[float, float, Design, GapRun]
+COARSE = 5_000.0  # samples that a trial on one run costs: its motion, its rows
+REFINING = 0.25  # work of refining rivals in parts of that of searching them
 FINE = 3  # runs in which the rivals are fitted anew
 MOST_NATS = 30.0  # a margin is counted up to this: beyond, its mean would rest on one rival
+PORTION = 15  # runs between two looks at the clock
 NO_RUN = "none: no prescribed angle that was tried separates them"
+NO_FREQUENCY = "none: runs are tried about the frequencies of those that were made, and these declare none"
 READ_ZEROS = "none: no motion separates them; read both channels with the joint unloaded and at rest"
 
 
+class Spent(Exception):
+    """The effort of the search is used up."""
+
+
 def separating_runs(
-    work: Work, found: Sequence[FittedEffect], step: Step, rivals: Sequence[Effect]
+    work: Work, found: Sequence[FittedEffect], step: Step, rivals: Sequence[Effect], effort: Effort
 ) -> tuple[Advice, ...]:
-    """Return up to two runs that separate the class of a named effect best.
+    """Return up to two runs that separate the class of a named effect best, as far as the effort goes.
 
     Where no run does, the advice says so: its frequency and level are zero.
     """
     mine = next((f for f in found if f.name == step.effect), None)
     if mine is None or not rivals:
         return ()
+    runs = designs(work.states, work.policy)
+    motion = work.model.joint.motion
+    if not runs:
+        channels = any(each.enters != "moment" for each in (mine.effect, *rivals))
+        none = READ_ZEROS if channels else NO_FREQUENCY
+        return (Advice(step.members, 0.0, 0.0, in_words_of(motion, none), step.probability),)
+    effort.planned += len(runs)
     others = [f for f in found if f is not mine and not f.shifts]
-    return tuple(_Rivals.build(work, mine, rivals, others, step).advice())
+    rows = shortened(work.rows)
+    rivals = _affordable(rows, mine, rivals, effort, work.policy)
+    search = _Rivals(rows, work, others, mine, runs, effort)
+    try:
+        search.fit(rivals, step)
+    except Spent:
+        return ()
+    return tuple(search.advice())
+
+
+def _affordable(
+    rows: Sequence[GapRun],
+    mine: FittedEffect,
+    rivals: Sequence[Effect],
+    effort: Effort,
+    policy: DiagnosisPolicy,
+) -> Sequence[Effect]:
+    """Return the likeliest rivals, as many as one round of the search can hold against each other; at least one."""
+    for count in range(min(len(rivals), policy.most_rivals - 1), 1, -1):
+        every = (mine.effect, *rivals[:count])
+        pairs = sum(trials_of(rows, each) for each in every) * count
+        # Fitted to each other, refined on a few runs, and searched anew on about as many.
+        if 3 * pairs <= effort.work:
+            return rivals[:count]
+    return rivals[:1]
 
 
 class _Rivals:
@@ -55,46 +108,78 @@ class _Rivals:
 
     def __init__(
         self,
+        rows: Sequence[GapRun],
         work: Work,
         others: Sequence[FittedEffect],
-        members: Sequence[FittedEffect],
-        weights: Sequence[float],
+        mine: FittedEffect,
+        runs: Sequence[Design],
+        effort: Effort,
     ) -> None:
-        self.rows, self.states, self.model, self.policy = work.rows, work.states, work.model, work.policy
-        self.others, self.members = tuple(others), tuple(members)
-        self.weights = np.asarray(weights) / np.sum(weights)
-        everyone = range(len(self.members))
+        self.rows, self.states, self.model, self.policy = tuple(rows), work.states, work.model, work.policy
+        self.others, self.runs = tuple(others), tuple(runs)
+        self.members: tuple[FittedEffect, ...] = (mine,)
+        self._effort = [effort]
         # Each rival in the shape in which it comes nearest to each of the others, as far as was measured.
         self.shapes: list[list[FittedEffect]] = []
-        problems = [self._problem([], index) for index in everyone]
-        self.shapes = [self._fitted(problems[index], index, "searched") for index in everyone]
-        self.before = [self._evidence(problems[index], self.shapes[index]) for index in everyone]
 
-    @classmethod
-    def build(
-        cls,
-        work: Work,
-        mine: FittedEffect,
-        rivals: Sequence[Effect],
-        others: Sequence[FittedEffect],
-        step: Step,
-    ) -> _Rivals:
-        """Fit the rivals to what the effect that was named adds to the moment."""
-        problem = _as_if(work.rows, work.model, others, mine, work.policy)
-        members = [mine, *(fit_effect(problem, rival) for rival in rivals)]
+    def __getstate__(self) -> dict[str, Any]:
+        # Other processes do not keep account.
+        return {**vars(self), "_effort": []}
+
+    def fit(self, rivals: Sequence[Effect], step: Step) -> None:
+        """Fit the rivals to what the effect that was named adds to the moment, then each to each."""
+        mine = self.members[0]
+        work = [trials_of(self.rows, each) for each in rivals]
+        problem = _as_if(self.rows, self.model, self.others, mine, self.policy)
+        fitted = self._counted("search", rivals, max(work), _fit_rival, [problem], "advice: fitting rivals")
+        self.members = (mine, *fitted)
         known = {step.effect: step.probability, **dict(step.rivals)}
-        return cls(work, others, members, [max(known.get(each.name, 0.0), 1e-3) for each in members])
+        weights = np.array([max(known.get(each.name, 0.0), 1e-3) for each in self.members])
+        self.weights = weights / weights.sum()
+        self.pairs = sum(trials_of(self.rows, each.effect) for each in self.members) / len(self.members)
+        self.pairs *= len(self.members) - 1
+        everyone = range(len(self.members))
+        shapes = self._counted(
+            "search", everyone, self.pairs, _shapes, [self], "fitting rivals to each other"
+        )
+        self.before = [self._evidence(self._problem([], index), shapes[index]) for index in everyone]
+        self.shapes = shapes
+        self.coarse = CoarseRows.build(self.rows, self.model, self.others, self.members, self.policy)
+
+    def _counted(
+        self,
+        kind: str,
+        tasks: Sequence[T],
+        work: float,
+        function: Callable[..., R],
+        shared: Sequence[Any],
+        stage: str,
+        portion: int = 0,
+    ) -> list[R]:
+        """Return the results of tasks of so much work each, a portion of them at a time; Spent where it is too much."""
+        effort, results = self._effort[0], list[R]()
+        portion = portion or len(self.members)
+        for first in range(0, len(tasks), portion):
+            some = tasks[first : first + portion]
+            effort.tell(stage, {kind: work * (len(tasks) - first)})
+            if not effort.allows(kind, work * len(some)):
+                raise Spent
+            results += side_by_side(function, some, shared)
+        return results
 
     def advice(self) -> list[Advice]:
         """Return runs until the expected confidence suffices, the best first."""
         names = tuple(each.name for each in self.members)
         added: list[GapRun] = []
         advice: list[Advice] = []
-        before, margin = self._judged(self.before)
+        before, margin = self.judged(self.before)
         policy, motion = self.policy, self.model.joint.motion
         for _ in range(policy.most_runs):
             least = (before + policy.little_confidence, margin + policy.little_margin)
-            best = self._best(added, least)
+            try:
+                best = self._best(added, least)
+            except Spent:
+                return advice
             if best is None or (best[0] < least[0] and best[1] < least[1]):
                 break
             before, margin, design, row = best
@@ -115,24 +200,41 @@ class _Rivals:
 
         None where no run reaches one of two least values, of confidence and margin.
         """
-        runs = designs(self.states, self.policy)
+        runs = self.runs
         moments = self._promises([each for each in runs if each.waveform == BY_MOMENT], added)
         enough = self.policy.enough
         best = self._surest([each for each in moments if each[0] >= enough], added, least)
         if best is not None and best[0] >= enough:
             return best
         moments = [each for each in moments if each[0] < enough]
-        others = self._promises([each for each in runs if each.waveform != BY_MOMENT], added)
+        try:
+            others = self._promises([each for each in runs if each.waveform != BY_MOMENT], added)
+        except Spent:
+            if best is None:
+                raise
+            return best
         return self._surest([*moments, *others], added, least, best)
 
     def _promises(self, runs: Sequence[Design], added: Sequence[GapRun]) -> list[Promise]:
         """Return the few runs that promise most with rivals as they are, and what they keep with rivals refined."""
         if not runs:
             return []
-        coarse = side_by_side(_coarse, runs, [self, tuple(added)])
+        effort, coarse = self._effort[0], []
+        for first in range(0, len(runs), PORTION):
+            some = runs[first : first + PORTION]
+            stage = f"advice: {effort.tried} of {effort.planned} runs tried"
+            if added:
+                stage = f"advice: a further run, {first} of {len(runs)} tried"
+            coarse += self._counted(
+                "run", some, COARSE * len(self.members) ** 2, _coarse, [self, tuple(added)], stage, PORTION
+            )
+            effort.tried += 0 if added else len(some)
         tried = [each for each in coarse if each is not None]
         tried.sort(key=lambda each: each[:2], reverse=True)
-        return side_by_side(_fine, [each[2:] for each in tried[:FINE]], [self, tuple(added)])
+        best = [each[2:] for each in tried[:FINE]]
+        stage = "advice: the rivals refined on the best runs"
+        work = REFINING * len(self.members) * self.pairs
+        return self._counted("refinement", best, work, _fine, [self, tuple(added)], stage, 1)
 
     def _surest(
         self,
@@ -151,8 +253,14 @@ class _Rivals:
                 break
             if each[0] < least[0] and each[1] < least[1]:
                 continue
-            evidence = side_by_side(_searched, range(len(self.members)), [self, (*added, each[3])])
-            kept = (*self._judged(evidence), *each[2:])
+            everyone, given = range(len(self.members)), [self, (*added, each[3])]
+            stage = "advice: the rivals searched anew on the best runs"
+            try:
+                evidence = self._counted("search", everyone, self.pairs, _searched, given, stage)
+            except Spent:
+                # What is known already is known as well as ever.
+                return best
+            kept = (*self.judged(evidence), *each[2:])
             best = kept if best is None or kept[:2] > best[:2] else best
         return best
 
@@ -162,9 +270,9 @@ class _Rivals:
         The confidence is the probability that the true member would have, on average over which of them is true:
         today's odds times what the runs add to the evidence. The margin, in nats, goes on where it saturates.
         """
-        return self._judged([self.evidence(added, index, rivals) for index in range(len(self.members))])
+        return self.judged([self.evidence(added, index, rivals) for index in range(len(self.members))])
 
-    def _judged(self, evidence: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+    def judged(self, evidence: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
         """Return confidence and margin from the evidence with each member in turn taken for true."""
         confidence = margin = 0.0
         for index, weight in enumerate(self.weights):
@@ -175,6 +283,10 @@ class _Rivals:
             margin += weight * float(np.clip(logarithms[index] - others.max(), -MOST_NATS, MOST_NATS))
         # Ties of the confidence are decided by the margin.
         return round(confidence, 3), margin
+
+    def nearest_to(self, index: int) -> list[FittedEffect]:
+        """Return the members as they come nearest to one of them along what was measured."""
+        return self._fitted(self._problem([], index), index, "searched")
 
     def _problem(self, added: Sequence[GapRun], index: int) -> GapRegression:
         """Return the regression of the campaign and some runs more, one of the members taken for true."""
@@ -190,8 +302,6 @@ class _Rivals:
     def _nearest(
         self, problem: GapRegression, rival: FittedEffect, place: int, index: int, rivals: Rivals
     ) -> FittedEffect:
-        if rivals == "as found":
-            return rival
         known = [rival, self.shapes[index][place]] if len(self.shapes) > index else [rival]
         nearest = refine_effect(problem, max(known, key=lambda f: problem.gain(f.variant, f.values)[0]))
         if rivals == "refined":
@@ -218,11 +328,22 @@ def _searched(rivals: _Rivals, added: Sequence[GapRun], index: int) -> NDArray[n
     return rivals.evidence(added, index, "searched")
 
 
+def _fit_rival(problem: GapRegression, rival: Effect) -> FittedEffect:
+    return fit_effect(problem, rival)
+
+
+def _shapes(rivals: _Rivals, index: int) -> list[FittedEffect]:
+    return rivals.nearest_to(index)
+
+
 def _coarse(rivals: _Rivals, added: Sequence[GapRun], design: Design) -> Promise | None:
     """Return what is expected of a run, the rivals as they were fitted; None where it has no rows."""
     expected = expected_states(design, rivals.states, rivals.policy.rate_share)
     (row,) = gap_runs([expected], rivals.model, ["advised"], rivals.policy)
-    return (*rivals.expected([*added, row], "as found"), design, row) if row.target.size else None
+    if not row.target.size:
+        return None
+    evidence = rivals.coarse.evidence([*added, row], rivals.members)
+    return (*rivals.judged(evidence), design, row)
 
 
 def _fine(rivals: _Rivals, added: Sequence[GapRun], run: tuple[Design, GapRun]) -> Promise:

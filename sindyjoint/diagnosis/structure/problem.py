@@ -13,6 +13,7 @@ import numpy as np
 from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.structure import Change
+from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place, most_telling
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
@@ -207,9 +208,11 @@ class StructureProblem(Problem):
         """Return where the gap of the model as it was given lies."""
         return most_telling(locate_gap(self.pulse), self.policy, one_per_axis=True)
 
-    def separating_runs(self, step: Step, ranking: Ranking[FittedChange]) -> tuple[Advice, ...]:
+    def separating_runs(
+        self, step: Step, ranking: Ranking[FittedChange], effort: Effort
+    ) -> tuple[Advice, ...]:
         """Return the pulse that would tell the two likeliest members of a class apart."""
-        return separating_pulses(self.pulse, ranking.members, self.period)
+        return separating_pulses(self.pulse, ranking.members, self.period, effort)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.result import Advice
 from sindyjoint.diagnosis.structure.output_error import PulseProblem
 from sindyjoint.diagnosis.structure.search import FittedChange
@@ -20,14 +21,14 @@ FORCES = (1.0, 0.3, 3.0)
 
 
 def separating_pulses(
-    problem: PulseProblem, members: Sequence[FittedChange], period: float
+    problem: PulseProblem, members: Sequence[FittedChange], period: float, effort: Effort
 ) -> tuple[Advice, ...]:
     """Return the pulse and the output point that separate the two likeliest members of a class best, if any does.
 
     The problem holds everything that was named, ``members`` the named effect first; the level that is advised is the
     peak displacement at the point, m.
     """
-    found = _best_pulse(problem, members[0], members[1])
+    found = _best_pulse(problem, members[0], members[1], effort)
     if found is None or found[2] < problem.policy.least_confidence:
         return ()
     force, point, confidence, level = found
@@ -38,7 +39,7 @@ def separating_pulses(
 
 
 def _best_pulse(
-    problem: PulseProblem, mine: FittedChange, rival: FittedChange
+    problem: PulseProblem, mine: FittedChange, rival: FittedChange, effort: Effort
 ) -> tuple[float, str, float, float] | None:
     """Return force, point, expected confidence and peak displacement of the pulse that separates two rivals best."""
     base = replace(problem, found=tuple(c for c in problem.found if c is not mine.change), _kept={})
@@ -48,7 +49,17 @@ def _best_pulse(
     points = list(dict.fromkeys([*(r.point for r in problem.records), *points]))
     rate, duration = problem.records[0].sample_rate, problem.duration
     answer = None
-    for force in FORCES:
+    # The pulse, and it again with each of the rival's numbers a little larger.
+    work = duration * rate * (1 + rival.x.size)
+    effort.planned += len(FORCES)
+    for count, force in enumerate(FORCES):
+        effort.tell(
+            f"advice: {effort.tried} of {effort.planned} pulses tried",
+            {"pulse": work * (len(FORCES) - count)},
+        )
+        if not effort.allows("pulse", work):
+            break
+        effort.tried += 1
         rig = replace(problem.rig, excitation=problem.rig.excitation.scaled(force))
         blank = tuple(MeasuredResponse(p, np.zeros(round(duration * rate)), rate) for p in points)
         noise = (problem.noise[0],) * len(points)

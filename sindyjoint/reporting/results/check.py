@@ -114,7 +114,7 @@ class CheckView(View[Any, CheckData]):
             rows = [
                 (
                     f.severity,
-                    f.id.replace("_", " "),
+                    f.id,
                     shortened(f.run or "all runs", 14),
                     shortened(f.channel or DASH, 12),
                     textwrap.shorten(f.extent, EXTENT, placeholder="…"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.diagnosis.result import NOT_SOUGHT, Diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml
 from sindyjoint.reporting.figures import diagnosis, structure
 from sindyjoint.reporting.page import markup, number
@@ -123,6 +123,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             "headline": headline,
             "facts": [*gaps, ("Effects named", str(len(result.steps)), named)],
             "advices": [f"T{advice_words(a, _amount(a.level, unit), motion)[1:]}." for a in result.advice],
+            "not_sought": f"{text[:1].upper()}{text[1:]}." if (text := _not_sought(result)) else "",
             "equation": markup("".join(lines)),
         }
 
@@ -160,6 +161,8 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         for advice in result.advice:
             level = f"{advice.level:.3g} {result.level_unit}"
             console.print(escape(advice_words(advice, level, motion)))
+        if _not_sought(result):
+            console.print(_not_sought(result))
         if result.hidden is not None:
             console.print(f"\nhidden in this virtual test was: [bold]{spelled(result.hidden, motion)}[/]")
         for warning in result.warnings:
@@ -193,6 +196,16 @@ def advice_words(advice: Advice, level: str, motion: str) -> str:
         return f"{apart}: {advice.waveform.removeprefix('none: ')}"
     run = f"a {advice.waveform}, at f = {advice.frequency:.4g} Hz with a peak of {level}"
     return f"{apart}: {run}; the true one should then have a probability of {advice.expected_confidence:.2f}"
+
+
+def _not_sought(result: Diagnosis) -> str:
+    """Return that runs were not sought, where a class has rivals that one might separate."""
+    rivals = any(len(step.members) > 1 for step in result.steps)
+    return (
+        "runs that would tell rivals apart have not been sought"
+        if rivals and result.search.status == NOT_SOUGHT
+        else ""
+    )
 
 
 def parameter_unit(step: Step, name: str) -> str:

@@ -1,0 +1,172 @@
+"""Runs that do not repeat held against each other: one that departs from the law of the others, one that drifts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import SindyJointError
+from sindyjoint.record import Campaign, Run
+from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.kin import Rows, find_odd_runs, rows_of_motions, scale_of, solve
+from sindyjoint.soundness.policy import POLICY
+from sindyjoint.soundness.words import Words
+from sindyjoint.states.build import force_states
+from sindyjoint.states.record import ForceStates
+
+Array = NDArray[np.float64]
+# Samples of each run that are compared, evenly spread, and the parts of a run whose mean residuals are followed.
+SAMPLES = 2_400
+PARTS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of some runs while the joint moves; where a run has fewer than others it stands still.
+
+    Parameters
+    ----------
+    names : tuple of str
+    angle, rate, acceleration, moment : ndarray, shape (r, n)
+    part : ndarray of int, shape (r, n)
+        In which of the parts of its run a sample lies.
+    """
+
+    names: tuple[str, ...]
+    angle: Array
+    rate: Array
+    acceleration: Array
+    moment: Array
+    part: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, states: Sequence[ForceStates]) -> Samples:
+        """Take samples of force states."""
+        columns: list[list[Array]] = []
+        for each in states:
+            every = np.flatnonzero(each.moving)
+            kept = every[np.linspace(0, every.size - 1, SAMPLES).astype(int)]
+            part = kept * PARTS // each.n_samples
+            columns.append(
+                [each.angle[kept], each.rate[kept], each.acceleration[kept], each.moment[kept], part]
+            )
+        stacked = [np.array(rows) for rows in zip(*columns, strict=True)]
+        angle, rate, acceleration, moment, part = stacked
+        return cls(tuple(s.run for s in states), angle, rate, acceleration, moment, part.astype(np.intp))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def take(self, index: Sequence[int]) -> Samples:
+        """Return some of the runs."""
+        rows = list(index)
+        return Samples(
+            tuple(self.names[i] for i in rows),
+            self.angle[rows],
+            self.rate[rows],
+            self.acceleration[rows],
+            self.moment[rows],
+            self.part[rows],
+        )
+
+    def turned(self, gain: float) -> Samples:
+        """Return the runs with their angles times a factor."""
+        return replace(
+            self, angle=gain * self.angle, rate=gain * self.rate, acceleration=gain * self.acceleration
+        )
+
+    def load(self) -> Array:
+        """Return the moment, shape (r, n)."""
+        return self.moment
+
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Return angle, rate and acceleration, each shape (r, n)."""
+        return self.angle, self.rate, self.acceleration
+
+
+def find_broadband_kin(campaign: Campaign, runs: Sequence[Run], words: Words) -> Iterator[Finding]:
+    """Yield runs without a frequency that have another gain or law than their kin, and those that drift.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    runs : sequence of Run
+        Those that may be looked at.
+    words : Words
+    """
+    alive = [r for r in runs if r.frequency is None and np.ptp(r.moment) > 0 and np.ptp(r.angle) > 0][
+        : POLICY.most_broadband
+    ]
+    try:
+        states = [force_states(run) for run in alive]
+        samples = Samples.of([s for s in states if np.count_nonzero(s.moving) >= PARTS])
+        inertia = campaign.joint.inertia
+        found, kin = find_odd_runs(samples, inertia, words)
+        if not len(kin):
+            return
+        # What drifts departs from the law of the others, too.
+        odd = [samples.names.index(f.run) for f in found if f.id == "run_differs" and f.run is not None]
+        drifts = list(_find_drifts(kin, kin, inertia, words))
+        drifts += _find_drifts(samples.take(odd), kin, inertia, words) if odd else []
+        yield from drifts
+        drifting = {f.run for f in drifts}
+        yield from (f for f in found if f.run not in drifting)
+    # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
+    except (SindyJointError, np.linalg.LinAlgError, ValueError):
+        return
+
+
+def _find_drifts(runs: Samples, kin: Samples, inertia: float | None, words: Words) -> Iterator[Finding]:
+    """Yield runs of which the law that their kin have in common leaves a straight line over time."""
+    scale = scale_of(kin)
+    law = solve(rows_of_motions(kin, scale, inertia).products.sum(axis=0))[0]
+    rows = rows_of_motions(runs, scale, inertia)
+    for index, name in enumerate(runs.names):
+        line = _line(rows, law, index, runs.part[index])
+        if line is None:
+            continue
+        channel = _drifting(runs, index)
+        yield Finding(
+            "drift",
+            name,
+            channel,
+            "biases",
+            f"the law of all runs leaves a {words.moment} that drifts over the run, by {100 * abs(line):.2g} % of its "
+            "amplitude" + ("" if channel else f"; the zero of {words.moment} or {words.angle} does"),
+            "adds to the noise floor and, through the mean, to k2 and the unequal parts of M_F",
+            "let the amplifiers warm up, or remove a straight line from the channel before",
+        )
+
+
+def _line(rows: Rows, law: Array, index: int, part: NDArray[np.intp]) -> float | None:
+    """Return the drift of a residual over its run, in amplitudes of the moment; None where none stands out."""
+    residual = (rows.target[index] - rows.columns[index] @ law) / np.sqrt(2)
+    moving = np.any(rows.columns[index] != 0, axis=1)
+    count = np.bincount(part[moving], minlength=PARTS)
+    known = np.flatnonzero(count >= 5)
+    if known.size < PARTS // 2:
+        return None
+    mean = np.bincount(part[moving], residual[moving], minlength=PARTS)[known] / count[known]
+    fit = np.polyfit(known, mean, 1)
+    scatter = float(np.std(mean - np.polyval(fit, known)))
+    half = known.size // 2
+    slopes = [np.polyfit(known[each], mean[each], 1)[0] for each in (slice(None, half), slice(half, None))]
+    even = slopes[0] * slopes[1] > 0 and POLICY.even_drift < slopes[0] / slopes[1] < 1 / POLICY.even_drift
+    total = float(fit[0]) * PARTS
+    stands = abs(total) > POLICY.drift and abs(total) > POLICY.drift_contrast * scatter
+    return total if stands and even else None
+
+
+def _drifting(kin: Samples, index: int) -> str | None:
+    """Return the channel whose mean moves along, in its own amplitude, at least twice as far; None if neither."""
+    part = kin.part[index]
+    moved = {}
+    for name, signal in (("moment", kin.moment[index]), ("angle", kin.angle[index])):
+        count = np.maximum(np.bincount(part, minlength=PARTS), 1)
+        mean = np.bincount(part, signal, minlength=PARTS) / count
+        moved[name] = abs(np.polyfit(np.arange(PARTS), mean, 1)[0]) / max(float(np.std(signal)), 1e-300)
+    one, other = sorted(moved, key=moved.__getitem__, reverse=True)
+    return one if moved[one] > 2 * moved[other] else None

@@ -1,0 +1,130 @@
+"""What the search for separating runs may cost, and that the diagnosis is there before it begins."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from sindyjoint.diagnosis import advice, engine
+from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis.effort import Effort
+from sindyjoint.diagnosis.policy import CAMPAIGN
+from sindyjoint.files import write_campaign
+from sindyjoint.parallel import ProcessorTime, side_by_side, spread
+from sindyjoint.workflows.diagnose import diagnose
+from tests.diagnosis.hidden_effects import hide
+
+
+class Clock:
+    """A clock that is moved by hand."""
+
+    seconds = 0.0
+
+
+def test_work_is_counted_alike_on_every_machine():
+    effort = Effort(100.0, 20.0, clock=Clock())
+    assert effort.allows("run", 60.0) and effort.allows("run", 40.0)
+    assert not effort.allows("run", 1.0) and "trials" in effort.stopped
+    assert not effort.allows("run", 0.0)
+
+
+def test_time_is_a_last_resort_and_what_would_pass_it_is_not_begun():
+    clock = Clock()
+    effort = Effort(1e9, 20.0, clock=clock)
+    assert effort.allows("search", 10.0)
+    clock.seconds = 8.0
+    assert effort.allows("search", 10.0)
+    clock.seconds = 16.0
+    # Another of these would end at 24 s; of another kind nothing is known, and it may begin.
+    assert Effort.allows(replace(effort), "run", 10.0)
+    assert not effort.allows("search", 10.0) and effort.stopped == "after 16 s of processor time"
+
+
+def test_the_estimate_is_of_the_work_ahead_and_never_beyond_the_limit():
+    clock, said = Clock(), []
+    effort = Effort(1e9, 20.0, said.append, clock)
+    effort.tell("runs", {"run": 100.0})
+    effort.allows("run", 10.0)
+    clock.seconds = 0.5
+    effort.tell("runs", {"run": 100.0})
+    effort.tell("runs", {"run": 100_000.0})
+    assert said == ["runs", "runs, about 5 s more", "runs, about 20 s more"]
+
+
+def _work(count):
+    return sum(i * i for i in range(count))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_processor_time_holds_what_other_processes_did(jobs):
+    with spread(jobs), ProcessorTime() as clock:
+        found = side_by_side(_work, [2_000_000] * 3)
+        seconds = clock.seconds
+    assert found == [_work(2_000_000)] * 3
+    # Three sums of some 0.1 s each; the parent waits.
+    assert seconds > 0.1
+
+
+@pytest.fixture(scope="module")
+def ambiguous():
+    """A campaign and the only two candidates: a constant moment, and the zero error that nothing tells from it."""
+    wanted = {"constant_moment", "angle_offset"}
+    return hide("constant_moment", 0, duration=4.0).campaign, [e for e in load_effects() if e.id in wanted]
+
+
+def test_the_diagnosis_is_handed_over_whole_before_advice_begins(ambiguous):
+    campaign, effects = ambiguous
+    kept, said = [], []
+    result = diagnose(campaign, effects=effects, before_advice=kept.append, progress=said.append)
+    (before,) = kept
+    assert before.search.status == "not_sought" and before.advice == ()
+    assert result.search.status == "complete" and result.search.tried == result.search.planned > 50
+    first, last = before.to_dict(), result.to_dict()
+    assert {k for k in last if first[k] != last[k]} == {"advice", "advice_search"}
+    counts = [stage for stage in said if stage.startswith("advice: ") and " runs tried" in stage]
+    assert counts and "s more" in counts[-1]
+
+
+def test_a_search_that_is_stopped_says_so_and_changes_no_name(ambiguous):
+    campaign, effects = ambiguous
+    whole = diagnose(campaign, effects=effects, advise=False)
+    policy = replace(CAMPAIGN, advice_work=2e6)
+    short = diagnose(campaign, effects=effects, policy=policy)
+    assert short.search.status == "stopped" and short.advice == ()
+    assert "ended after as many trials as are allowed" in short.warnings[0]
+    assert [s.effect for s in short.steps] == [s.effect for s in whole.steps]
+    # The same on every machine: the count of runs that were tried, and with other processes.
+    assert diagnose(campaign, effects=effects, policy=policy, jobs=2).search == short.search
+    assert diagnose(campaign, effects=effects, policy=replace(CAMPAIGN, advice_seconds=0.0)).search.tried == 0
+
+
+def test_advice_does_not_depend_on_who_tries_the_runs(ambiguous):
+    campaign, effects = ambiguous
+    assert diagnose(campaign, effects=effects, jobs=2).advice == diagnose(campaign, effects=effects).advice
+
+
+def test_an_interruption_of_advice_leaves_the_diagnosis(ambiguous, tmp_path, monkeypatch, sindyjoint):
+    campaign, _ = ambiguous
+
+    def interrupted(*given):
+        raise KeyboardInterrupt
+
+    write_campaign(campaign, tmp_path / "tests")
+    monkeypatch.setattr(engine, "advise", interrupted)
+    answer = sindyjoint("diagnose", tmp_path / "tests", "--out", tmp_path / "out", "--max-effects", "1")
+    assert answer.status == 130
+    # Off a terminal: a line for each stage.
+    stages = [line.split(" s  ")[1] for line in answer.stderr.splitlines()[:3]]
+    assert stages == ["checking the data", "force states", "the gap"]
+    record = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert record["advice_search"]["status"] == "not_sought" and record["steps"]
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Runs that would tell rivals apart have not been sought." in page
+    assert (tmp_path / "out" / "model.json").exists()
+
+
+def test_a_search_for_effects_ends_with_its_time(ambiguous):
+    campaign, effects = ambiguous
+    result = diagnose(campaign, effects=effects, advise=False, policy=replace(CAMPAIGN, search_seconds=0.0))
+    assert result.steps == () and "the search ended after 0 s of processor time" in result.warnings
+    assert advice.NOT_NEEDED == "not_needed"

@@ -1,0 +1,98 @@
+"""Samples that a recorder lost: found by their time stamps, left out where that is safe, refused where not."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint import discover
+from sindyjoint.files import load_campaign
+from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.reporting.output import CampaignFiles
+from sindyjoint.soundness.check import check_campaign
+from sindyjoint.workflows.check import check
+
+LOST = ((700, 715), (2000, 2150))  # 15 samples, and more than a quarter of each period
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return virtual_campaign(
+        frequencies=(3.0, 5.0), levels=(0.9, 0.5), duration=4.0, noise=0.01, random_state=3
+    )
+
+
+MANIFEST = """
+[joint]
+inertia = "{inertia} kg*m^2"
+[channels]
+time = {{ column = "t", unit = "s" }}
+moment = {{ column = "m", unit = "N*m" }}
+angle = {{ column = "a", unit = "rad" }}
+"""
+
+
+@pytest.fixture
+def lost(whole, tmp_path):
+    """The campaign in files with a time column, each without some of its lines."""
+    entries = [MANIFEST.format(inertia=whole.joint.inertia)]
+    for index, run in enumerate(whole.runs):
+        rows = [f"{t:.4f},{m:.9e},{a:.9e}\n" for t, m, a in zip(run.time, run.moment, run.angle, strict=True)]
+        for start, stop in reversed(LOST):
+            del rows[start:stop]
+        (tmp_path / f"{index}.csv").write_text("t,m,a\n" + "".join(rows))
+        entries.append(f'[[run]]\nfile = "{index}.csv"\nfrequency = {run.frequency}\nlevel = "{run.level}"\n')
+    (tmp_path / "campaign.toml").write_text("\n".join(entries))
+    return tmp_path
+
+
+def test_lost_samples_are_a_finding_and_left_out(lost, whole):
+    checked = check(lost)
+    found = [f for f in checked.soundness.findings if f.id == "lost_samples"]
+    assert len(found) == len(whole.runs) and all(f.masked and f.severity == "biases" for f in found)
+    assert all(f.spans == LOST for f in found) and "165 samples in 2 place(s)" in found[0].extent
+    assert not checked.stopping
+    assert any("left out: lost samples" in w for w in checked.warnings)
+    run = checked.usable.runs[0]
+    assert run.n_samples == whole.runs[0].n_samples and np.count_nonzero(~run.valid) == 165
+    # Which of them were there is as it was.
+    assert np.allclose(run.moment[run.valid], whole.runs[0].moment[run.valid], rtol=1e-6)
+
+
+def test_what_is_left_out_moves_no_coefficient_beyond_its_interval(lost, whole):
+    before, after = discover(whole), discover(load_campaign(lost))
+    assert after.model.ids == before.model.ids
+    for term in after.model.terms:
+        assert term.interval95[0] <= before.model[term.id].coefficient <= term.interval95[1], term.id
+
+
+def test_a_long_gap_of_a_run_that_does_not_repeat_stops(lost, sindyjoint):
+    manifest = lost / "campaign.toml"
+    lines = [line for line in manifest.read_text().splitlines() if not line.startswith("frequency")]
+    manifest.write_text("\n".join(lines) + "\n")
+    answer = sindyjoint("check", lost, "--json")
+    findings = [f for f in json.loads(answer.stdout)["findings"] if f["id"] == "lost_samples"]
+    assert answer.status == 1 and all(f["severity"] == "stops" for f in findings)
+    assert "make a run of each part" in findings[0]["remedy"]
+    told = sindyjoint("discover", lost)
+    assert told.status == 1 and "the data are unsound: lost samples" in " ".join(told.stdout.split())
+
+
+def test_what_was_left_out_before_is_shown_again(whole):
+    """A campaign whose samples are marked already says so, whoever marked them."""
+    valid = np.ones(whole.runs[0].n_samples, dtype=bool)
+    valid[100:110] = False
+    marked = whole.with_runs((replace(whole.runs[0], valid=valid), *whole.runs[1:]))
+    (found,) = [f for f in check_campaign(marked).soundness.findings if f.id == "lost_samples"]
+    assert found.run == whole.runs[0].name and found.spans == ((100, 110),)
+
+
+def test_a_diagnosis_beside_a_batch_says_what_is_left_out(lost, tmp_path):
+    """It is of the campaign as it was read, not of the one without those samples, of which nothing is to be said."""
+    found = discover(load_campaign(lost))
+    assert found.measured is not None and found.campaign is not found.measured
+    CampaignFiles(reports=False, diagnose=True)(found, tmp_path)
+    record = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())
+    assert "lost_samples" in record["soundness"]["ids"]
+    assert any("left out: lost samples" in warning for warning in record["warnings"])
