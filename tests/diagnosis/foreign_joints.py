@@ -104,7 +104,7 @@ def _joint(rng):
     motion = rng.choice(["rotation", "translation"])
     peak = float(np.exp(rng.uniform(np.log(5e-4), np.log(0.05))))
     k1 = float(np.exp(rng.uniform(np.log(50.0), np.log(5e4))))
-    inertia = k1 / (2 * pi * rng.uniform(8.0, 25.0)) ** 2
+    inertia = k1 / (2 * pi * rng.uniform(12.0, 40.0)) ** 2
     rate = 2 * pi * 3.0 * peak
     elastic = k1 * peak
     return ForeignJoint(
@@ -132,7 +132,7 @@ def _plan(rng, joint, index):
     drive = str(rng.choice(DRIVES))
     duration = float(rng.uniform(3.0, 5.5))
     rate = float(rng.choice([360.0, 400.0, 500.0, 600.0]))
-    level = float((1.0, 0.65, 0.85, 0.5, 1.0)[index])
+    level = float((1.0, 0.65, 0.95, 0.85)[index])
     return Plan(f"{drive}-{index}", drive, duration, rate, level, SHAPES[drive](rng, duration))
 
 
@@ -161,6 +161,12 @@ def _bursts(rng, duration):
     )
 
 
+# How long a pull takes to end, s.
+LET_GO = 0.03
+# How long a prescribed motion takes to begin, from rest, s.
+BEGIN = 0.5
+
+
 def _swings(rng, duration):
     """Pulls that are let go at once, again and again, by either side."""
     pulls, begin = [], 0.1
@@ -171,9 +177,9 @@ def _swings(rng, duration):
 
     def shape(t):
         for start, end, size in pulls:
-            if start <= t < end + 0.01:
+            if start <= t < end + LET_GO:
                 rise = sin(0.5 * pi * min(1.0, (t - start) / (0.8 * (end - start)))) ** 2
-                return size * rise * min(1.0, max(0.0, (end + 0.01 - t) / 0.01))
+                return size * rise * min(1.0, max(0.0, (end + LET_GO - t) / LET_GO))
         return 0.0
 
     return shape
@@ -186,11 +192,15 @@ def _cycles(rng, duration):
     lines = [(w, p, s / sum(each[2] for each in lines)) for w, p, s in lines]
 
     def motion(t):
-        return (
-            sum(s * np.sin(w * t + p) for w, p, s in lines),
-            sum(s * w * np.cos(w * t + p) for w, p, s in lines),
-            sum(-s * w**2 * np.sin(w * t + p) for w, p, s in lines),
-        )
+        x = sum(s * np.sin(w * t + p) for w, p, s in lines)
+        v = sum(s * w * np.cos(w * t + p) for w, p, s in lines)
+        b = sum(-s * w**2 * np.sin(w * t + p) for w, p, s in lines)
+        # It begins at rest: u rises from zero to one without a step of its second derivative.
+        u = np.clip(t / BEGIN, 0.0, 1.0)
+        rise = u**3 * (10 - 15 * u + 6 * u**2)
+        slope = 30 * u**2 * (1 - u) ** 2 / BEGIN
+        bend = 60 * u * (1 - u) * (1 - 2 * u) / BEGIN**2
+        return x * rise, v * rise + x * slope, b * rise + 2 * v * slope + x * bend
 
     return motion
 
