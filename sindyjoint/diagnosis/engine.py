@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Generic
 
@@ -57,20 +58,18 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given leaves something unexplained, it is made again from the best other
-    start that the problem knows, and the better end is used. Unless ``advised``, no runs are sought that would
+    start that the problem knows, and where it found a zero error, from the joint's own zero; the best end is used. Unless ``advised``, no runs are sought that would
     tell rivals apart.
     """
     say("the gap")
     straight, steps = first.corrected()
     given = _explain(first, Start(straight, steps), most, say)
-    best, note = given, ""
-    if not given.whole:
-        starts = first.other_starts(straight, given.progress.problem, say)
-        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
-        other = given if start is None else _explain(first, start, most, say)
-        if other.cost(first.policy) < given.cost(first.policy):
+    best = given
+    for start in _other_starts(first, given, say):
+        other = _explain(first, start, most, say)
+        if other.cost(first.policy) < best.cost(first.policy):
             best = other
-        note = _compare_starts(given, best)
+    note = _compare_starts(given, best)
     last = best.progress.problem.finished()
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
     if advised:
@@ -88,6 +87,19 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
     }
     result = last.diagnosis(first, found)
     return replace(result, warnings=(note, *result.warnings)) if note else result
+
+
+def _other_starts(first: P, given: Explained[P], say: Say) -> Iterator[Start[P]]:
+    """Yield the starts worth a search: another zero where one was found, and the best where a gap is left."""
+    last = given.progress.problem
+    zero = first.zero_start(given.straight, last, say)
+    if zero is not None:
+        yield zero
+    if not given.whole:
+        starts = first.other_starts(given.straight, last, say)
+        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
+        if start is not None:
+            yield start
 
 
 def _explain(first: P, start: Start[P], most: int, say: Say) -> Explained[P]:
