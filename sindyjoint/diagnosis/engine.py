@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Generic
 
@@ -64,11 +63,12 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
     say("the gap")
     straight, steps = first.corrected()
     given = _explain(first, Start(straight, steps), most, say)
-    best = given
-    for start in _other_starts(first, given, say):
-        other = _explain(first, start, most, say)
-        if other.cost(first.policy) < best.cost(first.policy):
-            best = other
+    zero = first.zero_start(straight, given.progress.problem, say)
+    best = _better(first, given, zero, most, say)
+    if not best.whole:
+        starts = first.other_starts(straight, given.progress.problem, say)
+        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
+        best = _better(first, best, start, most, say)
     note = _compare_starts(given, best)
     last = best.progress.problem.finished()
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
@@ -89,17 +89,12 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
     return replace(result, warnings=(note, *result.warnings)) if note else result
 
 
-def _other_starts(first: P, given: Explained[P], say: Say) -> Iterator[Start[P]]:
-    """Yield the starts worth a search: another zero where one was found, and the best where a gap is left."""
-    last = given.progress.problem
-    zero = first.zero_start(given.straight, last, say)
-    if zero is not None:
-        yield zero
-    if not given.whole:
-        starts = first.other_starts(given.straight, last, say)
-        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
-        if start is not None:
-            yield start
+def _better(first: P, best: Explained[P], start: Start[P] | None, most: int, say: Say) -> Explained[P]:
+    """Return the best end so far, or that of the search from another start where it is better."""
+    if start is None:
+        return best
+    other = _explain(first, start, most, say)
+    return other if other.cost(first.policy) < best.cost(first.policy) else best
 
 
 def _explain(first: P, start: Start[P], most: int, say: Say) -> Explained[P]:

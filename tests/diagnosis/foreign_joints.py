@@ -90,7 +90,7 @@ def foreign_campaign(name, seed):
     recorded = [_recorded(rng, each, noise, zeros, delay, joint) for each in made]
     inertia = joint.inertia
     if name == "inertia_error":
-        inertia *= rng.uniform(0.3, 0.7)
+        inertia += rng.uniform(1.5, 4.0) * VISIBLE * noise * _inertial_scale(made)
     campaign = Campaign(Joint(name="foreign", motion=joint.motion, inertia=inertia), tuple(recorded))
     return ForeignCampaign(campaign, joint, noise, share, tuple(each.drive for each in runs))
 
@@ -188,7 +188,9 @@ def _swings(rng, duration):
 def _cycles(rng, duration):
     """A prescribed motion: slow cycles of changing height, faster ones upon them; with two derivatives."""
     lines = [(2 * pi * rng.uniform(0.3, 0.8), rng.uniform(0, 2 * pi), 1.0)]
-    lines += [(2 * pi * rng.uniform(1.0, 4.0), rng.uniform(0, 2 * pi), rng.uniform(0.2, 0.5)) for _ in range(3)]
+    lines += [
+        (2 * pi * rng.uniform(1.0, 4.0), rng.uniform(0, 2 * pi), rng.uniform(0.2, 0.5)) for _ in range(3)
+    ]
     lines = [(w, p, s / sum(each[2] for each in lines)) for w, p, s in lines]
 
     def motion(t):
@@ -293,6 +295,13 @@ def _sized(joint, plan, share, least):
     own = np.std([joint.moment(*each)[0] for each in zip(trial.time, x, w, trial.states.T, strict=True)])
     size = max(share * own / np.std(unit), least * own / np.sqrt(np.mean(left**2)))
     return replace(joint, size=float(size)), float(size * np.std(unit) / own)
+
+
+def _inertial_scale(made):
+    """The inertia that would carry as much moment as the joint does, kg·m²."""
+    bend = np.concatenate([np.gradient(each.rate, each.time) for each in made])
+    moment = np.concatenate([each.moment for each in made])
+    return float(np.std(moment) / np.std(bend))
 
 
 def _recorded(rng, motion, noise, zeros, delay, joint):
