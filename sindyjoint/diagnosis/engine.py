@@ -65,8 +65,8 @@ def explain_gap(
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given leaves something unexplained, it is made again from the best other
-    start that the problem knows, and the better end is used. Unless ``advised``, no runs are sought that would
-    tell rivals apart; if so, ``without_advice`` is given the diagnosis before that begins.
+    start that the problem knows, and where it found a zero error, from the joint's own zero; the best end is used.
+    Unless ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis before that begins.
     """
     say("the gap")
     straight, steps = first.corrected()
@@ -107,17 +107,29 @@ def _best_search(
     first: P, straight: P, steps: tuple[Step, ...], most: int, say: Say, clock: ProcessorTime
 ) -> tuple[Explained[P], tuple[str, str]]:
     """Return the search that ended best, and what to say of other starts and of time."""
+    most_seconds = first.policy.search_seconds
     given = _explain(first, Start(straight, steps), most, say, clock)
-    best, note, most_seconds = given, "", first.policy.search_seconds
-    if not given.whole and clock.seconds < most_seconds:
+    best = given
+    if clock.seconds < most_seconds:
+        zero = first.zero_start(straight, given.progress.problem, say)
+        best = _better(first, given, zero, most, say, clock)
+    if not best.whole and clock.seconds < most_seconds:
         starts = first.other_starts(straight, given.progress.problem, say)
         start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
-        other = given if start is None else _explain(first, start, most, say, clock)
-        if other.cost(first.policy) < given.cost(first.policy):
-            best = other
-        note = _compare_starts(given, best)
+        best = _better(first, best, start, most, say, clock)
     late = clock.seconds >= most_seconds and not best.whole
-    return best, (note, f"the search ended after {most_seconds:g} s of processor time" if late else "")
+    note = f"the search ended after {most_seconds:g} s of processor time" if late else ""
+    return best, (_compare_starts(given, best), note)
+
+
+def _better(
+    first: P, best: Explained[P], start: Start[P] | None, most: int, say: Say, clock: ProcessorTime
+) -> Explained[P]:
+    """Return the best end so far, or that of the search from another start where it is better."""
+    if start is None:
+        return best
+    other = _explain(first, start, most, say, clock)
+    return other if other.cost(first.policy) < best.cost(first.policy) else best
 
 
 def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTime) -> Explained[P]:

@@ -138,6 +138,10 @@ class Problem(Protocol):
         """Yield other starts worth a search, where the one from the model as it was given ended in ``last``."""
         return iter(())
 
+    def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
+        """Return the start with displacements counted from the joint's own zero; None where no zero error was found."""
+        return None
+
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
 

@@ -194,4 +194,19 @@ def broadband_states(
         rate_measured=run.rate is not None,
         slowest=slowest,
         guard=guard,
+        lead=None if repeated else _lead(run.angle, low, first),
     )
+
+
+def _lead(angle: Array, low: Array, first: Array) -> tuple[Array, Array]:
+    """Return angle and rate at the samples that the kernel does not cover at the start of a record.
+
+    The record is continued to before its start by its reflection in its first point, which keeps its slope.
+    """
+    from scipy.signal import fftconvolve
+
+    half = low.size // 2
+    known = angle[: 3 * half] - angle[0]
+    padded = np.concatenate([-known[half:0:-1], known])
+    smooth, rate = (fftconvolve(padded, kernel, mode="valid")[:half] for kernel in (low, first))
+    return smooth + angle[0], rate

@@ -107,6 +107,9 @@ class ForceStates:
         Of the angle and, where it was measured, of the rate; empty where the states are no series.
     completed : bool
         Whether the harmonics that the series lacks were added from a simulation of the model.
+    lead : tuple of two ndarray, shape (k,), or None
+        Angle and rate at the samples before the first one, back to the start of the record, as far as the kernel knows
+        them there: too rough for a fit, but they tell what internal states have come to.
     """
 
     run: str
@@ -132,6 +135,7 @@ class ForceStates:
     guard: int = 0
     series: tuple[Harmonics, ...] = ()
     completed: bool = False
+    lead: tuple[Array, Array] | None = None
 
     @property
     def n_samples(self) -> int:

@@ -15,6 +15,7 @@ from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_compl
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
+from sindyjoint.diagnosis.campaign.joint_zero import zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
@@ -214,6 +215,14 @@ class CampaignProblem(Problem):
         if self.drift is None and self.may_start_anew:
             for problem, steps, words in other_starts(straight, last.gap.moment, say):
                 yield Start(problem, steps, words, straight)
+
+    def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
+        """Return the start with displacements counted from the joint's own zero, where the search found a zero error."""
+        if self.drift is not None:
+            return None
+        say("the joint's own zero")
+        found = zero_start(straight, last)
+        return None if found is None else Start(*found, "the joint's own zero", straight)
 
     def with_model(self, model: JointModel) -> Self:
         """Return the problem of another model, fitted to these states; delays removed from them stay so."""

@@ -39,12 +39,24 @@ def processing_errors(
 ) -> list[Array | None]:
     """Return what the processing leaves of the simulation at the rows of each run, N·m.
 
-    None where a run repeats or is free, or where the simulation does not follow it.
+    None where a run repeats or is free, where the simulation does not follow it, or where what the model leaves of the
+    measurement is no smaller without it: the simulation then moves another way at the reversals, or sticks elsewhere.
     """
-    return [
+    errors = [
         None if row.folded or row.half_cycles is not None else _error(run, state, row, model, effects, policy)
         for run, state, row in zip(runs, states, rows, strict=True)
     ]
+    return [
+        error if error is None or _is_seen(error, row, model, effects) else None
+        for error, row in zip(errors, rows, strict=True)
+    ]
+
+
+def _is_seen(error: Array, row: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> bool:
+    """Return whether the measurement holds an error of the processing: what the model leaves is smaller without it."""
+    left = row.target - modelled(row, model, effects)
+    with_it, without_it = row.white(left), row.white(left - error)
+    return bool(without_it @ without_it < with_it @ with_it)
 
 
 def without_processing(rows: Sequence[GapRun], errors: Sequence[Array | None]) -> tuple[GapRun, ...]:

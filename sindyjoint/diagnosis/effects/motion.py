@@ -46,6 +46,8 @@ class MeasuredMotion:
         Parts into which a step is cut where internal states are integrated.
     follow : int
         Internal states are integrated over every so-manieth sample and interpolated between.
+    lead : tuple of two ndarray, shape (k,), optional
+        Angle and rate before the first sample, at the same step: internal states begin with them.
     """
 
     angle: Array
@@ -61,6 +63,7 @@ class MeasuredMotion:
     began: float = 0.0
     substeps: int = 1
     follow: int = 1
+    lead: tuple[Array, Array] | None = None
 
     def rough(self) -> MeasuredMotion:
         """Return the motion for searching: internal states are integrated in longer steps."""
@@ -94,6 +97,8 @@ class JoinedMotions:
         Per motion: s between followed samples, passes, parts of a step.
     kept : tuple of (ndarray, int)
         Per motion: its kept samples, and every how-manieth sample is followed.
+    begun : tuple of int
+        How many of the followed samples of each motion are its lead.
     """
 
     signals: tuple[Array, ...]
@@ -102,6 +107,7 @@ class JoinedMotions:
     ends: NDArray[np.int64]
     timing: tuple[Array, NDArray[np.int64], NDArray[np.int64]]
     kept: tuple[tuple[NDArray[np.intp], int], ...]
+    begun: tuple[int, ...]
 
     @classmethod
     def of(cls, motions: Sequence[MeasuredMotion]) -> JoinedMotions:
@@ -112,11 +118,13 @@ class JoinedMotions:
             + [m.moment_rate[m.keep], m.moment_slope[m.keep]]
             for m in motions
         ]
-        angles = [m.angle[:: m.follow] for m in motions]
+        leads = [_followed_lead(m) for m in motions]
+        angles = [np.append(lead[0], m.angle[:: m.follow]) for lead, m in zip(leads, motions, strict=True)]
+        rates = [np.append(lead[1], _followed_rate(m)) for lead, m in zip(leads, motions, strict=True)]
         return cls(
             signals=tuple(np.concatenate(parts) for parts in zip(*kept, strict=True)),
             angle=np.concatenate(angles),
-            rate=np.concatenate([_followed_rate(m) for m in motions]),
+            rate=np.concatenate(rates),
             ends=np.cumsum([angle.size for angle in angles]),
             timing=(
                 np.array([m.step * m.follow for m in motions]),
@@ -124,6 +132,7 @@ class JoinedMotions:
                 np.array([m.substeps for m in motions]),
             ),
             kept=tuple((m.keep, m.follow) for m in motions),
+            begun=tuple(lead[0].size for lead in leads),
         )
 
     def states(self, parameters: Array, limits: Array, program: tuple[Any, ...]) -> Array:
@@ -133,12 +142,21 @@ class JoinedMotions:
         integrate: Any = integrate_runs
         states = integrate(self.angle, self.rate, self.ends, self.timing, parameters, limits, program)
         parts, begin = [], 0
-        for (keep, every), end in zip(self.kept, self.ends, strict=True):
-            own = states[:, begin:end]
-            places = every * np.arange(end - begin)
+        for (keep, every), lead, end in zip(self.kept, self.begun, self.ends, strict=True):
+            own = states[:, begin + lead : end]
+            places = every * np.arange(own.shape[1])
             parts.append(own[:, keep] if every == 1 else np.array([np.interp(keep, places, z) for z in own]))
             begin = end
         return np.hstack(parts)
+
+
+def _followed_lead(motion: MeasuredMotion) -> tuple[Array, Array]:
+    if motion.lead is None:
+        return np.empty(0), np.empty(0)
+    # The last of them lies one followed step before the first sample of the motion.
+    end = max(0, motion.lead[0].size - motion.follow + 1)
+    angle, rate = (signal[:end][:: -motion.follow][::-1] for signal in motion.lead)
+    return angle, rate
 
 
 def _followed_rate(motion: MeasuredMotion) -> Array:

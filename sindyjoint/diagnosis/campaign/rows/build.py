@@ -176,7 +176,21 @@ def _strided_motion(
             for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
         )
     keep = rows * between
-    return moments, _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
+    motion = _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
+    return moments, replace(motion, lead=_lead(states, step / between))
+
+
+def _lead(states: ForceStates, step: float) -> tuple[Array, Array] | None:
+    """Return the motion before the first sample, every ``step`` seconds."""
+    if states.lead is None:
+        return None
+    time = np.arange(-states.lead[0].size, 1) / states.sample_rate
+    wanted = step * np.arange(-int(-time[0] / step), 0)
+    angle, rate = (
+        np.interp(wanted, time, np.append(before, now[0]))
+        for before, now in zip(states.lead, (states.angle, states.rate), strict=True)
+    )
+    return angle, rate
 
 
 def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, model: JointModel) -> GapRun:

@@ -1,0 +1,148 @@
+"""The joint's own zero: where its kinks and its even and odd laws have their middle.
+
+The five terms and a constant are closed under a shift of the displacement (Taylor); a clearance, a stop, or a damping
+that grows with the angle are not. With a sensor's zero elsewhere they are described by several effects at the wrong
+place. The zero is therefore searched at which one effect of angle and rate, beside terms and constant, explains most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
+from sindyjoint.diagnosis.campaign.repair import Repaired
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.campaign.start import Work, first_model
+from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.result import Step
+from sindyjoint.states import ForceStates
+
+# The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
+Problem = Any
+Array = NDArray[np.float64]
+
+CONSTANT, ZERO = "constant_moment", "angle_offset"
+# Zeros that are tried, as shares of the largest angle, about that of the terms and a constant; then half as far apart.
+REACH, POINTS, HALVINGS = 0.16, 9, 3
+
+
+def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
+    """Return the problem with its displacement counted from the joint's own zero, and that step.
+
+    None where the search that ended in ``last`` found no zero error, or nothing beside one that has a middle.
+    """
+    zeros = [e for e in last.found if e.name in (CONSTANT, ZERO)]
+    others = [e for e in last.found if e.family != "measurement"]
+    constant = next((e for e in straight.candidates if e.id == CONSTANT), None)
+    offset = next((e for e in straight.candidates if e.id == ZERO), None)
+    centred = [e for e in straight.candidates if _has_middle(e)]
+    if not zeros or constant is None or offset is None or not centred:
+        return None
+    if not others and last.gap.moment <= straight.policy.within_floors * last.noise_floor.moment:
+        return None
+    middle, gain = _best_zero(straight, constant, centred)
+    if not middle or gain < straight.policy.needless_gain * straight.policy.temper:
+        return None
+    later = _counted_from(straight, middle)
+    fitted = FittedEffect(offset, offset.variants[0], np.empty(0), np.array([middle]), gain)
+    step = Step(
+        ZERO,
+        offset.family,
+        (ZERO,),
+        float(1 / (1 + np.exp(-0.5 * min(gain / straight.policy.temper, 1e3)))),
+        (),
+        fitted.parameters,
+        (),
+        straight.gap,
+        later.gap,
+        straight.units(fitted),
+    )
+    return later, (step,)
+
+
+def _has_middle(effect: Effect) -> bool:
+    """Return whether an effect is a function of angle and rate that a shift of the angle changes."""
+    return effect.enters == "moment" and all(
+        not v.states and "theta" in v.uses and v.uses <= {"theta", "omega", *v.names} for v in effect.variants
+    )
+
+
+def _best_zero(straight: Problem, constant: Effect, candidates: Sequence[Effect]) -> tuple[float, float]:
+    """Return the zero at which one candidate explains most, and how much more than without a shift."""
+    work = straight.work
+    always = FittedEffect(constant, constant.variants[0], np.empty(0), np.ones(1), 0.0)
+    largest = max(float(np.abs(run.angle).max()) for run in work.rows)
+    tried: dict[float, float] = {}
+
+    def gain(zero: float) -> float:
+        if zero not in tried:
+            rows = [_shifted(run, zero) for run in work.rows]
+            problem = GapRegression.build(rows, work.model, [always], work.policy)
+            tried[zero] = max(fit_effect(problem, effect).gain for effect in candidates)
+        return tried[zero]
+
+    begin, spacing = _root(work, always), REACH * largest / (POINTS // 2)
+    best = max((begin + spacing * k for k in range(-(POINTS // 2), POINTS // 2 + 1)), key=gain)
+    for _ in range(HALVINGS):
+        spacing /= 2
+        best = max((best - spacing, best, best + spacing), key=gain)
+    return best, gain(best) - gain(0.0)
+
+
+def _root(work: Work, constant: FittedEffect) -> float:
+    """Return where the elastic moment of the terms and a constant is zero, nearest to the middle."""
+    from sindyjoint.equation.formula import compile_terms
+
+    model = work.model
+    regression = GapRegression.build(work.rows, model, [constant], work.policy)
+    solved = np.linalg.lstsq(regression.base, regression.target, rcond=None)[0]
+    largest = max(float(np.abs(run.angle).max()) for run in work.rows)
+    angle = np.linspace(-largest, largest, 401)
+    function = compile_terms([term.expression for term in model.terms])
+    rest = np.zeros_like(angle)
+    moment = function(angle, rest, rest) @ solved[:-1] + solved[-1]
+    change = np.flatnonzero(np.diff(np.sign(moment)) != 0)
+    if not change.size:
+        return 0.0
+    nearest = change[np.argmin(np.abs(angle[change]))]
+    low, high = moment[nearest], moment[nearest + 1]
+    return float(angle[nearest] - low * (angle[nearest + 1] - angle[nearest]) / (high - low))
+
+
+def _shifted(run: GapRun, zero: float) -> GapRun:
+    motion = run.motion
+    return replace(run, motion=replace(motion, angle=motion.angle - zero))
+
+
+def _counted_from(straight: Problem, zero: float) -> Problem:
+    """Return the problem of the same runs with every displacement counted from another zero."""
+    work, policy = straight.work, straight.policy
+    campaign = work.campaign.with_runs(
+        tuple(replace(r, angle=r.angle - zero, source=None) for r in work.campaign.runs)
+    )
+    runs = [replace(r, angle=r.angle - zero, source=None) for r in work.runs]
+    states = [_counted(s, zero) for s in work.states]
+    model = first_model(campaign, states, work.model, None, policy)
+    later = Work.build(campaign, runs, states, work.groups, model, (), policy)
+    return replace(
+        straight,
+        work=later,
+        repaired=Repaired(model, ()),
+        states=tuple(_counted(s, zero) for s in straight.states),
+    )
+
+
+def _counted(states: ForceStates, zero: float) -> ForceStates:
+    lead, replicate = states.lead, states.replicate
+    return replace(
+        states,
+        angle=states.angle - zero,
+        lead=None if lead is None else (lead[0] - zero, lead[1]),
+        replicate=None if replicate is None else (replicate[0] - zero, *replicate[1:]),
+    )
