@@ -48,7 +48,7 @@ def batch(
     cluster: ClusterOption = None,
     as_json: AsJson = False,
     finding: Finding = Finding(),  # noqa: B008
-    random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
+    random_state: Annotated[int | None, typer.Option(min=0, help="Seed of each campaign. [0]")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:

@@ -5,7 +5,6 @@ Two ship with the package: ``pulse-rig``, after section 5 of the paper, and ``fo
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
 from sindyjoint.files.manifest import StrictTable, first_complaint
 from sindyjoint.files.units import conversion, parse_quantity
@@ -256,11 +256,7 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
             f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
         )
     try:
-        given = RigFile.model_validate(tomllib.loads(path.read_bytes().decode("utf-8-sig")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not valid TOML: {' '.join(str(error).split())}") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        given = RigFile.model_validate(read_toml(path))
     except ValidationError as error:
         raise InputError(f"{path}: {first_complaint(error)}") from error
     try:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -13,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sindyjoint.checksums import hash_file
+from sindyjoint.documents import read_toml
 from sindyjoint.record import Campaign
 
 PACKAGES = ("sindyjoint", "pysindy", "scikit-learn", "numpy", "scipy", "matplotlib", "sympy", "numba")
@@ -86,11 +86,9 @@ def _hashed(path: Path) -> list[tuple[str, str, str]]:
         return []
     listed = [path]
     if path.suffix == ".toml":
-        runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
+        runs = read_toml(path).get("run", [])
         listed += [path.parent / run["file"] for run in runs if isinstance(run, dict) and "file" in run]
-    return [
-        (one.stem, one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in listed if one.is_file()
-    ]
+    return [(one.stem, one.name, hash_file(one)) for one in listed if one.is_file()]
 
 
 def versions() -> tuple[tuple[str, str], ...]:
