@@ -6,7 +6,7 @@ for radian and newton for newton-metre. The attribute names stay those of the ro
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.text import control_character, printable
 
 Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
@@ -34,6 +35,13 @@ def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
         )
     array.flags.writeable = False
     return array
+
+
+def _check_texts(where: str, texts: Iterable[str | None]) -> None:
+    """Refuse what a terminal would obey, not show."""
+    for text in texts:
+        if isinstance(text, str) and control_character(text) is not None:
+            raise InputError(f"{where}: {printable(text)!r:.60} holds a control character; take it out")
 
 
 @dataclass(frozen=True)
@@ -70,6 +78,7 @@ class Joint:
             raise InputError(f"inertia is {self.inertia!r}; expected a finite number that is not negative")
         if self.temperature is not None and not (np.isfinite(self.temperature) and self.temperature > 0):
             raise InputError(f"temperature is {self.temperature!r} K; expected a finite number above zero")
+        _check_texts("joint", (self.name, self.serial, *self.labels, *self.labels.values()))
 
 
 @dataclass(frozen=True)
@@ -213,6 +222,7 @@ class Run:
     valid: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
+        _check_texts("run", (self.name, self.level))
         for name in ("moment", "angle", "rate"):
             values = getattr(self, name)
             if values is not None:
