@@ -135,7 +135,9 @@ def read_record(folder: Path) -> CampaignRecord:
         data = parse_json(read_regular(path).decode("utf-8"), str(path))
         given = data.pop("checksum")
         if data["schema"] != SCHEMA or given != _checksum(data):
-            raise InputError(f"{path}: is not as it was written (its checksum is another); run the batch again")
+            raise InputError(
+                f"{path}: is not as it was written (its checksum is another); run the batch again"
+            )
         del data["schema"]
         return CampaignRecord(**data)
     except (ValueError, TypeError, KeyError, AttributeError) as error:

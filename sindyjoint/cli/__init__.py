@@ -55,7 +55,9 @@ def _run(arguments: list[str]) -> int:
     for number, argument in enumerate(arguments):
         if not argument or (argument.startswith("--") and argument.endswith("=")):
             option = argument or (arguments[number - 1] if number else "argument 1")
-            _complain(f"nothing is given where something is expected ({option}); give a value, or leave it out")
+            _complain(
+                f"nothing is given where something is expected ({option}); give a value, or leave it out"
+            )
             return 2
     # typer may bundle click: its public names lead to the classes that it raises.
     usage_error: type[Exception]

@@ -72,7 +72,11 @@ def check_array(path: Path, shape: Sequence[int], item: int, what: str = "an arr
     InputError
     """
     size = math.prod(shape) * item
-    if not 1 <= item <= LARGEST_ITEM or (len(shape) > 1 and min(shape) > MOST_COLUMNS) or any(n < 0 for n in shape):
+    if (
+        not 1 <= item <= LARGEST_ITEM
+        or (len(shape) > 1 and min(shape) > MOST_COLUMNS)
+        or any(n < 0 for n in shape)
+    ):
         raise InputError(
             f"{path}: {what} of shape {tuple(shape)!s:.60} with {item} bytes an entry is no table of numbers"
         )

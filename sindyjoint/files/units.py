@@ -96,7 +96,9 @@ def _root(unit: pint.Unit, where: str) -> tuple[float, dict[str, object]]:
     # pint refuses logarithmic units and scales with another zero in products, and powers that overflow, each in another
     # way.
     except Exception:
-        raise UnitError(f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ...") from None
+        raise UnitError(
+            f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ..."
+        ) from None
 
 
 def conversion(unit: str, expected: str, where: str, gain: str | None = None) -> float:

@@ -371,7 +371,9 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
             if not (stage / name).exists():
                 (stage / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(task.folder / name, stage / name)
-        (stage / SUMS).unlink(missing_ok=True)  # of what was written beyond the model; the list of all follows
+        (stage / SUMS).unlink(
+            missing_ok=True
+        )  # of what was written beyond the model; the list of all follows
         outputs = sums_of(stage)
         if missing := REQUIRED - set(outputs):
             raise OutputError(

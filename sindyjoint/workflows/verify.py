@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.discovery.delay import align_channels
-from sindyjoint.equation.model import JointModel
 from sindyjoint.documents import read_toml
+from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs

@@ -157,7 +157,9 @@ def test_failure_midway_leaves_nothing(tmp_path, monkeypatch):
 
 
 # A record refuses what a terminal would obey.
-names = st.text(st.characters(codec="utf-8"), max_size=20).filter(lambda text: control_character(text) is None)
+names = st.text(st.characters(codec="utf-8"), max_size=20).filter(
+    lambda text: control_character(text) is None
+)
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
 

@@ -36,4 +36,3 @@ def read_mat(path: Path, data: bytes) -> Table:
 def matlab_blocks(path: Path) -> Blocks | None:
     """Open a MATLAB file of version 7.3; None for an older one, which is loaded as a whole."""
     return Hdf5Blocks(path, matlab=True) if begins(path).startswith(VERSION_73) else None
-

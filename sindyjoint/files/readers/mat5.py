@@ -48,7 +48,9 @@ def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray]]:
         yield from _read_version_4(path, data)
         return
     if len(data) < HEADER or data[126:128] not in (b"IM", b"MI"):
-        raise InputError(f"{path}: cannot be read as MATLAB: its header is damaged, or it is of another format")
+        raise InputError(
+            f"{path}: cannot be read as MATLAB: its header is damaged, or it is of another format"
+        )
     order = "<" if data[126:128] == b"IM" else ">"
     yield from _Elements(path, data, order, HEADER).variables()
 
@@ -182,7 +184,9 @@ def _matrix_of_version_4(path: Path, data: bytes, at: int) -> tuple[int, str, ND
     order = "<" if struct.unpack_from("<i", data, at)[0] in range(5000) else ">"
     kind, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
     number, text = kind // 10 % 10, kind % 10
-    if not (0 <= kind < 5000 and number < 6 and text < 3 and rows >= 0 and columns >= 0 and 1 <= length <= 1024):
+    if not (
+        0 <= kind < 5000 and number < 6 and text < 3 and rows >= 0 and columns >= 0 and 1 <= length <= 1024
+    ):
         return None
     dtype = np.dtype(order + V4_NUMBERS[number])
     start = at + V4_HEADER + length

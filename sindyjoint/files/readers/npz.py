@@ -75,9 +75,7 @@ def _array(path: Path, data: bytes, what: str) -> NDArray:
 def _read_header(file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Return shape, order and type of the array of an NPY file, which is then read up to its numbers."""
     version = np.lib.format.read_magic(file)
-    read = (
-        np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    )
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, fortran, dtype = read(file)
     return shape, bool(fortran), dtype
 

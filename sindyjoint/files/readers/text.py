@@ -283,7 +283,9 @@ class TextBlocks(Blocks):
             numbers[:] = segment.numbers
             return _parse(segment, wanted)
 
-        return Table(self.path, self.names, load, row=lambda i: f"line {numbers[i]}", units=self._layout.units)
+        return Table(
+            self.path, self.names, load, row=lambda i: f"line {numbers[i]}", units=self._layout.units
+        )
 
     def _segment(self, start: int, stop: int) -> Layout:
         """Return lines of data, read by the rules of the file's beginning: no line is a header again."""
