@@ -283,9 +283,10 @@ def _hold_new(location: Path, make: Callable[[Path], None]) -> Iterator[Path]:
         temporary = _name_temporary(location)
         make(temporary)
         handle = _open(temporary)
-        if _lock(handle) is not False and (handle < 0 or os.fstat(handle).st_nlink > 0):
+        if _lock(handle) is not False and temporary.exists():
             break
-        os.close(handle)
+        if handle >= 0:
+            os.close(handle)
     try:
         yield temporary
     finally:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -96,9 +97,18 @@ def _root(unit: pint.Unit, where: str) -> tuple[float, dict[str, object]]:
     # pint refuses logarithmic units and scales with another zero in products, and powers that overflow, each in another
     # way.
     except Exception:
-        raise UnitError(
-            f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ..."
-        ) from None
+        raise _make_factorless(unit, where) from None
+
+
+def _times(one: pint.Unit, other: pint.Unit, where: str) -> pint.Unit:
+    try:
+        return one * other
+    except Exception:
+        raise _make_factorless(one, where) from None
+
+
+def _make_factorless(unit: pint.Unit, where: str) -> UnitError:
+    return UnitError(f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ...")
 
 
 def conversion(unit: str, expected: str, where: str, gain: str | None = None) -> float:
@@ -126,7 +136,7 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
     number, total = 1.0, _parse_unit(unit, where)
     if gain is not None:
         number, gain_unit = split_quantity(gain, f"{where} gain", expected)
-        total = total * _parse_unit(gain_unit, f"{where} gain")
+        total = _times(total, _parse_unit(gain_unit, f"{where} gain"), where)
     factor, powers = _root(total, where)
     expected_factor, expected_powers = _root(registry().parse_units(expected), where)
     # A slope such as mm/m is an angle as it stands.
@@ -155,9 +165,11 @@ def parse_quantity(text: str, expected: str, where: str) -> float:
     number, unit = split_quantity(text, where, expected)
     if expected == "K":
         parsed = _parse_unit(unit, where)
-        if dict(parsed.dimensionality) == {"[temperature]": 1}:
-            # Scales such as °C, however they are spelled, have another zero.
-            return float(registry().Quantity(number, parsed).to("kelvin").magnitude)
+        # Scales such as °C, however they are spelled, have another zero.
+        with suppress(Exception):
+            kelvin = float(registry().Quantity(number, parsed).to("kelvin").magnitude)
+            if math.isfinite(kelvin):
+                return kelvin
     value = number * conversion(unit, expected, where)
     if not math.isfinite(value):
         raise UnitError(f"{where}: {text!r:.60} is beyond what a computer counts with; check number and unit")
