@@ -7,7 +7,7 @@ for radian and newton for newton-metre. The attribute names stay those of the ro
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import delayed
+from sindyjoint.text import control_character, printable
 
 Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
@@ -36,6 +37,13 @@ def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
         )
     array.flags.writeable = False
     return array
+
+
+def _check_texts(where: str, texts: Iterable[str | None]) -> None:
+    """Refuse what a terminal would obey, not show."""
+    for text in texts:
+        if isinstance(text, str) and control_character(text) is not None:
+            raise InputError(f"{where}: {printable(text)!r:.60} holds a control character; take it out")
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,7 @@ class Joint:
             raise InputError(f"inertia is {self.inertia!r}; expected a finite number that is not negative")
         if self.temperature is not None and not (np.isfinite(self.temperature) and self.temperature > 0):
             raise InputError(f"temperature is {self.temperature!r} K; expected a finite number above zero")
+        _check_texts("joint", (self.name, self.serial, *self.labels, *self.labels.values()))
 
 
 @dataclass(frozen=True)
@@ -237,6 +246,7 @@ class Run:
     file_units: tuple[FileUnit, ...] = ()
 
     def __post_init__(self) -> None:
+        _check_texts("run", (self.name, self.level))
         for name in ("moment", "angle", "rate"):
             values = getattr(self, name)
             if values is not None:

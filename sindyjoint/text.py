@@ -20,6 +20,9 @@ _NAMES = {
     "rayleigh": "Rayleigh",
     "linear damping": "viscous damping",
 }
+# What a terminal obeys or hides: control characters other than tab and line ends, marks that turn the direction of
+# writing, halves of characters.
+_CONTROL = re.compile("[\x00-\x08\x0b-\x0c\x0e-\x1f\x7f-\x9f\u061c\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PATTERN = re.compile(r"\b(" + "|".join(_NAMES) + r")\b")
 
@@ -129,6 +132,29 @@ def rounded(value: float, error: float) -> str:
     decimals = max(0, power - digits)
     scale = 10.0**power
     return f"({value / scale:.{decimals}f} ± {error / scale:.{decimals}f})e{power}"
+
+
+def control_character(text: str) -> str | None:
+    r"""Return the first sign of a text that a terminal would obey, not show; None where there is none.
+
+    Examples
+    --------
+    >>> control_character("red \x1b[31m joint"), control_character("joint 1\n")
+    ('\x1b', None)
+    """
+    found = _CONTROL.search(text)
+    return found[0] if found else None
+
+
+def printable(text: str) -> str:
+    r"""Return a text with its control characters spelled out.
+
+    Examples
+    --------
+    >>> printable("red \x1b[31m joint")
+    'red \\x1b[31m joint'
+    """
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape", "surrogatepass").decode(), text)
 
 
 def superscript(digits: object) -> str:

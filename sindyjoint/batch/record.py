@@ -9,11 +9,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sindyjoint.checksums import hash_file
+from sindyjoint.documents import parse_json, read_regular
 from sindyjoint.equation.catalogue import Catalogue, as_catalogue
-from sindyjoint.errors import SindyJointError
+from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.manifest import read_manifest
 
-SCHEMA = 1
+SCHEMA = 2
 RECORD_FILE = "record.json"
 MODEL_FILE = "model.json"
 FACTORS_FILE = "factors.npz"
@@ -42,7 +44,7 @@ class CampaignRecord:
     inputs : str
         Hash of manifest, run files, options and version; empty where they cannot be read.
     outputs : dict of str to str
-        SHA-256 of every other file in the folder.
+        SHA-256 of every other file in the folder; ``SHA256SUMS`` lists the same.
     extras : list of str
         What was written beyond model and factors.
     earlier : dict or None
@@ -66,9 +68,15 @@ class CampaignRecord:
         return {term["id"]: term for term in self.result["terms"]} if self.result else {}
 
     def to_json(self) -> str:
-        """Return the record as the text of ``record.json``."""
+        """Return the record as the text of ``record.json``, with a checksum of its content."""
         data = {"schema": SCHEMA, **asdict(self)}
+        data["checksum"] = _checksum(data)
         return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of JSON data, whatever way it is laid out."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def fingerprint(manifest: Path, options: Mapping[str, Any], library: Any, version: str) -> str:
@@ -90,9 +98,9 @@ def fingerprint(manifest: Path, options: Mapping[str, Any], library: Any, versio
         When manifest or catalogue cannot be read.
     """
     path, content = read_manifest(manifest)
-    files = [(run.file, _hash_file(path.parent / run.file)) for run in content.run]
+    files = [(run.file, hash_file(path.parent / run.file)) for run in content.run]
     known = {
-        "manifest": _hash_file(path),
+        "manifest": hash_file(path),
         "files": files,
         "options": {name: repr(value) for name, value in sorted(options.items())},
         "library": _list_catalogue_text(as_catalogue(library)),
@@ -108,37 +116,51 @@ def _list_catalogue_text(catalogue: Catalogue) -> list[str]:
 def last_result(folder: Path) -> CampaignRecord | None:
     """Return the record of the last result in a campaign's folder, also where later attempts at it were broken."""
     try:
-        data = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
-        if data.pop("schema") != SCHEMA:
-            return None
-        record = CampaignRecord(**data)
-        if record.status == "broken":
-            record = CampaignRecord(**(record.earlier or {}))
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        record = read_record(folder)
+        return CampaignRecord(**(record.earlier or {})) if record.status == "broken" else record
+    except (InputError, TypeError):
         return None
-    return record if isinstance(record.outputs, dict) and isinstance(record.extras, list) else None
+
+
+def read_record(folder: Path) -> CampaignRecord:
+    """Return the record in a campaign's folder.
+
+    Raises
+    ------
+    InputError
+        Where there is none, or it is not as it was written.
+    """
+    path = folder / RECORD_FILE
+    try:
+        data = parse_json(read_regular(path).decode("utf-8"), str(path))
+        given = data.pop("checksum")
+        if data["schema"] != SCHEMA or given != _checksum(data):
+            raise InputError(
+                f"{path}: is not as it was written (its checksum is another); run the batch again"
+            )
+        del data["schema"]
+        return CampaignRecord(**data)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: is no record of a campaign; run the batch again") from None
 
 
 def is_valid(record: CampaignRecord, folder: Path, inputs: str) -> bool:
     """Return whether a result still holds: of the same inputs, nothing missing, and every file as it was written."""
     if record.inputs != inputs or not set(record.outputs) >= REQUIRED:
         return False
-    return all(_hash_file(folder / name) == digest for name, digest in record.outputs.items())
+    return not changed_outputs(record, folder)
 
 
-def hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file in a folder, by its path within."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): _hash_file(path) for path in files}
-
-
-def _hash_file(path: Path) -> str:
-    """Return the hash of a file, read in pieces; "missing" where there is none."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return "missing"
+def changed_outputs(record: CampaignRecord, folder: Path) -> list[str]:
+    """Return which files of a result are missing or changed, a sentence each."""
+    states = {name: hash_file(folder / name) for name in (*REQUIRED, *record.outputs)}
+    return [
+        f"{name} is missing" if state == "missing" else f"{name} was changed"
+        for name, state in sorted(states.items())
+        if state == "missing" or state != record.outputs.get(name)
+    ]
 
 
 def broken(id: str, manifest: str, error: BaseException | str, inputs: str = "") -> CampaignRecord:

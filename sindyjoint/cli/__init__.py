@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
+from typing import TextIO
 
 # Every matrix here is small: threads of the linear algebra would only wait for one another. Blocks of rows take them.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -15,6 +16,31 @@ def main(arguments: list[str] | None = None) -> None:
 
     0: done. 1: ran, and the answer is a reasoned "no". 2: the input is at fault; one line on stderr says how.
     """
+    _open_missing_streams()
+    try:
+        status = _run(sys.argv[1:] if arguments is None else arguments)
+        _flush()
+    except KeyboardInterrupt:
+        _complain("interrupted")
+        status = 130
+    except BrokenPipeError:
+        # The reader of our output has gone (head, less): nothing to say, and no one to say it to.
+        _discard(sys.stdout, sys.stderr)
+        status = 0
+    except MemoryError:
+        _complain("not enough memory for this; give it less data at once, or a larger machine")
+        status = 2
+    except OSError as error:
+        # What the system refuses at large: a full disk below stdout, a handle that was closed.
+        _discard(sys.stdout)
+        where = f" {error.filename!r}" if error.filename else ""
+        _complain(f"the system refuses to read or write{where}: {error.strerror or error}")
+        status = 2
+    raise SystemExit(status)
+
+
+def _run(arguments: list[str]) -> int:
+    """Run the command line and return its exit status."""
     limited = any(name in os.environ for name in THREADS)
     for name in THREADS:
         os.environ.setdefault(name, "1")
@@ -26,6 +52,13 @@ def main(arguments: list[str] | None = None) -> None:
     from sindyjoint.threads import all_cores
 
     spell_output()
+    for number, argument in enumerate(arguments):
+        if not argument or (argument.startswith("--") and argument.endswith("=")):
+            option = argument or (arguments[number - 1] if number else "argument 1")
+            _complain(
+                f"nothing is given where something is expected ({option}); give a value, or leave it out"
+            )
+            return 2
     # typer may bundle click: its public names lead to the classes that it raises.
     usage_error: type[Exception]
     click_error: type[Exception]
@@ -44,19 +77,41 @@ def main(arguments: list[str] | None = None) -> None:
     except SindyJointError as error:
         _complain(str(error))
         status = 2
-    except (KeyboardInterrupt, typer.Abort):
-        _complain("interrupted")
-        status = 130
-    except BrokenPipeError:
-        # The reader of our output has gone (head, less): nothing to say, and no one to say it to.
-        sys.stderr.close()
-        status = 0
-    raise SystemExit(status if isinstance(status, int) else 0)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    return status if isinstance(status, int) else 0
+
+
+def _open_missing_streams() -> None:
+    """Give standard streams that were closed at the start a place: the next file would get their number."""
+    if sys.stdout is None:
+        # To read only: what is written there fails, as it should.
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+
+
+def _flush() -> None:
+    """Write what is still held back, while a failure can be reported."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+
+
+def _discard(*streams: TextIO) -> None:
+    """Lead streams that cannot be written to nowhere: at its end Python would try once more."""
+    for stream in streams:
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
 
 
 def _complain(message: str) -> None:
     """Print one line on stderr, whatever the message holds."""
-    print("sindyjoint: " + " ".join(message.split()), file=sys.stderr)
+    from sindyjoint.text import printable
+
+    with suppress(OSError, ValueError):
+        print("sindyjoint: " + printable(" ".join(message.split())), file=sys.stderr)
 
 
 def _command(error: object) -> str:

@@ -41,11 +41,26 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
     ] = False,
+    largest: Annotated[
+        str | None,
+        typer.Option(
+            "--largest",
+            metavar="SIZE",
+            help="Memory that the content of one run file may take where it cannot be read in pieces. [1 GiB]",
+        ),
+    ] = None,
 ) -> None:
     """Discover the equation of a nonlinear joint from vibration tests, with evidence.
 
     Example: sindyjoint discover tests/campaign.toml --out results
     """
+    if largest is not None:
+        import os
+
+        from sindyjoint.files.limits import VARIABLE, parse_size
+
+        # Worker processes have it from here as well.
+        os.environ[VARIABLE] = str(parse_size(largest))
 
 
 app.command("check")(check)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ from sindyjoint.cli.defaults import given
 from sindyjoint.cli.options import JOBS, AcceptOption, AsJson, CandidatesOption, Finding, takes_finding
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
+from sindyjoint.text import printable
 
 
 @takes_finding
@@ -35,12 +37,18 @@ def batch(
     diagnose: Annotated[
         bool, typer.Option("--diagnose", help="What each joint's model lacks, too, in the folder diagnosis.")
     ] = False,
+    verify_only: Annotated[
+        bool,
+        typer.Option(
+            "--verify-only", help="Only hold a finished batch against its inputs and hashes; write nothing."
+        ),
+    ] = False,
     jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     as_json: AsJson = False,
     finding: Finding = Finding(),  # noqa: B008
-    random_state: Annotated[int | None, typer.Option(help="Seed of each campaign. [0]")] = None,
+    random_state: Annotated[int | None, typer.Option(min=0, help="Seed of each campaign. [0]")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -48,13 +56,28 @@ def batch(
 
     Results are written as they come. Run again after an interruption, it keeps what is done and unchanged.
 
-    Exit status 0: a model was found in every campaign; 1: in some none was, or some are broken; 2: the input is at
-    fault.
+    Exit status 0: a model was found in every campaign, or with --verify-only everything is as it was written; 1: in
+    some none was, or some are broken or changed; 2: the input is at fault.
 
     Example: sindyjoint batch qualification --out results --jobs 2
     """
     from sindyjoint.files.atomic import check_output
 
+    if verify_only:
+        from sindyjoint.reporting.output import CampaignFiles
+        from sindyjoint.workflows.batch import verify_batch
+
+        faults = verify_batch(
+            campaigns,
+            out,
+            write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
+            **given(library=library),
+            accept=tuple(accept or ()),
+            random_state=random_state,
+            **finding.arguments(),
+        )
+        _tell_faults(faults, out, as_json)
+        raise typer.Exit(1 if faults else 0)
     check_output(out)
     with Progress(quiet, verbose) as progress:
         from sindyjoint.batch.record import CampaignRecord
@@ -64,7 +87,7 @@ def batch(
 
         def tell(record: CampaignRecord) -> None:
             if record.status == "broken" and not quiet:
-                typer.echo(f"sindyjoint: {record.id}: {record.reason}", err=True)
+                typer.echo(printable(f"sindyjoint: {record.id}: {record.reason}"), err=True)
 
         try:
             result = run(
@@ -93,3 +116,14 @@ def batch(
         show(result)
         typer.echo(f"\nreport: {out / 'report.html'}")
     raise typer.Exit(0 if result.complete else 1)
+
+
+def _tell_faults(faults: Sequence[tuple[str, str]], out: Path, as_json: bool) -> None:
+    """Print what of a batch is not as it was written."""
+    if as_json:
+        record = {"schema": 1, "faults": [{"campaign": id, "fault": fault} for id, fault in faults]}
+        typer.echo(json.dumps(record, indent=2))
+        return
+    for id, fault in faults:
+        typer.echo(printable(f"{id or out}: {fault}"))
+    typer.echo(f"{out}: {f'{len(faults)} fault(s)' if faults else 'everything is as it was written'}")

@@ -50,7 +50,7 @@ def compare(
     accept: AcceptOption = None,
     align: AlignOption = False,
     as_json: AsJson = False,
-    random_state: Annotated[int, typer.Option(help="Seed of everything random.")] = default_of(
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = default_of(
         COMPARE, "random_state"
     ),
     jobs: JobsOption = JOBS,

@@ -70,7 +70,7 @@ def diagnose(
     accept: AcceptOption = None,
     align: AlignOption = False,
     as_json: AsJson = False,
-    random_state: Annotated[int | None, typer.Option(help="Seed of the virtual test. [0]")] = None,
+    random_state: Annotated[int | None, typer.Option(min=0, help="Seed of the virtual test. [0]")] = None,
     jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,

@@ -53,7 +53,7 @@ def discover(
             help="With --refine: estimate delay of the moment, gain or zero error of the angle, too. Repeatable."
         ),
     ] = None,
-    random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
+    random_state: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. [0]")] = None,
     jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,

@@ -147,11 +147,12 @@ def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml fil
 
 def _holds_effects(path: Path) -> bool:
     """Return whether a file lists effects, not terms; the reader reports what cannot be read."""
-    import tomllib
+    from sindyjoint.documents import read_toml
+    from sindyjoint.errors import InputError
 
     try:
-        return "effect" in tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return "effect" in read_toml(path)
+    except InputError:
         return False
 
 

@@ -27,7 +27,7 @@ def reproduce(
         typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures."),
     ] = None,
     as_json: AsJson = False,
-    random_state: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = default_of(
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = default_of(
         "workflows.reproduce:reproduce", "random_state"
     ),
     quiet: Quiet = False,

@@ -90,7 +90,7 @@ def simulate(
         bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
     ] = default_of(TEST, "raw_channels"),
     format: Annotated[_Format, typer.Option(help="Format of the run files.")] = FORMAT,
-    random_state: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,

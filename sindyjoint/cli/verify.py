@@ -63,7 +63,7 @@ def verify(
     accept: AcceptOption = None,
     align: AlignOption = False,
     as_json: AsJson = False,
-    random_state: Annotated[int, typer.Option(help="Seed of draws and sensor noise.")] = default_of(
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of draws and sensor noise.")] = default_of(
         VERIFY, "random_state"
     ),
     quiet: Quiet = False,

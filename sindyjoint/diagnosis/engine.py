@@ -66,7 +66,8 @@ def explain_gap(
 
     Where the search from the model as it was given leaves something unexplained, it is made again from the best other
     start that the problem knows, and where it found a zero error, from the joint's own zero; the best end is used.
-    Unless ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis before that begins.
+    Unless ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the
+    diagnosis before that begins.
     """
     say("the gap")
     straight, steps = first.corrected()

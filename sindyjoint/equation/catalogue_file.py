@@ -6,7 +6,6 @@ the entries.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -15,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
 
 Line = Annotated[str, Field(min_length=1, pattern=r"^[^\n\r]+$")]
@@ -231,14 +231,7 @@ def _collect_terms(
 
 
 def _read_entries(path: Path) -> CatalogueEntry:
-    try:
-        data = tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        raise InputError(f"{path.name}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path.name}: is not a text file; expected a TOML catalogue in UTF-8") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{path.name}: is not valid TOML: {error}") from None
+    data = read_toml(path, path.name)
     try:
         return CatalogueEntry.model_validate(data)
     except ValidationError as error:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from sindyjoint.checksums import read_checked
+from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_checks import check_model, check_model_data
 from sindyjoint.errors import InputError, MissingInputError
 
 
@@ -28,13 +31,15 @@ def read_model(path: str | os.PathLike[str]) -> JointModel:
             "'discover --out' writes it"
         )
     try:
-        return JointModel.from_json(file.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from error
-    except (ValueError, AttributeError, RecursionError) as error:
-        text = (
-            str(error)
-            if isinstance(error, InputError)
-            else f"not a joint model: {type(error).__name__}: {error}"
-        )
-        raise InputError(f"{file}: {text}") from error
+        text = read_checked(file, LARGEST["JSON"]).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file}: is not UTF-8 text (byte {error.start})") from None
+    data = parse_json(text, str(file))
+    try:
+        check_model_data(data)
+        model = JointModel.from_dict(data)
+        check_model(model)
+    except (ValueError, AttributeError) as error:
+        reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+        raise InputError(f"{file}: {reason}") from error
+    return model

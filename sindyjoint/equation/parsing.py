@@ -39,6 +39,8 @@ FUNCTIONS = (
 MAXIMUM_LENGTH = 400
 MAXIMUM_NODES = 80
 MAXIMUM_DEPTH = 20
+# Functions of functions; shipped terms have three. Printing takes sympy four times as long with every further level.
+MAXIMUM_CALLS = 5
 MAXIMUM_POWER = 12
 MAXIMUM_ARGUMENTS = 4  # of min and max
 MAXIMUM_NUMBER = 1e30
@@ -131,6 +133,7 @@ class _Builder:
         self.names = names
         self.positive = positive
         self.nodes = 0
+        self.calls = 0
 
     def refusal(self, why: str) -> FormulaError:
         extra = [name for name in self.names if name not in ("theta", "omega", "alpha", "x", "v", "a")]
@@ -236,7 +239,11 @@ class _Builder:
                 raise self.refusal(f"{name} takes two to {MAXIMUM_ARGUMENTS} arguments, {count} given")
         elif count != 1:
             raise self.refusal(f"{name} takes one argument, {count} given")
+        self.calls += 1
+        if self.calls > MAXIMUM_CALLS:
+            raise self.refusal(f"its functions are nested deeper than {MAXIMUM_CALLS} levels")
         values = [self._node(argument, depth + 1) for argument in node.args]
+        self.calls -= 1
         if all(value.is_number for value in values):
             try:
                 return self._number(float(_OF_NUMBERS[name](*map(float, values))))

@@ -13,11 +13,12 @@ import hashlib
 import os
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sindyjoint.errors import OutputError
+from sindyjoint.checksums import SUMS, read_sums, sums_of, sums_text
+from sindyjoint.errors import InputError, OutputError
 
 try:
     import fcntl
@@ -27,9 +28,10 @@ except ImportError:  # Windows
 NEW, OLD = "new", "old"
 
 
-def _make_write_error(path: Path, error: OSError) -> OutputError:
+def _make_write_error(path: Path, error: OSError | ValueError) -> OutputError:
     """Say in one line why a path cannot be written."""
-    return OutputError(f"cannot write {str(path)!r}: {error.strerror or error}; choose another path")
+    reason = getattr(error, "strerror", None) or error
+    return OutputError(f"cannot write {str(path)!r:.200}: {reason}; choose another path")
 
 
 def _name_temporary(path: Path, kind: str = NEW) -> Path:
@@ -43,7 +45,7 @@ def _name_prefix(path: Path) -> str:
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
-    """Write a file whole or not at all.
+    """Write a file whole or not at all; what a killed process left of writing it is cleared up.
 
     Raises
     ------
@@ -53,15 +55,13 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     target = Path(path)
     if target.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
-    temporary = _name_temporary(target)
     try:
-        temporary.write_bytes(data)
-        os.replace(temporary, target)
+        settle(target)
+        with _hold_new(target, _touch) as temporary:
+            temporary.write_bytes(data)
+            os.replace(temporary, target)
     except OSError as error:
         raise _make_write_error(target, error) from error
-    finally:
-        with suppress(OSError):
-            temporary.unlink()
     return target
 
 
@@ -80,18 +80,26 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     """
     folder = Path(path)
     existing = folder
-    while not existing.exists() and existing != existing.parent:
+    while not os.path.exists(existing) and existing != existing.parent:
         existing = existing.parent
+    try:
+        # Of a name that is too long, or of a loop of links, the system says so at once.
+        for part in folder.parts[len(existing.parts) :]:
+            with suppress(FileNotFoundError, NotADirectoryError):
+                os.lstat(existing / part)
+    except (OSError, ValueError) as error:
+        raise _make_write_error(folder, error) from error
     if not existing.is_dir():
         what = "it" if existing == folder else repr(str(existing))
         raise OutputError(
             f"cannot write into {str(folder)!r}: {what} is a file; expected the name of a folder"
         )
     # Permission bits say nothing to root and nothing about read-only file systems: only writing tells.
-    probe = _name_temporary(existing / "probe")
+    probe = existing / "probe"
     try:
-        probe.touch(exist_ok=False)
-        probe.unlink()
+        settle(probe)
+        with _hold_new(probe, _touch):
+            pass
     except OSError as error:
         raise _make_write_error(folder, error) from error
     return folder
@@ -111,7 +119,9 @@ def prepare_output(path: str | os.PathLike[str]) -> Path:
 def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a folder to fill; its files appear under ``path`` only when the block ends well.
 
-    Files of the same names are replaced, other files stay. After an exception ``path`` is as it was before.
+    A folder that is not there yet appears in one step. In one that is, files of the same names are replaced and other
+    files stay; a process that is killed meanwhile leaves a list of hashes that says so, and readers refuse the folder
+    until the next run has written it. After an exception in the block ``path`` is as it was before.
 
     Yields
     ------
@@ -127,8 +137,9 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     created = _missing_parents(target)
     done = False
     try:
-        with _open_stage(target / "results", target) as stage:
+        with _open_stage(target / "results" if target.exists() else target, target) as stage:
             yield stage
+            write_bytes(stage / SUMS, sums_text(sums_of(stage)).encode())
             _move_in(stage, target)
         done = True
     finally:
@@ -155,20 +166,41 @@ def _remove_empty(folders: list[Path]) -> None:
     for folder in folders:
         try:
             folder.rmdir()
+        except FileNotFoundError:
+            continue
         except OSError:
             return
 
 
 def _move_in(stage: Path, target: Path) -> None:
-    """Move every file of the stage to the same path under the target."""
+    """Move every file of the stage to the same path under the target, the list of hashes last."""
+    if not target.exists():
+        with suppress(OSError):
+            os.rename(stage, target)
+            return
     files = sorted(path for path in stage.rglob("*") if path.is_file())
     for path in files:
         file = target / path.relative_to(stage)
         if file.is_dir():
             raise OutputError(f"cannot write {str(file)!r}: it is a folder; remove it or choose another path")
         file.parent.mkdir(parents=True, exist_ok=True)
-    for path in files:
-        os.replace(path, target / path.relative_to(stage))
+    with hold_folder(target, wait=True):
+        sums = _known_sums(target)
+        write_text(target / SUMS, sums_text(sums, finished=False))
+        for path in files:
+            if path != stage / SUMS:
+                os.replace(path, target / path.relative_to(stage))
+        sums = {name: digest for name, digest in sums.items() if (target / name).is_file()}
+        write_text(target / SUMS, sums_text({**sums, **_known_sums(stage)}))
+
+
+def _known_sums(folder: Path) -> dict[str, str]:
+    """Return the hashes that a folder lists, whatever became of it."""
+    try:
+        known = read_sums(folder)
+    except InputError:
+        return {}
+    return known[0] if known else {}
 
 
 @contextmanager
@@ -192,7 +224,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     with _open_stage(target, target) as stage:
         yield stage
         old = _name_temporary(target, OLD)
-        with _hold_folder(target):
+        with hold_folder(target):
             if target.exists():
                 os.replace(target, old)
             try:
@@ -205,59 +237,101 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def settle(path: str | os.PathLike[str]) -> None:
-    """Clear up what killed processes left next to a folder; old contents that nothing has replaced go back."""
+    """Clear up what killed processes left next to a path; old contents that nothing has replaced go back."""
     target = Path(path)
     mark = _name_prefix(target)
     with suppress(OSError):
         for leftover in sorted(target.parent.iterdir()):
             if not (leftover.name.startswith(mark) and leftover.name.endswith(".part")):
                 continue
-            with _hold_folder(leftover) as held:
+            with hold_folder(leftover) as held:
                 if not held:
                     continue
                 if leftover.name.endswith(f".{OLD}.part") and not target.exists():
                     os.replace(leftover, target)
-                else:
+                elif leftover.is_dir():
                     shutil.rmtree(leftover, ignore_errors=True)
+                else:
+                    leftover.unlink()
 
 
 @contextmanager
 def _open_stage(location: Path, target: Path) -> Iterator[Path]:
-    """Give a folder aside ``location`` that this process holds; errors of the system there concern ``target``."""
-    stage = _name_temporary(location)
-    # It is held before it has the name by which others may find it.
-    unnamed = location.with_name(f".{uuid.uuid4().hex}.part")
+    """Give a folder in one aside ``location`` that this process holds; errors of the system concern ``target``."""
+    stage = location
     try:
         location.parent.mkdir(parents=True, exist_ok=True)
         settle(location)
-        unnamed.mkdir()
-    except OSError as error:
-        raise _make_write_error(target, error) from error
-    try:
-        with _hold_folder(unnamed):
-            os.replace(unnamed, stage)
+        with _hold_new(location, Path.mkdir) as held:
+            # What is held stays where it is: the folder within it may be moved, and held by itself.
+            stage = held / "results"
+            stage.mkdir()
             yield stage
     except OSError as error:
-        if isinstance(error, OutputError) or not _concerns_stage(error, stage):
+        if isinstance(error, OutputError) or not (stage == location or _concerns_stage(error, stage)):
             raise
         raise _make_write_error(target, error) from error
-    finally:
-        for folder in (unnamed, stage):
-            shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
-def _hold_folder(folder: Path) -> Iterator[bool]:
-    """Hold a folder while the block lasts; False where another process does, or the system cannot tell."""
-    handle = -1
-    held = False
+def _hold_new(location: Path, make: Callable[[Path], None]) -> Iterator[Path]:
+    """Make a file or folder aside ``location``, hold it while the block lasts, then remove what is left of it.
+
+    Between its making and its holding another process may take it for a leftover: then it is made again.
+    """
+    while True:
+        temporary = _name_temporary(location)
+        make(temporary)
+        handle = _open(temporary)
+        if _lock(handle) is not False and temporary.exists():
+            break
+        if handle >= 0:
+            os.close(handle)
     try:
+        yield temporary
+    finally:
+        if temporary.is_dir():
+            shutil.rmtree(temporary, ignore_errors=True)
         with suppress(OSError):
-            if fcntl is not None:
-                handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                held = True
-        yield held
+            temporary.unlink()
+        if handle >= 0:
+            os.close(handle)
+
+
+@contextmanager
+def hold_folder(folder: Path, wait: bool = False) -> Iterator[bool | None]:
+    """Hold a folder while the block lasts; False where another process or thread does, None where nobody can tell.
+
+    The lock ends with its process, however that ends. With ``wait`` the block begins when the other one has ended.
+    """
+    handle = _open(folder)
+    try:
+        yield _lock(handle, wait)
     finally:
         if handle >= 0:
             os.close(handle)
+
+
+def _touch(path: Path) -> None:
+    path.touch(exist_ok=False)
+
+
+def _open(path: Path) -> int:
+    """Return a handle to lock a file or folder by; -1 where there is none to be had."""
+    try:
+        return os.open(path, os.O_RDONLY) if fcntl is not None else -1
+    except OSError:
+        return -1
+
+
+def _lock(handle: int, wait: bool = False) -> bool | None:
+    """Lock an open file; False where another one has, None where the system has no such locks."""
+    if fcntl is None or handle < 0:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True

@@ -10,18 +10,19 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
+from sindyjoint.documents import check_regular
 from sindyjoint.errors import InputError
 from sindyjoint.files.readers.table import Table
 
 # ending -> module of readers/, what opens such a file; of NPZ, MATLAB v5 and universal files the libraries load all or
 # nothing.
 KINDS = {
-    ".csv": ("text", "TextBlocks"),
-    ".tsv": ("text", "TextBlocks"),
-    ".txt": ("text", "TextBlocks"),
-    ".dat": ("text", "TextBlocks"),
+    ".csv": ("text", "text_blocks"),
+    ".tsv": ("text", "text_blocks"),
+    ".txt": ("text", "text_blocks"),
+    ".dat": ("text", "text_blocks"),
     ".parquet": ("arrow", "ParquetBlocks"),
-    ".feather": ("arrow", "feather_blocks"),
+    ".feather": ("arrow", "FeatherBlocks"),
     ".mat": ("mat", "matlab_blocks"),
     ".h5": ("hdf5", "Hdf5Blocks"),
     ".hdf5": ("hdf5", "Hdf5Blocks"),
@@ -84,6 +85,7 @@ def open_blocks(path: str | Path) -> Blocks | None:
     """
     file = Path(path)
     try:
+        check_regular(file)
         found = file.stat()
         return _open(file, (found.st_mtime_ns, found.st_size))
     except OSError as error:

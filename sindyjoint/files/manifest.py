@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import difflib
 import os
-import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
+from sindyjoint.checksums import check_finished
+from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError
 
 Column = str | int
@@ -226,18 +227,13 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
         raise InputError(
             f"{file}: this is not a TOML file; expected a {MANIFEST_NAME} that names it as a run"
         )
-    try:
-        text = file.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
-    if not text.strip():
+    # What a person changes in a campaign that was simulated is meant; only one that is not all there is refused.
+    check_finished(file.parent)
+    content = read_toml(file)
+    if not content:
         raise InputError(f"{file}: is empty; expected a campaign with [channels] and [[run]]")
     try:
-        return file, Manifest.model_validate(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{file}: is not valid TOML: {' '.join(str(error).split())}") from error
+        return file, Manifest.model_validate(content)
     except ValidationError as error:
         raise InputError(f"{file}: {first_complaint(error)}") from error
 

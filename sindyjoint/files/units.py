@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -84,13 +85,30 @@ def _try_parse(unit: str) -> pint.Unit | None:
         return None
 
 
-def _root(unit: pint.Unit) -> tuple[float, dict[str, object]]:
-    """Return factor and powers of a unit in pint's root units, the radian among them."""
+def _root(unit: pint.Unit, where: str) -> tuple[float, dict[str, object]]:
+    """Return factor and powers of a unit in pint's root units, the radian among them; or refuse it."""
     from pint.util import to_units_container
 
-    factor, root = registry().get_root_units(unit)
-    assert isinstance(factor, (int, float))
-    return float(factor), dict(to_units_container(root))
+    try:
+        if registry().Quantity(0.0, unit).to_root_units().magnitude != 0:
+            raise UnitError("nothing of it is something: a logarithm, or a scale with another zero")
+        factor, root = registry().get_root_units(unit)
+        return float(factor), dict(to_units_container(root))  # type: ignore[arg-type]
+    # pint refuses logarithmic units and scales with another zero in products, and powers that overflow, each in another
+    # way.
+    except Exception:
+        raise _make_factorless(unit, where) from None
+
+
+def _times(one: pint.Unit, other: pint.Unit, where: str) -> pint.Unit:
+    try:
+        return one * other
+    except Exception:
+        raise _make_factorless(one, where) from None
+
+
+def _make_factorless(unit: pint.Unit, where: str) -> UnitError:
+    return UnitError(f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ...")
 
 
 def conversion(unit: str, expected: str, where: str, gain: str | None = None) -> float:
@@ -118,9 +136,9 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
     number, total = 1.0, _parse_unit(unit, where)
     if gain is not None:
         number, gain_unit = split_quantity(gain, f"{where} gain", expected)
-        total = total * _parse_unit(gain_unit, f"{where} gain")
-    factor, powers = _root(total)
-    expected_factor, expected_powers = _root(registry().parse_units(expected))
+        total = _times(total, _parse_unit(gain_unit, f"{where} gain"), where)
+    factor, powers = _root(total, where)
+    expected_factor, expected_powers = _root(registry().parse_units(expected), where)
     # A slope such as mm/m is an angle as it stands.
     slope = expected == "rad" and not powers
     if powers != expected_powers and not slope:
@@ -145,10 +163,17 @@ def parse_quantity(text: str, expected: str, where: str) -> float:
         For text that is not a number with a unit, an unknown unit, or one of another dimension.
     """
     number, unit = split_quantity(text, where, expected)
-    if expected == "K" and unit in ("degC", "°C", "celsius", "degF", "°F", "fahrenheit"):
-        # The only scales with another zero.
-        return float(registry().Quantity(number, unit).to("kelvin").magnitude)
-    return number * conversion(unit, expected, where)
+    if expected == "K":
+        parsed = _parse_unit(unit, where)
+        # Scales such as °C, however they are spelled, have another zero.
+        with suppress(Exception):
+            kelvin = float(registry().Quantity(number, parsed).to("kelvin").magnitude)
+            if math.isfinite(kelvin):
+                return kelvin
+    value = number * conversion(unit, expected, where)
+    if not math.isfinite(value):
+        raise UnitError(f"{where}: {text!r:.60} is beyond what a computer counts with; check number and unit")
+    return value
 
 
 def unit_ratio(stated: str, declared: str) -> float | None:
@@ -167,9 +192,8 @@ def unit_ratio(stated: str, declared: str) -> float | None:
     if units[0] is None or units[1] is None:
         return None
     try:
-        (factor, powers), (per, others) = _root(units[0]), _root(units[1])
-    # Scales with another zero, such as °C, have no factor.
-    except Exception:
+        (factor, powers), (per, others) = _root(units[0], stated), _root(units[1], declared)
+    except UnitError:
         return None
     return factor / per if powers == others else 0.0
 

@@ -5,14 +5,15 @@ Two ship with the package: ``pulse-rig``, after section 5 of the paper, and ``fo
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
 from sindyjoint.files.manifest import StrictTable, first_complaint
 from sindyjoint.files.units import conversion, parse_quantity
@@ -27,6 +28,13 @@ from sindyjoint.record import MINIMUM_SAMPLES
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+# Matrices of a chain are full: a thousand elements are gigabytes and minutes, and a beam is exact with a few.
+MOST_ELEMENTS, MOST_PARTS = 200, 100
+MOST_ELEMENTS_OF_ALL = 600
+MOST_STEPS = 10_000_000
+# Beyond these, SI, nothing is a part of a structure, and matrices are no longer solved.
+SMALLEST, LARGEST = 1e-12, 1e15
 
 RIG_FOLDER = Path(__file__).parent / "rig_files"
 
@@ -52,7 +60,7 @@ class PartTable(StrictTable):
     )
     bending_stiffness: str | None = None
     mass_per_length: str | None = None
-    elements: int = 8
+    elements: int = Field(default=8, ge=1, le=MOST_ELEMENTS)
     loss_factor: float = 0.0
     law: str | None = Field(default=None, description="Of a joint: a shipped joint, or 'model'.")
     value: str | None = Field(default=None, description="Of a mass, or what a joint weighs: '8 kg'.")
@@ -112,7 +120,7 @@ class OutputTable(StrictTable):
     duration: str = "20 s"
     sample_rate: str = "1 kHz"
     step: str = "0.5 ms"
-    modes: int = Field(default=12, ge=1)
+    modes: int = Field(default=12, ge=1, le=MOST_ELEMENTS)
 
 
 class MeasuredTable(StrictTable):
@@ -136,7 +144,7 @@ class RigFile(StrictTable):
     name: str
     description: str = ""
     base: BaseTable = BaseTable()
-    chain: list[PartTable] = Field(min_length=1)
+    chain: list[PartTable] = Field(min_length=1, max_length=MOST_PARTS)
     pulse: PulseTable
     output: OutputTable = OutputTable()
     measured: list[MeasuredTable] = Field(
@@ -256,11 +264,7 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
             f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
         )
     try:
-        given = RigFile.model_validate(tomllib.loads(path.read_bytes().decode("utf-8-sig")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not valid TOML: {' '.join(str(error).split())}") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        given = RigFile.model_validate(read_toml(path))
     except ValidationError as error:
         raise InputError(f"{path}: {first_complaint(error)}") from error
     try:
@@ -289,16 +293,55 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         measured=records[0] if records else None, also_measured=records[1:],
         pulse_uncertainty=given.pulse.uncertainty,
     )  # fmt: skip
-    structure = rig.structure()
+    _check_sizes(rig, where)
+    structure = _try_structure(rig)
     for name in (rig.at, *rig.points, *(record.point for record in records)):
         structure.point(name)
     return rig
 
 
+def _check_sizes(rig: Rig, where: str) -> None:
+    """Refuse what would take hours or all memory to simulate."""
+    elements = sum(item.elements for item in rig.items if isinstance(item, Beam))
+    if elements > MOST_ELEMENTS_OF_ALL:
+        raise InputError(f"{elements} elements in all; expected at most {MOST_ELEMENTS_OF_ALL}")
+    for name in ("duration", "sample_rate", "step"):
+        value = getattr(rig, name)
+        if not (SMALLEST < value < LARGEST):
+            raise InputError(f"{where} {name} is {value:g} in SI; expected a positive number")
+    steps = max(rig.duration / rig.step, rig.duration * rig.sample_rate)
+    if steps > MOST_STEPS:
+        raise InputError(
+            f"{where}: {steps:.3g} steps of time; expected at most {MOST_STEPS:g}: a shorter duration, a lower "
+            "sample_rate or a larger step"
+        )
+
+
+def _try_structure(rig: Rig) -> Structure:
+    """Return the assembled chain; refuse one that no computer can solve."""
+    from numpy.linalg import LinAlgError
+
+    try:
+        structure = rig.structure()
+        # Whether it holds together is the business of who simulates it, with the law that its joints will have.
+        with suppress(InputError):
+            structure.frequencies(1, locked=True)
+    except (LinAlgError, ArithmeticError, ValueError) as error:
+        if isinstance(error, SindyJointError):
+            raise
+        raise InputError(
+            f"the chain cannot be solved ({' '.join(str(error).split()):.80}); check lengths, stiffnesses and masses"
+        ) from None
+    return structure
+
+
 def _build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
     def number(name: str, unit: str) -> float:
         text = getattr(part, name)
-        return 0.0 if text is None else parse_quantity(text, unit, f"{where} {name}")
+        value = 0.0 if text is None else parse_quantity(text, unit, f"{where} {name}")
+        if text is not None and not (value == 0 or SMALLEST < abs(value) < LARGEST):
+            raise InputError(f"{where} {name} is {value:g} in SI; no part of a structure has that")
+        return value
 
     if part.joint is not None:
         assert part.law is not None
@@ -319,9 +362,11 @@ def _build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
             name: parse_quantity(getattr(part.section, name), unit, f"{where} section.{name}")
             for name, unit in units.items()
         }
-        bad = [name for name, value in values.items() if not value > 0]
+        bad = [name for name, value in values.items() if not SMALLEST < value < LARGEST]
         if bad:
-            raise InputError(f"{where} section.{bad[0]} is {values[bad[0]]:g}; expected a number above zero")
+            raise InputError(
+                f"{where} section.{bad[0]} is {values[bad[0]]:g} in SI; expected a number above zero"
+            )
         stiffness, mass = rectangular_section(**values)
     return Beam(part.beam, number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
 
@@ -365,7 +410,8 @@ def _read_series(
     to_si = conversion(unit, target, f"{file}: {name}")
     table, _ = read_table(file)
     stamps, values = table.columns([time[0], column])
-    steps = np.diff(stamps * to_seconds)
+    with np.errstate(all="ignore"):
+        steps = np.diff(stamps * to_seconds)
     if (
         not steps.size
         or not np.all(np.abs(steps - np.median(steps)) <= 0.01 * abs(np.median(steps)))

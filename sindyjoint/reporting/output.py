@@ -87,7 +87,8 @@ def write_folder(
         for kind, svg in pictures.items():
             (stage / "figures" / f"{kind}.svg").write_bytes(svg)
         for name, text in texts.items():
-            (stage / name).write_text(text, encoding="utf-8", newline="\n")
+            # Of a path that is no UTF-8 the page shows the bytes, as JSON writes them.
+            (stage / name).write_bytes(text.encode("utf-8", errors="backslashreplace"))
     return Path(folder)
 
 

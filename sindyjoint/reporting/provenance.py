@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from sindyjoint.checksums import hash_file
+from sindyjoint.documents import read_toml
 from sindyjoint.record import Campaign
 from sindyjoint.versions import versions
 
@@ -83,11 +83,9 @@ def _hashed(path: Path) -> list[tuple[str, str, str]]:
         return []
     listed = [path]
     if path.suffix == ".toml":
-        runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
+        runs = read_toml(path).get("run", [])
         listed += [path.parent / run["file"] for run in runs if isinstance(run, dict) and "file" in run]
-    return [
-        (one.stem, one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in listed if one.is_file()
-    ]
+    return [(one.stem, one.name, hash_file(one)) for one in listed if one.is_file()]
 
 
 def _line(command_line: str | Sequence[str] | None) -> str:

@@ -9,7 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
+from sindyjoint.checksums import read_checked
+from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.reporting.registry import SAVED, view_of
 
@@ -58,7 +61,7 @@ def load_results(path: str | os.PathLike[str]) -> Any:
     result = _read(saved, _from_record)
     model_file = folder / "model.json"
     if isinstance(getattr(result, "model", None), JointModel):
-        model = _read(model_file, JointModel.from_dict)
+        model = read_model(model_file)
         # As text: a noise floor that is not known is NaN, which equals nothing.
         if model.to_json() != result.model.to_json():
             raise InputError(
@@ -97,11 +100,15 @@ def _from_record(record: Any) -> Any:
 def _read(path: Path, reader: Callable[[Any], T]) -> T:
     """Read a JSON file; errors name it."""
     try:
-        return reader(json.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise MissingInputError(f"cannot read {str(path)!r}: {error.strerror or error}") from None
-    except RecursionError:
-        raise InputError(f"{str(path)!r}: nested too deeply to be a result") from None
-    except ValueError as error:
-        reason = str(error) if isinstance(error, InputError) else f"not JSON ({error})"
-        raise InputError(f"{str(path)!r}: {reason}") from None
+        return reader(parse_json(read_checked(path, LARGEST["JSON"]).decode("utf-8"), str(path)))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{str(path)!r}: is not UTF-8 text (byte {error.start})") from None
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if str(path) in text else f"{str(path)!r}: {text}") from None
+    # Whatever a part of a result makes of values that it never wrote.
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        if isinstance(error, SindyJointError):
+            raise
+        reason = f"{type(error).__name__}: {' '.join(str(error).split()):.80}"
+        raise InputError(f"{str(path)!r}: is not a saved result ({reason}); run the command again") from None

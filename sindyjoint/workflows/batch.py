@@ -7,7 +7,8 @@ import os
 import re
 import shutil
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -20,14 +21,23 @@ from sindyjoint.batch.record import (
     REQUIRED,
     CampaignRecord,
     broken,
+    changed_outputs,
     fingerprint,
-    hashes,
     is_valid,
     last_result,
+    read_record,
 )
 from sindyjoint.batch.summary import Batch, summarised
+from sindyjoint.checksums import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJointError
-from sindyjoint.files.atomic import check_output, prepare_output, settle, whole_folder, write_text
+from sindyjoint.files.atomic import (
+    check_output,
+    hold_folder,
+    prepare_output,
+    settle,
+    whole_folder,
+    write_text,
+)
 from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.soundness.check import check_accepted
@@ -117,7 +127,8 @@ def batch(
     MissingInputError
         If there is no campaign.
     InputError, UnknownNameError, OutputError
-        For options that no campaign can be discovered with, or a folder that cannot be written.
+        For options that no campaign can be discovered with, or a folder that cannot be written, or that another batch
+        is writing into.
     """
     check_output(out)
     tasks = find_tasks(campaigns, Path(out), library, options, write)
@@ -125,7 +136,7 @@ def batch(
     folder = prepare_output(Path(out) / CAMPAIGNS)
     records: dict[int, CampaignRecord] = {}
     kept = 0
-    with executor(jobs, workers, cluster) as workers_here:
+    with _only_batch(folder), executor(jobs, workers, cluster) as workers_here:
         for number, answer in workers_here.completed(run_task, tasks):
             if isinstance(answer, Lost):
                 record, fresh = _recorded_lost(tasks[number], answer), True
@@ -138,6 +149,65 @@ def batch(
             if progress is not None:
                 progress(f"{len(records)} of {len(tasks)}: {record.id}: {record.status}")
     return summarised(tuple(records[number] for number in range(len(tasks))), folder, kept)
+
+
+@contextmanager
+def _only_batch(folder: Path) -> Iterator[None]:
+    """Refuse a folder that another batch is writing into; the hold on it ends with the process."""
+    with hold_folder(folder) as held:
+        if held is False:
+            raise OutputError(
+                f"another batch is writing into {str(folder.parent)!r}; wait for it to end, or give another --out"
+            )
+        yield
+
+
+def verify_batch(
+    campaigns: str | Path | Sequence[str | Path],
+    out: str | Path,
+    library: Any = "extended",
+    *,
+    write: Writer | None = None,
+    **options: Any,
+) -> tuple[tuple[str, str], ...]:
+    """Hold a finished batch against its inputs and its hashes; nothing is written.
+
+    Parameters are those of :func:`batch`.
+
+    Returns
+    -------
+    tuple of (str, str)
+        Campaign, and what keeps its result from being taken for done: files missing or changed, inputs, options,
+        catalogue or version other than those it was made from. An empty name stands for the batch itself.
+
+    Raises
+    ------
+    MissingInputError
+        If there is no campaign.
+    """
+    faults: list[tuple[str, str]] = []
+    for task in find_tasks(campaigns, Path(out), library, options, write):
+        faults += [(task.id, fault) for fault in _find_faults(task)]
+    try:
+        faults += [("", fault) for fault in changed_files(Path(out))]
+    except InputError as error:
+        faults.append(("", str(error)))
+    return tuple(faults)
+
+
+def _find_faults(task: Task) -> list[str]:
+    """Return what keeps the result of a campaign from being taken for done."""
+    try:
+        record = read_record(task.folder)
+        if record.status == "broken":
+            return [f"broken: {record.reason}"]
+        inputs = fingerprint(task.manifest, task.options, task.library, version("sindyjoint"))
+    except SindyJointError as error:
+        return [str(error)]
+    faults = changed_outputs(record, task.folder)
+    faults += [] if record.inputs == inputs else ["was made from other files, options, catalogue or version"]
+    missing = sorted(set(_extras(task)) - set(record.extras))
+    return faults + ([f"has no {', '.join(missing)}"] if missing else [])
 
 
 def find_tasks(
@@ -301,7 +371,10 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
             if not (stage / name).exists():
                 (stage / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(task.folder / name, stage / name)
-        outputs = hashes(stage)
+        (stage / SUMS).unlink(
+            missing_ok=True
+        )  # of what was written beyond the model; the list of all follows
+        outputs = sums_of(stage)
         if missing := REQUIRED - set(outputs):
             raise OutputError(
                 f"{', '.join(sorted(missing))} vanished from {str(stage)!r}; run the batch again"
@@ -325,6 +398,7 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
             extras=sorted({*_extras(task), *(last.extras if last is not None else ())}),
         )
         (stage / RECORD_FILE).write_text(record.to_json(), encoding="utf-8", newline="\n")
+        (stage / SUMS).write_text(sums_text(outputs), encoding="utf-8", newline="\n")
     return record
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.discovery.delay import align_channels
+from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
@@ -184,11 +185,9 @@ def _open_input(against: Rig | Campaign | str | Path) -> Rig | Campaign:
 
 def is_rig(path: Path) -> bool:
     """Return whether a file is TOML with a rig in it."""
-    import tomllib
-
     try:
-        return bool({"chain", "pulse", "base"} & tomllib.loads(path.read_text("utf-8-sig")).keys())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError):
+        return bool({"chain", "pulse", "base"} & read_toml(path).keys())
+    except InputError:
         return False
 
 

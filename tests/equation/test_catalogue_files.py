@@ -114,7 +114,7 @@ FAULTS = {
     "binary": (
         b"\xff\xfe\x00\x01",
         InputError,
-        "mine.toml: is not a text file; expected a TOML catalogue in UTF-8",
+        "mine.toml: is not UTF-8 text (byte 0); save it as UTF-8",
     ),
     "no terms": (
         'name = "m"\ndescription = "m"\n',

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 from small_joints import content
 
-from sindyjoint.files.atomic import _name_temporary
-from sindyjoint.workflows.batch import batch
+from sindyjoint.batch.record import read_record
+from sindyjoint.files.atomic import _name_temporary, hold_folder
+from sindyjoint.workflows.batch import batch, verify_batch
 
 
 def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):
@@ -138,9 +139,9 @@ def test_a_record_without_its_files_is_not_done(joints, tmp_path):
     before = content(folder)
     for name in ("factors.npz", "model.json"):
         # As after a loss that the record does not know of: it lists only what was still there.
-        record = json.loads(before["record.json"])
-        del record["outputs"][name]
-        (folder / "record.json").write_text(json.dumps(record), encoding="utf-8")
+        record = read_record(folder)
+        del record.outputs[name]
+        (folder / "record.json").write_text(record.to_json(), encoding="utf-8")
         (folder / name).unlink()
         assert batch(joints / "joint-0", out, "paper").kept == 0
         assert content(folder) == before
@@ -148,6 +149,63 @@ def test_a_record_without_its_files_is_not_done(joints, tmp_path):
         assert batch(joints / "joint-0", out, "paper").kept == 0
         assert content(folder) == before
     assert batch(joints / "joint-0", out, "paper").kept == 1
+
+
+def test_a_record_that_was_tampered_with_is_not_done(joints, tmp_path):
+    out = tmp_path / "out"
+    batch(joints / "joint-0", out, "paper")
+    (folder,) = (out / "campaigns").iterdir()
+    before = content(folder)
+    text = before["record.json"].decode()
+    for changed in (
+        text.replace('"found"', '"none"'),
+        text.replace('"terms": [', '"terms": [null, ', 1),
+        text.replace('"checksum"', '"checksums"'),
+        text[: len(text) // 2],
+        "[" * 100_000,
+        "{}",
+    ):
+        (folder / "record.json").write_text(changed, encoding="utf-8")
+        assert verify_batch(joints / "joint-0", out, "paper")[0][0] == folder.name
+        assert batch(joints / "joint-0", out, "paper").kept == 0
+        assert content(folder) == before
+
+
+def test_a_finished_batch_is_verified(joints, tmp_path, sindyjoint):
+    out = tmp_path / "out"
+    for name in ("joint-0", "joint-1", "joint-2"):
+        shutil.copytree(joints / name, tmp_path / "in" / name)
+    command = ("batch", tmp_path / "in", "--out", out, "-l", "paper")
+    assert sindyjoint(*command).status == 0
+    before = content(out)
+    answer = sindyjoint(*command, "--verify-only")
+    assert (answer.status, answer.stderr) == (0, "") and "everything is as it was written" in answer.stdout
+    assert content(out) == before
+    (out / "campaigns" / "joint-0" / "factors.npz").write_bytes(b"x")
+    (out / "campaigns" / "joint-1" / "model.json").unlink()
+    with (tmp_path / "in" / "joint-2" / "low.csv").open("a") as file:
+        file.write("0.1,0.0001\n")
+    (out / "batch.csv").write_text("mine")
+    answer = sindyjoint(*command, "--verify-only", "--json")
+    assert answer.status == 1
+    assert [tuple(fault.values()) for fault in json.loads(answer.stdout)["faults"]] == [
+        ("joint-0", "factors.npz was changed"),
+        ("joint-1", "model.json is missing"),
+        ("joint-2", "was made from other files, options, catalogue or version"),
+        ("", "batch.csv was changed"),
+    ]
+    assert "has no reports" in sindyjoint(*command, "--reports", "--verify-only").stdout
+    assert "6 fault(s)" in sindyjoint(*command, "--verify-only", "--align").stdout
+
+
+def test_a_second_batch_into_the_same_folder_is_refused(joints, tmp_path, sindyjoint):
+    pytest.importorskip("fcntl", reason="no locks on folders")
+    (tmp_path / "out" / "campaigns").mkdir(parents=True)
+    with hold_folder(tmp_path / "out" / "campaigns") as held:
+        answer = sindyjoint("batch", joints / "joint-0", "--out", tmp_path / "out", "-l", "paper")
+    assert held and answer.status == 2 and answer.stderr.count("\n") == 1
+    assert "another batch is writing into" in answer.stderr
+    assert not list((tmp_path / "out" / "campaigns").iterdir())
 
 
 def test_a_failed_attempt_keeps_the_earlier_result(joints, tmp_path, sindyjoint):
@@ -168,7 +226,9 @@ def test_a_failed_attempt_keeps_the_earlier_result(joints, tmp_path, sindyjoint)
         record = json.loads(after.pop("record.json"))
         assert after == {name: data for name, data in before.items() if name != "record.json"}
         assert record["status"] == "broken" and "low.csv" in record["reason"]
-        assert {"schema": 1, **record["earlier"]} == json.loads(before["record.json"])
+        earlier = json.loads(before["record.json"])
+        assert earlier.pop("schema") == 2 and len(earlier.pop("checksum")) == 64
+        assert record["earlier"] == earlier
         (row, _) = csv.DictReader((out / "batch.csv").read_text(encoding="utf-8").splitlines())
         assert row["status"] == "broken" and "earlier result" in row["reason"] and row["terms"] == ""
         # The page of an earlier result is not shown as one of this batch.
@@ -199,4 +259,4 @@ def test_reports_that_hold_outlive_a_batch_without_them(joints, tmp_path, sindyj
     with (tmp_path / "in" / "joint-0" / "low.csv").open("a") as file:
         file.write("0.1,0.0001\n")
     assert sindyjoint(*command).status == 0
-    assert set(content(folder)) == {"model.json", "factors.npz", "record.json"}
+    assert set(content(folder)) == {"model.json", "factors.npz", "record.json", "SHA256SUMS"}

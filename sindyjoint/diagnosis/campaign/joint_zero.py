@@ -128,12 +128,13 @@ def _counted_from(straight: Problem, zero: float) -> Problem:
     )
     runs = [replace(r, angle=r.angle - zero, source=None) for r in work.runs]
     states = [_counted(s, zero) for s in work.states]
-    model = first_model(campaign, states, work.model, None, policy)
+    model = first_model(campaign, states, work.model, None, policy).model
     later = Work.build(campaign, runs, states, work.groups, model, (), policy)
     return replace(
         straight,
         work=later,
         repaired=Repaired(model, ()),
+        zero=straight.zero + zero,
         states=tuple(_counted(s, zero) for s in straight.states),
     )
 

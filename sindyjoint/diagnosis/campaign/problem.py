@@ -73,6 +73,8 @@ class CampaignProblem(Problem):
         Of a channel; put right by :meth:`corrected`.
     may_start_anew : bool
         Whether the terms to start from were left to the program.
+    zero : float
+        From where displacements are counted, in that of the channel, rad (m).
     """
 
     work: Work
@@ -81,6 +83,7 @@ class CampaignProblem(Problem):
     states: tuple[ForceStates, ...]
     drift: ChannelDrift | None = None
     may_start_anew: bool = True
+    zero: float = 0.0
 
     @classmethod
     def build(
@@ -217,7 +220,7 @@ class CampaignProblem(Problem):
                 yield Start(problem, steps, words, straight)
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
-        """Return the start with displacements counted from the joint's own zero, where the search found a zero error."""
+        """Return the start with displacements counted from the joint's own zero, where a zero error was found."""
         if self.drift is not None:
             return None
         say("the joint's own zero")
@@ -293,7 +296,7 @@ class CampaignProblem(Problem):
             model=repaired.model,
             effects=self.found,
             whole=whole_model(repaired, self.work.rows),
-            test=nuisances_of(repaired, self.work.rows, self.drift, campaign.joint.motion),
+            test=nuisances_of(repaired, self.work.rows, self.drift, campaign.joint.motion, self.zero),
             before=run_gaps(gap_rows(first.work, first.work.model), first.work.model),
             after=run_gaps(gap_rows(self.work, repaired.model, self.found), repaired.model, self.found)
             if found["steps"]

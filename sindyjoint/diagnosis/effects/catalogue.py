@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
+from sindyjoint.documents import read_toml
 from sindyjoint.equation import dimensions
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
 from sindyjoint.equation.element import Column, Form, State
@@ -165,9 +165,7 @@ def read_entries(path: Path, schema: type[S]) -> S:
     if not path.is_file():
         raise MissingInputError(f"{str(path)!r} does not exist; expected a .toml file of effects")
     try:
-        return schema.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name}: not a TOML file: {error}") from None
+        return schema.model_validate(read_toml(path, path.name))
     except ValidationError as error:
         raise InputError(f"{path.name}: {_fault_line(error)}") from None
 

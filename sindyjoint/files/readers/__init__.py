@@ -9,10 +9,13 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
+from sindyjoint.documents import check_regular, read_regular
 from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.files.limits import check_bytes
 from sindyjoint.files.readers.table import Table
 
 # ending -> module, function; the modules import their libraries when a file of that kind is met.
@@ -65,10 +68,9 @@ def read_table(path: str | Path) -> tuple[Table, str]:
     if kind is None:
         known = ", ".join(ending.removeprefix(".") for ending in READERS)
         raise InputError(f"{file}: ending {file.suffix!r} is unknown; expected one of {known}")
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+    with suppress(OSError):
+        check_bytes(file, check_regular(file))
+    data = read_regular(file)
     if not data:
         raise InputError(f"{file}: is empty")
     module = import_module(f"{__name__}.{kind[0]}")

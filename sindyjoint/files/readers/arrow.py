@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.limits import MOST_COLUMNS, check_array, check_bytes
 from sindyjoint.files.readers.table import Table, begins, foreign, missing_extra
 
 if TYPE_CHECKING:
@@ -35,7 +37,16 @@ def read_parquet(path: Path, data: bytes) -> Table:
     except ImportError as error:
         raise missing_extra(path, "pyarrow", error) from error
     with foreign(path, "Parquet"):
-        return _table(path, pq.ParquetFile(pa.BufferReader(data)).read())
+        file = pq.ParquetFile(pa.BufferReader(data))
+        _check_parquet(path, file.metadata)
+        return _table(path, file.read())
+
+
+def _check_parquet(path: Path, metadata: Any, rows: int | None = None) -> None:
+    """Refuse rows beyond the limit, which a few bytes can stand for, and more columns than a table has."""
+    columns = metadata.num_columns
+    check_array(path, (0, columns) if columns > MOST_COLUMNS else (1,), 8)
+    check_bytes(path, 8 * columns * max(metadata.num_rows if rows is None else rows, 0))
 
 
 def read_feather(path: Path, data: bytes) -> Table:
@@ -45,8 +56,20 @@ def read_feather(path: Path, data: bytes) -> Table:
         import pyarrow.feather as feather
     except ImportError as error:
         raise missing_extra(path, "pyarrow", error) from error
+    _check_version(path, data[:6])
     with foreign(path, "Feather"):
         return _table(path, feather.read_table(pa.BufferReader(data)))
+
+
+def _check_version(path: Path, start: bytes) -> None:
+    """Refuse Feather of the first version: its reader ends the process on many a damaged file."""
+    if start[:4] == b"FEA1":
+        raise InputError(
+            f"{path}: is Feather of version 1, which is no longer read; write it again with "
+            "pyarrow.feather.write_feather(pyarrow.feather.read_table(old), new)"
+        )
+    if start != b"ARROW1":
+        raise InputError(f"{path}: cannot be read as Feather; it may be damaged or of another format")
 
 
 def _table(path: Path, table: pyarrow.Table) -> Table:
@@ -67,6 +90,7 @@ class ParquetBlocks(Blocks):
             raise missing_extra(path, "pyarrow", error) from error
         with foreign(path, "Parquet"):
             file = pq.ParquetFile(path)
+            _check_parquet(path, file.metadata, 0)
             self.rows = file.metadata.num_rows
             self.names = tuple(file.schema_arrow.names)
             sizes = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
@@ -79,6 +103,7 @@ class ParquetBlocks(Blocks):
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return rows of some columns; segments that follow one another are decoded once."""
+        check_bytes(self.path, 8 * len(wanted) * max(stop - start, 0))
         if start != self._next or tuple(wanted) != self._wanted:
             group = int(np.searchsorted(self._edges, start, side="right")) - 1
             names = [self.names[position] for position in wanted]
@@ -116,11 +141,6 @@ class ParquetBlocks(Blocks):
         return [column[:count] for column in columns]
 
 
-def feather_blocks(path: Path) -> Blocks | None:
-    """Open a Feather file; None for one of the first version, which is no Arrow file."""
-    return FeatherBlocks(path) if begins(path).startswith(b"ARROW1") else None
-
-
 class FeatherBlocks(Blocks):
     """Feather: the record batches of an Arrow file, of which only the requested columns are decoded."""
 
@@ -130,6 +150,7 @@ class FeatherBlocks(Blocks):
         except ImportError as error:
             raise missing_extra(path, "pyarrow", error) from error
         self.path = path
+        _check_version(path, begins(path)[:6])
         with foreign(path, "Feather"):
             # Read, not mapped: pages of a map count as memory of the process for as long as the system likes.
             self._file = pa.OSFile(str(path))
@@ -144,6 +165,7 @@ class FeatherBlocks(Blocks):
         """Return rows of some columns; a batch is decoded once for the segments that follow one another."""
         first, last = np.searchsorted(self._edges, [start, stop - 1], side="right") - 1
         parts = []
+        check_bytes(self.path, 8 * len(wanted) * max(stop - start, 0))
         for number in range(int(first), min(int(last), len(self._edges) - 2) + 1):
             begin = self._edges[number]
             parts.append(

@@ -1,16 +1,14 @@
-"""MATLAB files: v4 and v5 by SciPy, v7.3 by h5py."""
+"""MATLAB files: v4 and v5 in Python, v7.3 by h5py."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.files.blocks import Blocks
 from sindyjoint.files.readers.hdf5 import Hdf5Blocks
+from sindyjoint.files.readers.mat5 import read_arrays
 from sindyjoint.files.readers.table import Table, begins, foreign, short_names, vectors
 
 VERSION_73 = (b"MATLAB 7.3", b"\x89HDF\r\n\x1a\n")
@@ -28,27 +26,13 @@ def read_mat(path: Path, data: bytes) -> Table:
     """
     if data.startswith(VERSION_73):
         return Hdf5Blocks(path, data, matlab=True).whole()
-    from scipy.io import loadmat
-
     arrays: dict[str, NDArray] = {}
     with foreign(path, "MATLAB"):
-        for name, value in loadmat(io.BytesIO(data)).items():
-            if not name.startswith("__"):
-                for full, array in _leaves(name, value):
-                    arrays |= vectors(full, array, "(:,{})", first=1)
+        for name, array in read_arrays(path, data):
+            arrays |= vectors(name, array, "(:,{})", first=1)
     return Table.of(path, arrays, short_names(tuple(arrays), "."))
 
 
 def matlab_blocks(path: Path) -> Blocks | None:
-    """Open a MATLAB file of version 7.3; None for an older one, which SciPy loads as a whole."""
+    """Open a MATLAB file of version 7.3; None for an older one, which is loaded as a whole."""
     return Hdf5Blocks(path, matlab=True) if begins(path).startswith(VERSION_73) else None
-
-
-def _leaves(name: str, value: NDArray) -> Iterator[tuple[str, NDArray]]:
-    """Walk through structs, which SciPy shows as 1 × 1 arrays of records, down to their numbers."""
-    if value.dtype.names:
-        if value.size == 1:
-            for field in value.dtype.names:
-                yield from _leaves(f"{name}.{field}", np.asarray(value.flat[0][field]))
-    elif value.dtype.kind in "fiub":
-        yield name, value

@@ -1,16 +1,20 @@
-"""NumPy archives and arrays; nothing in them is unpickled."""
+"""NumPy archives and arrays; nothing in them is unpickled, and nothing allocated before its size is known."""
 
 from __future__ import annotations
 
 import io
+import math
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.limits import MOST_COLUMNS, check_array, check_bytes
 from sindyjoint.files.readers.table import Table, foreign, vectors
 
 
@@ -20,12 +24,18 @@ def read_npz(path: Path, data: bytes) -> Table:
     Raises
     ------
     InputError
-        For bytes that are no archive, or an array of Python objects.
+        For bytes that are no archive, an array of Python objects, or content beyond the limit of memory.
     """
     arrays: dict[str, NDArray] = {}
-    with foreign(path, "NPZ"), np.load(io.BytesIO(data), allow_pickle=False) as archive:
-        for name in archive.files:
-            arrays |= vectors(name, archive[name], "[:,{}]", first=0)
+    with foreign(path, "NPZ"), zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+        check_bytes(path, sum(member.file_size for member in members))
+        for member in members:
+            name = member.filename.removesuffix(".npy")
+            with archive.open(member) as file:
+                array = _array(path, file.read(member.file_size + 1), f"array {name!r}")
+            if array.dtype.names is None:
+                arrays |= vectors(name, array, "[:,{}]", first=0)
     return Table.of(path, arrays)
 
 
@@ -38,12 +48,45 @@ def read_npy(path: Path, data: bytes) -> Table:
         For bytes that are no array, or an array of Python objects.
     """
     with foreign(path, "NPY"):
-        array = np.load(io.BytesIO(data), allow_pickle=False)
+        array = _array(path, data, "an array")
     if array.dtype.names:
         return Table.of(path, {name: array[name] for name in array.dtype.names})
+    if array.ndim == 2 and array.shape[1] > MOST_COLUMNS:
+        raise InputError(f"{path}: has {array.shape[1]} columns; expected at most {MOST_COLUMNS}")
     return Table.of(
         path, {str(number): column for number, column in enumerate(np.atleast_2d(array.T), start=1)}
     )
+
+
+def _array(path: Path, data: bytes, what: str) -> NDArray:
+    """Return the array of the bytes of an NPY file."""
+    file = io.BytesIO(data)
+    shape, fortran, dtype = _read_header(file)
+    size = _check_header(path, shape, dtype, what)
+    if size != len(data) - file.tell():
+        raise InputError(
+            f"{path}: {what} announces {size} bytes and holds {len(data) - file.tell()}; it is truncated or damaged"
+        )
+    return np.frombuffer(data, dtype, math.prod(shape), file.tell()).reshape(
+        shape, order="F" if fortran else "C"
+    )
+
+
+def _read_header(file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Return shape, order and type of the array of an NPY file, which is then read up to its numbers."""
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, fortran, dtype = read(file)
+    return shape, bool(fortran), dtype
+
+
+def _check_header(path: Path, shape: tuple[int, ...], dtype: np.dtype, what: str) -> int:
+    """Return the bytes of an array; refuse what is no table of numbers."""
+    if dtype.hasobject:
+        raise InputError(
+            f"{path}: {what} of {str(dtype)!s:.60} and shape {shape}; expected a table of numbers"
+        )
+    return check_array(path, shape, dtype.itemsize, what)
 
 
 class NpyBlocks(Blocks):
@@ -55,18 +98,18 @@ class NpyBlocks(Blocks):
     def __init__(self, path: Path):
         self.path = path
         with foreign(path, "NPY"), path.open("rb") as file:
-            version = np.lib.format.read_magic(file)
-            read = (
-                np.lib.format.read_array_header_1_0
-                if version == (1, 0)
-                else np.lib.format.read_array_header_2_0
-            )
-            shape, self._fortran, self._dtype = read(file)
+            shape, self._fortran, self._dtype = _read_header(file)
             if self._dtype.hasobject or len(shape) not in (1, 2):
                 raise InputError(
                     f"{path}: an array of {self._dtype} and shape {shape}; expected a table of numbers"
                 )
             self._at = file.tell()
+            check_array(path, shape[1:], self._dtype.itemsize, "a row")
+            size, held = math.prod(shape) * self._dtype.itemsize, path.stat().st_size - self._at
+            if size != held:
+                raise InputError(
+                    f"{path}: announces {size} bytes and holds {held}; it is truncated or damaged"
+                )
         self.rows = shape[0]
         self._width = shape[1] if len(shape) == 2 else 1
         self.names = self._dtype.names or tuple(str(position + 1) for position in range(self._width))

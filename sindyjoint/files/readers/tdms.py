@@ -6,12 +6,14 @@ import io
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.limits import check_bytes
 from sindyjoint.files.readers.table import Table, foreign, missing_extra, short_names
 
 
@@ -28,6 +30,16 @@ def read_tdms(path: Path, data: bytes) -> Table:
         Without npTDMS.
     """
     return TdmsBlocks(path, io.BytesIO(data)).whole()
+
+
+def _increment(path: Path, channel: Any) -> float:
+    """Return the sampling interval of a channel, s; zero where it states none."""
+    given = channel.properties.get("wf_increment", 0.0)
+    if isinstance(given, str | bool) or not np.isfinite(np.float64(given)) or given < 0:
+        raise InputError(
+            f"{path}: the sampling interval of channel {channel.name!r:.60} is {given!r:.40}; expected seconds"
+        )
+    return float(given)
 
 
 class TdmsBlocks(Blocks):
@@ -47,7 +59,8 @@ class TdmsBlocks(Blocks):
                 raise InputError(f"{path}: its last segment is incomplete; the file is truncated")
             channels = [(f"{g.name}/{c.name}", c) for g in self._file.groups() for c in g.channels()]
             self._channels = [channel for _, channel in channels]
-            self._steps = [float(c.properties.get("wf_increment", 0.0)) for c in self._channels]
+            self._steps = [_increment(path, c) for c in self._channels]
+            check_bytes(path, 8 * sum(len(channel) for channel in self._channels) if data is not None else 0)
         names = tuple(name for name, _ in channels)
         self.aliases = short_names(names, "/")
         clocked = any(self._steps) and "time" not in names and "time" not in self.aliases

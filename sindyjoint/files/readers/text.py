@@ -6,7 +6,7 @@ import codecs
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import Blocks
-from sindyjoint.files.readers.table import Table
+from sindyjoint.files.readers.table import Table, begins
 
 COMMENTS = ("#", "%", "//")
 # Bytes of text scanned at once, and lines between two line offsets that are kept.
@@ -98,20 +98,7 @@ def _decode(path: Path, data: bytes) -> str:
 
 def _layout(path: Path, text: str) -> Layout:
     """Find delimiter, header and first row of data."""
-    all_lines = text.split("\n")
-    comment = ""  # the last one before the data: numpy.savetxt writes the header there
-    lines: list[str] = []
-    numbers: list[int] = []
-    if not _irregular(text):
-        lines = all_lines if all_lines[-1] else all_lines[:-1]
-        numbers, all_lines = list(range(1, len(lines) + 1)), []
-    for number, line in enumerate(all_lines, start=1):
-        stripped = line.strip()
-        if stripped.startswith(COMMENTS):
-            comment = comment if lines else stripped.lstrip("#%/ \t")
-        elif stripped:
-            lines.append(line)
-            numbers.append(number)
+    lines, numbers, comment = _rows_of(text)
     if not lines:
         raise InputError(f"{path}: holds comment lines only; expected a table with a header and rows")
     delimiter = _delimiter(lines)
@@ -134,6 +121,27 @@ def _layout(path: Path, text: str) -> Layout:
     lines = _with_points(lines, delimiter)
     _check_lengths(path, lines, numbers, delimiter, len(names), top)
     return Layout(path, tuple(names), delimiter, lines, numbers, stated)
+
+
+def _rows_of(text: str, first: int = 1) -> tuple[list[str], list[int], str]:
+    """Return the lines that are neither blank nor a comment, their numbers, and the last comment before them.
+
+    The header may stand in that comment: ``numpy.savetxt`` writes it there.
+    """
+    all_lines = text.split("\n")
+    if not _irregular(text):
+        lines = all_lines if all_lines[-1] else all_lines[:-1]
+        return lines, list(range(first, first + len(lines))), ""
+    comment = ""
+    lines, numbers = [], []
+    for number, line in enumerate(all_lines, start=first):
+        stripped = line.strip()
+        if stripped.startswith(COMMENTS):
+            comment = comment if lines else stripped.lstrip("#%/ \t")
+        elif stripped:
+            lines.append(line)
+            numbers.append(number)
+    return lines, numbers, comment
 
 
 def _irregular(text: str) -> bool:
@@ -225,6 +233,12 @@ def _explain_error(layout: Layout, wanted: Sequence[int], error: ValueError) -> 
     return InputError(f"{layout.path}: cannot be read as a table of numbers ({error})")
 
 
+def text_blocks(path: Path) -> Blocks | None:
+    """Open a text table to be read in segments; None for one whose letters take two bytes each."""
+    head = begins(path)
+    return None if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else TextBlocks(path)
+
+
 class TextBlocks(Blocks):
     """CSV and other text, by the byte offset of every so many lines."""
 
@@ -233,10 +247,11 @@ class TextBlocks(Blocks):
         self._size = path.stat().st_size
         head = self._bytes(0, min(self._size, 1 << 16))
         cut = head.rfind(b"\n") + 1 or len(head)
-        layout = _layout(path, _decode(path, head[:cut]))
-        self.names = layout.names
-        # What stands above the first row of data goes before every segment, so that each is read by the same rules.
-        self._head = b"".join(line + b"\n" for line in head[:cut].split(b"\n")[: layout.numbers[0] - 1])
+        self._layout = _layout(path, _decode(path, head[:cut]))
+        self.names = self._layout.names
+        # Lines above the first row of data, and where that begins.
+        self._above = self._layout.numbers[0] - 1
+        self._start = sum(len(line) + 1 for line in head[:cut].split(b"\n")[: self._above])
 
     @cached_property
     def rows(self) -> int:  # type: ignore[override]
@@ -246,7 +261,7 @@ class TextBlocks(Blocks):
     @cached_property
     def _index(self) -> tuple[list[int], int]:
         """Return where every so many lines begin, and how many lines there are."""
-        offsets, lines, at, last = [len(self._head)], 0, len(self._head), b"\n"
+        offsets, lines, at, last = [self._start], 0, self._start, b"\n"
         while at < self._size:
             chunk = self._bytes(at, min(at + CHUNK, self._size))
             ends = np.flatnonzero(np.frombuffer(chunk, dtype=np.uint8) == 10)
@@ -257,14 +272,40 @@ class TextBlocks(Blocks):
 
     def read(self, start: int, stop: int, wanted: Sequence[int]) -> list[NDArray]:
         """Return rows of some columns."""
+        return _parse(self._segment(start, stop), wanted)
+
+    def table(self, start: int, stop: int) -> Table:
+        """Return a segment of rows as a table; messages name the lines of the file."""
+        numbers: list[int] = []
+
+        def load(wanted: Sequence[int]) -> list[NDArray]:
+            segment = self._segment(start, stop)
+            numbers[:] = segment.numbers
+            return _parse(segment, wanted)
+
+        return Table(
+            self.path, self.names, load, row=lambda i: f"line {numbers[i]}", units=self._layout.units
+        )
+
+    def _segment(self, start: int, stop: int) -> Layout:
+        """Return lines of data, read by the rules of the file's beginning: no line is a header again."""
         offsets, _ = self._index
         first, last = start // STRIDE, -(-stop // STRIDE)
         data = self._bytes(offsets[first], offsets[last] if last < len(offsets) else self._size)
         lines = data.split(b"\n")[start - first * STRIDE : stop - first * STRIDE]
+        text = _decode(self.path, b"\n".join(lines))
+        kept, numbers, _ = _rows_of(text, self._above + start + 1)
+        if not kept:
+            raise InputError(f"{self.path}: holds no row of data from line {self._above + start + 1} on")
+        rules = self._layout
+        kept = _with_points(kept, rules.delimiter)
+        top = self._layout.numbers[0]
+        _check_lengths(self.path, kept, numbers, rules.delimiter, len(rules.names), top)
+        segment = replace(rules, lines=kept, numbers=numbers)
         # Only the last line of the file may lack its end.
-        cut = stop >= self.rows and self._bytes(self._size - 1, self._size) not in (b"\n", b"\r")
-        text = self._head + b"\n".join(lines) + (b"" if cut else b"\n")
-        return list(read_text(self.path, text).load(wanted))
+        if stop >= self.rows and self._bytes(self._size - 1, self._size) not in (b"\n", b"\r"):
+            _check_end(segment)
+        return segment
 
     def _bytes(self, start: int, stop: int) -> bytes:
         with self.path.open("rb") as file:

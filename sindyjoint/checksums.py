@@ -1,0 +1,123 @@
+"""``SHA256SUMS`` of a folder of results: which files belong together, for every reader and for ``sha256sum --check``.
+
+It is written last. While new files take the place of old ones its first line says so, and a reader refuses the folder:
+what an interrupted run left, old and new files mixed, is never taken for a result.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from sindyjoint.documents import check_regular, read_regular
+from sindyjoint.errors import InputError
+
+SUMS = "SHA256SUMS"
+UNFINISHED = "# unfinished: results are being written, or their writing was interrupted"
+# The folder of pictures has no list of its own.
+INNER = "figures"
+_LINE = re.compile(r"([0-9a-f]{64})  ([^\x00-\x1f]+)")
+_LARGEST = 1 << 24
+
+
+def sums_of(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of every file in a folder, by its path within; without the list itself."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / SUMS)
+    return {path.relative_to(folder).as_posix(): hash_file(path) for path in files}
+
+
+def hash_file(path: Path) -> str:
+    """Return the SHA-256 of a regular file, read in pieces; "missing" where there is none."""
+    try:
+        check_regular(path)
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, InputError):
+        return "missing"
+
+
+def sums_text(sums: Mapping[str, str], finished: bool = True) -> str:
+    """Return the text of the list."""
+    lines = [f"{digest}  {name}" for name, digest in sorted(sums.items())]
+    return "\n".join([*([] if finished else [UNFINISHED]), *lines, ""])
+
+
+def read_sums(folder: Path) -> tuple[dict[str, str], bool] | None:
+    """Return the hashes that a folder lists and whether its writing was finished; None where it has no list.
+
+    Raises
+    ------
+    InputError
+        For a list that cannot be read.
+    """
+    path = folder / SUMS
+    if not path.is_file():
+        return None
+    head, *lines = read_regular(path, _LARGEST).decode("utf-8", errors="replace").split("\n")
+    finished = head != UNFINISHED
+    found = [_LINE.fullmatch(line) for line in ([head, *lines] if finished else lines) if line]
+    if None in found:
+        raise InputError(
+            f"{path}: is no list of hashes; it was changed or damaged: run the command again, or remove it"
+        )
+    return {match[2]: match[1] for match in found if match}, finished
+
+
+def check_finished(folder: Path) -> dict[str, str]:
+    """Return the hashes that a folder lists; refuse one whose writing was interrupted.
+
+    Raises
+    ------
+    InputError
+    """
+    known = read_sums(folder)
+    if known is None:
+        return {}
+    if not known[1]:
+        raise InputError(
+            f"{folder}: writing these results was interrupted, old and new files are mixed; run the command again"
+        )
+    return known[0]
+
+
+def read_checked(path: Path, largest: int | None = None) -> bytes:
+    """Return the bytes of a file of results; where its folder lists hashes it must be the file that was written.
+
+    Raises
+    ------
+    InputError
+        For a file that was changed since, a folder whose writing was interrupted, or what is no regular file.
+    """
+    folder = path.parent.parent if path.parent.name == INNER else path.parent
+    known = check_finished(folder)
+    data = read_regular(path, largest)
+    expected = known.get(path.relative_to(folder).as_posix())
+    if expected is not None and hashlib.sha256(data).hexdigest() != expected:
+        raise InputError(
+            f"{path}: is not the file that was written (its hash is not that of {SUMS}); run the command again, or, "
+            f"if the change is meant, put the file into another folder"
+        )
+    return data
+
+
+def changed_files(folder: Path) -> list[str]:
+    """Return what of a folder is not as it was written, a sentence each.
+
+    Raises
+    ------
+    InputError
+        For a list that cannot be read.
+    """
+    known = read_sums(folder)
+    if known is None:
+        return [f"{SUMS} is missing"]
+    if not known[1]:
+        return ["its writing was interrupted"]
+    states = {name: hash_file(folder / name) for name in known[0]}
+    return [
+        f"{name} is missing" if states[name] == "missing" else f"{name} was changed"
+        for name, digest in known[0].items()
+        if states[name] != digest
+    ]

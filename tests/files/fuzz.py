@@ -1,0 +1,382 @@
+"""Inputs that nobody would write, and what reads them: for the tests, and for ``benchmarks/bench_fuzz.py``.
+
+Every input follows from its format, a seed and its number. It is read as a user's file is; a reader may understand it
+or refuse it with a :class:`SindyJointError`, and nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
+ROOT = Path(__file__).resolve().parents[2]
+NUMBERS = (
+    "0", "-1", "1e999", "nan", "inf", "-0.0", "1e-320", "1e30", "9" * 400, "9" * 5000, "0x10", "1_000", "true",
+    "null", "99999999999", "[]", "{}", '""',
+)  # fmt: skip
+TEXTS = (
+    "\x1b[31m", "\\u001b", "\u202e", "\\ud800", "=1+1", "'", '"', "[" * 300, "{" * 300, "a." * 60, "\n", "\r", "\0", ",",
+    ";", "\t", "#", "%", "exp(", "**", "theta", "(", ")", "..", "/", "\\", "NaN", "Infinity", "N*m", "dB", "degC", "é",
+)  # fmt: skip
+INTEGERS = tuple(
+    value.to_bytes(size, order)
+    for size in (4, 8)
+    for order in ("little", "big")
+    for value in (0, 1, 2**31 - 1, 2 ** (8 * size) - 1, 2**28, 2 ** (8 * size - 1))
+)
+_NUMBER = re.compile(r"-?\d+(?:\.\d*)?(?:e[+-]?\d+)?")
+_WORD = re.compile(r'"[^"\n]*"|\w+|[^\w\s]')
+
+
+def mutate_text(text: str, rng: random.Random) -> str:
+    """Return a text with a few of its numbers, words and lines replaced, repeated or taken out."""
+    for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
+        kind = rng.randrange(7)
+        found = list((_NUMBER if kind == 0 else _WORD).finditer(text)) if kind < 4 else []
+        if found:
+            start, end = rng.choice(found).span()
+            other = rng.choice(found).group()
+            text = text[:start] + (rng.choice(NUMBERS), rng.choice(TEXTS), "", other)[kind] + text[end:]
+        elif kind == 4:
+            at = rng.randrange(len(text) + 1)
+            text = text[:at] + rng.choice(TEXTS + NUMBERS) + text[at:]
+        elif kind == 5:
+            lines = text.split("\n")
+            at = rng.randrange(len(lines))
+            lines[at : at + 1] = rng.choice(([], [lines[at]] * 2, [lines[at], rng.choice(lines)]))
+            text = "\n".join(lines)
+        else:
+            text = text[: rng.randrange(len(text) + 1)]
+    return text
+
+
+def mutate_bytes(data: bytes, rng: random.Random) -> bytes:
+    """Return bytes of which a few are changed, overwritten with lengths that tempt, repeated, taken out or cut off."""
+    out = bytearray(data)
+    for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
+        if not out:
+            break
+        # Heads and tails, where formats keep their lengths, as often as everything between.
+        at = rng.choice(
+            (rng.randrange(len(out)), rng.randrange(min(len(out), 512)), -rng.randint(1, min(len(out), 512)))
+        )
+        at %= len(out)
+        kind = rng.randrange(7)
+        if kind == 0:
+            out[at] ^= 1 << rng.randrange(8)
+        elif kind == 1:
+            out[at] = rng.randrange(256)
+        elif kind in (2, 3):
+            integer = rng.choice(INTEGERS)
+            out[at : at + len(integer)] = integer
+        elif kind == 4:
+            del out[at : at + rng.choice((1, 4, 8, 100))]
+        elif kind == 5:
+            out[at:at] = out[at : at + rng.choice((1, 8, 64))]
+        elif rng.random() < 0.3:
+            del out[at:]
+    return bytes(out)
+
+
+@dataclass(frozen=True)
+class Target:
+    """One kind of input: examples to begin with, and what reads a file (or text) of it."""
+
+    examples: list[str] | list[bytes]
+    read: Callable[[Path], None] | Callable[[str], None]
+    name: str | None = None
+    """Of the file; None where the text itself is read."""
+
+    def make(self, kind: str, seed: int, number: int) -> str | bytes:
+        rng = random.Random(f"{kind}/{seed}/{number}")
+        example = rng.choice(self.examples)
+        return mutate_text(example, rng) if isinstance(example, str) else mutate_bytes(example, rng)
+
+    def run(self, given: str | bytes, folder: Path) -> None:
+        """Read an input; whatever is wrong with it is raised."""
+        if self.name is None:
+            assert isinstance(given, str)
+            self.read(given)
+            return
+        path = folder / self.name
+        path.write_bytes(given.encode("utf-8", "surrogatepass") if isinstance(given, str) else given)
+        self.read(path)
+
+
+def read_formula(text: str) -> None:
+    from sindyjoint.equation import formula as f
+    from sindyjoint.equation.dimensions import coefficient_unit
+
+    expression = f.parse_formula(text, ["v_s"], ["z"])
+    f.formula_latex(expression)
+    f.formula_pretty(expression)
+    f.parse_formula(f.formula_text(expression), ["v_s"], ["z"])
+    coefficient_unit(expression, {"v_s": "rad/s", "z": "rad"}, "rotation")
+
+
+def read_unit(text: str) -> None:
+    from sindyjoint.equation.dimensions import parse_unit
+    from sindyjoint.errors import SindyJointError
+    from sindyjoint.files.units import QUANTITIES, conversion, parse_quantity, unit_ratio
+
+    for attempt in (
+        *(lambda kind=kind: parse_quantity(text, kind, "f") for kind in ("N*m", "K", "rad", "s")),
+        lambda: conversion(text.partition(" ")[2], "N", "f", "3 N/V"),
+        lambda: parse_unit(text.partition(" ")[2]),
+        lambda: unit_ratio(text.partition(" ")[2], "N*m"),
+    ):
+        try:
+            value = attempt()
+        except SindyJointError:
+            continue
+        assert value is None or not isinstance(value, float) or np.isfinite(value), (text, value)
+    assert QUANTITIES
+
+
+def read_columns(path: Path) -> None:
+    """Read a data file as a whole, and in segments."""
+    from sindyjoint.errors import SindyJointError
+    from sindyjoint.files.blocks import open_blocks
+    from sindyjoint.files.readers import read_table
+
+    refusals = []
+    try:
+        table, _ = read_table(path)
+        for name in table.names[:6]:
+            table.columns([name])
+            table.stated_unit(name)
+    except SindyJointError as error:
+        refusals.append(error)
+    blocks = open_blocks(path)
+    if blocks is not None:
+        half = blocks.rows // 2
+        for start, stop in ((0, half), (half, blocks.rows)):
+            try:
+                blocks.table(start, stop).columns(list(blocks.names[:3]))
+            except SindyJointError as error:
+                refusals.append(error)
+    if refusals:
+        raise refusals[0]
+
+
+def read_manifest(path: Path) -> None:
+    from sindyjoint.files.campaign import load_campaign
+
+    load_campaign(path)
+
+
+def read_catalogue(path: Path) -> None:
+    from sindyjoint.equation.catalogue import load_catalogue
+
+    load_catalogue(path)
+
+
+def read_effects(path: Path) -> None:
+    from sindyjoint.diagnosis.effects.catalogue import read_effects as read
+
+    read(path)
+
+
+def read_rig(path: Path) -> None:
+    from sindyjoint.mechanics.rigs import load_rig
+
+    load_rig(path)
+
+
+def read_model(path: Path) -> None:
+    from sindyjoint.equation.model_file import read_model as read
+
+    model = read(path)
+    # What every command begins with.
+    model.equation(), model.latex(), model.to_json()
+    model.moment(np.linspace(-1e-3, 1e-3, 5), np.linspace(-0.1, 0.1, 5))
+
+
+def read_record(path: Path) -> None:
+    from sindyjoint.batch.record import last_result
+    from sindyjoint.batch.record import read_record as read
+
+    last_result(path.parent)
+    read(path.parent)
+
+
+def read_saved(path: Path) -> None:
+    from sindyjoint.reporting.registry import drawable
+    from sindyjoint.reporting.saved import drawing, load_results
+
+    data = load_results(path.parent.parent)
+    with drawing(path.parent.parent):
+        drawable(data, parts=True)
+
+
+def read_list(path: Path) -> None:
+    from sindyjoint.checksums import changed_files, read_checked
+
+    changed_files(path.parent)
+    read_checked(path.parent / "other")
+
+
+def read_factors(path: Path) -> None:
+    from sindyjoint.discovery.evidence_file import read_evidence
+
+    read_evidence(path)
+
+
+MANIFEST = """
+[joint]
+name = "bench"
+inertia = "0.02 kg*m^2"
+temperature = "23 degC"
+labels = { room = "2", shift = 1 }
+
+[channels]
+time = { column = "t", unit = "s" }
+moment = { column = "m", unit = "V", gain = "0.2 N*m/V", offset = "1 mN*m", noise = "2 mV" }
+angle = { column = "a", unit = "mrad" }
+skew = "0 s"
+
+[[run]]
+file = "run.csv"
+frequency = 4.0
+level = "low"
+[[run]]
+name = "again"
+file = "run.csv"
+use = "validate"
+channels = { angle = { column = 3, unit = "deg" } }
+"""
+
+
+def _table() -> str:
+    """Return a run as CSV: 96 samples at 200 Hz of a sine of 4 Hz."""
+    t = np.arange(96) / 200
+    rows = zip(t, 5 * np.sin(25.1 * t), np.sin(25.1 * t - 0.3), strict=True)
+    return "t,m,a\n" + "".join(f"{a:.6g},{b:.8g},{c:.8g}\n" for a, b, c in rows)
+
+
+def _texts(pattern: str) -> list[str]:
+    return [path.read_text(encoding="utf-8") for path in sorted(ROOT.glob(pattern))]
+
+
+def _units() -> list[str]:
+    from sindyjoint.files.units import QUANTITIES, USUAL
+
+    units = [*QUANTITIES, *(unit for known in USUAL.values() for unit in known)]
+    return [f"{n} {unit}" for unit in units for n in ("1", "0.25", "-3e2")] + [
+        "23 degreeC", "23 degC", "70 degF", "0.1 mi**99.999", "1 dB*m", "2 Np", "35.15 N/V", "1 kg*m^2/(s^2*rad)",
+    ]  # fmt: skip
+
+
+def _documents(folder: Path) -> dict[str, Target]:
+    """Return what is text: formulas, units, and the documents of campaigns and results."""
+    from made_models import paper_model
+
+    from sindyjoint.batch.record import CampaignRecord
+    from sindyjoint.checksums import sums_of, sums_text
+
+    (folder / "run.csv").write_text(_table(), encoding="utf-8")
+    shutil.copy(folder / "run.csv", folder / "other")
+    formulas = re.findall(r'(?:formula|rate|limit) = "([^"]*)"', "\n".join(_texts("libraries/**/*.toml")))
+    record = CampaignRecord(
+        "a", "a/campaign.toml", "found", "chosen", {"name": "a", "motion": "rotation", "labels": {}},
+        {"terms": [{"id": "k1", "coefficient": 1.0}]}, "0" * 64, {"model.json": "0" * 64, "factors.npz": "1" * 64},
+    )  # fmt: skip
+    return {
+        "formula": Target(formulas, read_formula),
+        "unit": Target(_units(), read_unit),
+        "manifest": Target([MANIFEST], read_manifest, "campaign.toml"),
+        "catalogue": Target(_texts("libraries/p*.toml"), read_catalogue, "own.toml"),
+        "effects": Target(_texts("libraries/effects/[fr]*.toml"), read_effects, "effects.toml"),
+        "rig": Target(_texts("sindyjoint/mechanics/rig_files/*.toml"), read_rig, "rig.toml"),
+        "model": Target([paper_model().to_json()], read_model, "model.json"),
+        "record": Target([record.to_json()], read_record, "record.json"),
+        "hashes": Target([sums_text(sums_of(folder))], read_list, "SHA256SUMS"),
+    }
+
+
+def _results(folder: Path) -> dict[str, Target]:
+    """Return the data that figures are drawn from, and the factors of a campaign."""
+    from sindyjoint.batch.record import FACTORS_FILE
+    from sindyjoint.discovery.evidence_file import evidence_bytes
+    from sindyjoint.mechanics.virtual import virtual_campaign
+    from sindyjoint.reporting.output import write_results
+    from sindyjoint.workflows.discover import discover
+
+    found = discover(
+        virtual_campaign(random_state=0, duration=1.0, frequencies=(3.0, 5.0)), "paper", correct=False
+    )
+    write_results(found, folder / "results")
+    (folder / "results" / "SHA256SUMS").unlink()
+    data = (folder / "results" / "figures" / "data.json").read_text(encoding="utf-8")
+    small = json.dumps(_shortened(json.loads(data)))
+    factors = evidence_bytes(found.regressor.evidence_)
+    return {
+        "saved": Target([small], read_saved, "results/figures/data.json"),
+        "factors": Target([factors], read_factors, FACTORS_FILE),
+    }
+
+
+def _shortened(data: object) -> object:
+    """Return JSON data with long lists cut alike, so that an input is made in a millisecond."""
+    if isinstance(data, dict):
+        return {key: _shortened(value) for key, value in data.items()}
+    return [_shortened(item) for item in data[:8]] if isinstance(data, list) else data
+
+
+def _formats(folder: Path) -> dict[str, Target]:
+    """Return the data files."""
+    import io
+
+    import scipy.io
+    import test_files_readers as made
+
+    text = _table()
+    old = io.BytesIO()
+    scipy.io.savemat(old, {"t": made.T, "X": np.column_stack([made.A, made.M]), "note": "text"}, format="4")
+    packed = io.BytesIO()
+    scipy.io.savemat(packed, {"t": made.T, "s": {"m": made.M, "u": {"n": np.int8([1])}}}, do_compression=True)
+    chunked = io.BytesIO()
+    import h5py
+
+    with h5py.File(chunked, "w") as file:
+        file.create_dataset("t", data=made.T, chunks=(16,), compression="gzip")
+        file.create_dataset(
+            "X", data=np.column_stack([made.A, made.T]), chunks=(16, 2), shuffle=True, fletcher32=True
+        )
+    plain = io.BytesIO()
+    np.savez(plain, t=made.T, m=made.M.astype("f4"), n=np.arange(64, dtype="i2"))
+    fields = io.BytesIO()
+    np.save(fields, np.array(list(zip(made.T, made.M, strict=True)), dtype=[("t", "f8"), ("m", "f4")]))
+    target = {
+        "csv": Target(
+            [text, text.replace(",", ";").replace(".", ","), "# note\n" + text], read_columns, "run.csv"
+        ),
+        "tsv": Target([text.replace(",", "\t"), text.replace(",", "   ")], read_columns, "run.tsv"),
+        "npy": Target([made.npy(), fields.getvalue()], read_columns, "run.npy"),
+        "npz": Target([made.npz(), plain.getvalue()], read_columns, "run.npz"),
+        "mat": Target([made.mat5(), packed.getvalue(), old.getvalue()], read_columns, "run.mat"),
+        "mat73": Target([made.mat73()], read_columns, "seven.mat"),
+        "hdf5": Target([made.hdf5(), chunked.getvalue()], read_columns, "run.h5"),
+        "parquet": Target([made.parquet()], read_columns, "run.parquet"),
+        "feather": Target([made.feather()], read_columns, "run.feather"),
+        "uff": Target([made.uff(False), made.uff(True)], read_columns, "run.uff"),
+        "tdms": Target([made.tdms()], read_columns, "run.tdms"),
+    }
+    return target
+
+
+def targets(folder: Path, results: bool = True) -> dict[str, Target]:
+    """Return every kind of input; the folder is for their files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {**_documents(folder), **_formats(folder)}
+    return {**found, **(_results(folder) if results else {})}
