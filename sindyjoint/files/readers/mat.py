@@ -32,11 +32,14 @@ def read_mat(path: Path, data: bytes) -> Table:
 
     arrays: dict[str, NDArray] = {}
     with foreign(path, "MATLAB"):
-        for name, value in loadmat(io.BytesIO(data)).items():
-            if not name.startswith("__"):
-                for full, array in _leaves(name, value):
-                    arrays |= vectors(full, array, "(:,{})", first=1)
-    return Table.of(path, arrays, short_names(tuple(arrays), "."))
+        stored = {
+            name: value for name, value in loadmat(io.BytesIO(data)).items() if not name.startswith("__")
+        }
+        for name, value in stored.items():
+            for full, array in _leaves(name, value):
+                arrays |= vectors(full, array, "(:,{})", first=1)
+    remarks = [str(value.flat[0]) for value in stored.values() if value.dtype.kind == "U" and value.size == 1]
+    return Table.of(path, arrays, short_names(tuple(arrays), "."), remarks=remarks)
 
 
 def matlab_blocks(path: Path) -> Blocks | None:

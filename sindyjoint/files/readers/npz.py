@@ -24,9 +24,11 @@ def read_npz(path: Path, data: bytes) -> Table:
     """
     arrays: dict[str, NDArray] = {}
     with foreign(path, "NPZ"), np.load(io.BytesIO(data), allow_pickle=False) as archive:
-        for name in archive.files:
-            arrays |= vectors(name, archive[name], "[:,{}]", first=0)
-    return Table.of(path, arrays)
+        stored = {name: archive[name] for name in archive.files}
+        for name, array in stored.items():
+            arrays |= vectors(name, array, "[:,{}]", first=0) if array.dtype.kind != "U" or array.ndim else {}
+    remarks = [str(array) for array in stored.values() if array.dtype.kind == "U" and not array.ndim]
+    return Table.of(path, arrays, remarks=remarks)
 
 
 def read_npy(path: Path, data: bytes) -> Table:
