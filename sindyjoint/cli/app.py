@@ -13,6 +13,7 @@ from sindyjoint.cli.compare import compare
 from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
+from sindyjoint.cli.init import init
 from sindyjoint.cli.plot import plot
 from sindyjoint.cli.rig import rig
 from sindyjoint.cli.schema import schema
@@ -48,6 +49,7 @@ def options(
     """
 
 
+app.command("init")(init)
 app.command("check")(check)
 app.command("discover")(discover)
 app.command("compare")(compare)

@@ -276,15 +276,16 @@ def _with_files(manifest: Path, read: Manifest) -> Manifest:
     return read.model_copy(update={"run": runs})
 
 
-def natural_order(name: str) -> list[tuple[int, str]]:
+def natural_order(name: str) -> list[tuple[float, str]]:
     """Return a key by which names are sorted as people count: run2 before run10.
 
     Examples
     --------
-    >>> sorted(["run10", "run2"], key=natural_order)
-    ['run2', 'run10']
+    >>> sorted(["run10", "run2", "run0.5", "run0.25"], key=natural_order)
+    ['run0.25', 'run0.5', 'run2', 'run10']
     """
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
+    parts = re.split(r"(\d+(?:\.\d+)?)", name)
+    return [(float(part), "") if number % 2 else (-1.0, part) for number, part in enumerate(parts)]
 
 
 def first_complaint(error: ValidationError) -> str:

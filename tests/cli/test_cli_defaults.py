@@ -91,7 +91,12 @@ OF_THE_COMMAND = {
     "help",
 }
 # Of the noise of the virtual test, which only a command makes.
-OWN = {("simulate", "random_state"): 0}
+OWN = {
+    ("simulate", "random_state"): 0,
+    ("init", "answers"): None,
+    ("init", "yes"): False,
+    ("init", "force"): False,
+}
 
 
 def options():

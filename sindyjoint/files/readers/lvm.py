@@ -107,9 +107,9 @@ def _columns(segments: Sequence[_Segment], x_columns: str, comma: bool) -> dict[
         if written:
             parts[TIME].append(_numbers(segment.rows, names.index(TIME), comma))
         else:
-            step = float(segment.header["Delta_X"][0].replace(",", "."))
+            step = np.float64(segment.header["Delta_X"][0].replace(",", "."))
             done = sum(part.size for part in parts[TIME])
-            parts[TIME].append(step * np.arange(done, done + len(segment.rows)))
+            parts[TIME].append(np.arange(done, done + len(segment.rows), dtype=np.float64) * step)
     return {name: np.concatenate(arrays) for name, arrays in parts.items()}
 
 
