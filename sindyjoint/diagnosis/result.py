@@ -12,6 +12,7 @@ from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
+from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 
@@ -168,8 +169,8 @@ class RecordGap:
     noise_floor: float
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """The result of :func:`~sindyjoint.workflows.diagnose.diagnose`, of a campaign, and of ``diagnose_structure``.
 
     Parameters

@@ -46,6 +46,8 @@ class View(Generic[R, D]):
         The file that :meth:`to_dict` is written to; empty: none.
     judged_by : tuple of str
         The policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
+    records_key : str
+        The list in :meth:`to_dict` that is a data frame's rows; empty: the first table is.
     unsaved : mapping of str to object
         Fields of the data that no figure needs, and what stands for each when they are read again.
     renamed : mapping of str to str
@@ -60,6 +62,7 @@ class View(Generic[R, D]):
     template: ClassVar[str] = ""
     record_file: ClassVar[str] = ""
     judged_by: ClassVar[tuple[str, ...]] = ()
+    records_key: ClassVar[str] = ""
     unsaved: ClassVar[Mapping[str, Any]] = {}
     renamed: ClassVar[Mapping[str, str]] = {}
 
@@ -71,6 +74,13 @@ class View(Generic[R, D]):
         """Return everything that is known, as JSON data."""
         record: dict[str, Any] = result.to_dict()  # type: ignore[attr-defined]
         return record
+
+    def records(self, result: R) -> list[dict[str, Any]]:
+        """Return the rows of a data frame: what :meth:`to_dict` says of each part, numbers as numbers."""
+        if self.records_key:
+            return [_flat(record) for record in self.to_dict(result)[self.records_key]]
+        tables = self.tables(result)
+        return [dict(zip(table.columns, row, strict=True)) for table in tables[:1] for row in table.rows]
 
     def tables(self, result: R) -> tuple[TextTable, ...]:
         """Return the tables that people read, in order."""
@@ -180,3 +190,16 @@ class View(Generic[R, D]):
         if self.renamed and isinstance(record, Mapping):
             record = {**record, **{name: record.get(saved) for name, saved in self.renamed.items()}}
         return unpack(self.data, record, self.unsaved)
+
+
+def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return a nested record with one name for each value; of a list, the ends of an interval or the items as text."""
+    flat: dict[str, Any] = {}
+    for name, value in record.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        elif name == "interval95":
+            flat |= {f"{prefix}interval95_low": value[0], f"{prefix}interval95_high": value[1]}
+        else:
+            flat[f"{prefix}{name}"] = ", ".join(map(str, value)) if isinstance(value, list) else value
+    return flat

@@ -20,6 +20,7 @@ from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from sindyjoint.mechanics.rigs import Rig
 
 
+@checks_options()
 @single_threaded()
 def diagnose(
     campaign: Campaign | str | Path | None = None,
@@ -155,6 +157,7 @@ def _stop(checked: Check, model: JointModel | None) -> Diagnosis:
     )
 
 
+@checks_options()
 @single_threaded()
 def diagnose_structure(
     rig: Rig | str | Path,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_lo
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
@@ -33,6 +35,14 @@ if TYPE_CHECKING:
     from sindyjoint.response.output_error_parts import Nuisance
 
 
+def regressor_options() -> tuple[str, ...]:
+    """Return the names of the options that a discovery passes on to its regressor."""
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    return tuple(inspect.signature(JointRegressor).parameters)
+
+
+@checks_options(regressor_options)
 @single_threaded()
 def discover(
     campaign: Campaign | str | Path | None = None,

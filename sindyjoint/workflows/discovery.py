@@ -11,6 +11,7 @@ import numpy as np
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.record import Campaign
+from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.sindy import JointSINDy
 
 
-@dataclass(frozen=True, eq=False)
-class Discovery:
+@dataclass(frozen=True, eq=False, repr=False)
+class Discovery(Shown):
     """The result of :func:`~sindyjoint.discover`.
 
     Parameters

@@ -13,6 +13,7 @@ from sindyjoint.files.drafting.doubts import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
 from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.options import checks_options
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Initialised:
 SHOWN = 16
 
 
+@checks_options()
 def init(
     folder: str | Path,
     answers: Mapping[str, str] | None = None,

@@ -14,6 +14,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Verification
@@ -27,7 +28,7 @@ from sindyjoint.workflows.policy import POLICY
 DRAWS = 20
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CampaignVerification(Verification):
     """A verification against a campaign, with what the check of its data found.
 
@@ -43,6 +44,7 @@ class CampaignVerification(Verification):
         return {**super().to_dict(), "soundness": summarize(self.soundness)}
 
 
+@checks_options()
 @single_threaded()
 def verify(
     model: JointModel | str | Path,

@@ -92,7 +92,7 @@ def _guess_by_shape(
 ) -> Column:
     """Return the likeliest of columns that no name tells apart: a load jumps and is rough, a motion is smooth."""
     moving = [c for c in free if c.role not in OTHERS and np.ptp(c.values) > 0]
-    open_ones = [c for c in moving if c.role is None] or moving
+    open_ones = [c for c in moving if c.role in (None, "position")]
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
     if len(open_ones) < needed:
         names = ", ".join(column.title for column in bundle.columns)

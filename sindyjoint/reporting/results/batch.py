@@ -37,6 +37,7 @@ class BatchView(View[Batch, Batch]):
 
     results = (Batch,)
     data = Batch
+    records_key = "campaigns"
     kind = "Batch"
     kinds = KINDS
     template = "batch.html.j2"

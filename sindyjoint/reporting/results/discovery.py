@@ -53,6 +53,7 @@ class DiscoveryView(View[Discovery, ReportData]):
 
     results = (Discovery, ReportData)
     data = ReportData
+    records_key = "terms"
     kind = "ReportData"
     kinds = KINDS
     template = "discovery.html.j2"

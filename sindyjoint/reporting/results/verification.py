@@ -35,6 +35,7 @@ class VerificationView(View[Verification, Verification]):
 
     results = (Verification,)
     data = Verification
+    records_key = "runs"
     kind = "Verification"
     kinds = KINDS
     template = "verification.html.j2"
