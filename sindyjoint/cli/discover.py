@@ -53,6 +53,9 @@ def discover(
             help="With --refine: estimate delay of the moment, gain or zero error of the angle, too. Repeatable."
         ),
     ] = None,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="Put the question of the paper's five terms first.")
+    ] = default_of(DISCOVER, "paper"),
     random_state: Annotated[int | None, typer.Option(help="Seed of everything random. [0]")] = None,
     jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
@@ -80,6 +83,7 @@ def discover(
             **given(library=library),
             accept=tuple(accept or ()),
             correct=correct,
+            paper=paper,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,

@@ -53,6 +53,7 @@ def discover(
     align: bool = False,
     accept: Sequence[str] = (),
     correct: bool = True,
+    paper: bool = False,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -80,6 +81,8 @@ def discover(
     correct : bool
         Simulate the model under the drive of the campaign and take out of the coefficients what noise and processing
         do to them.
+    paper : bool
+        Put the question of the paper's five terms first, as for the paper's joints.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -171,6 +174,7 @@ def discover(
         campaign=campaign,
         bias=fixed.bias if fixed is not None else None,
         soundness=checked.soundness,
+        paper=paper,
     )
 
 

@@ -15,6 +15,7 @@ from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
+from sindyjoint.workflows.headline import Excitations, Headline, is_of_the_paper, make_headline
 from sindyjoint.workflows.verdict import Verdict, unjudged
 
 if TYPE_CHECKING:
@@ -52,6 +53,8 @@ class Discovery(Shown):
     stopped : Check or None
         The check, where its findings are such that nothing was discovered: there are no states then, and the regressor
         is not fitted.
+    paper : bool
+        Whether the question of the paper's five terms was asked.
     """
 
     model: JointModel
@@ -66,6 +69,36 @@ class Discovery(Shown):
     bias: Bias | None = field(repr=False, default=None)
     soundness: Soundness = Soundness()
     stopped: Check | None = field(repr=False, default=None)
+    paper: bool = False
+
+    @property
+    def leads_with_paper(self) -> bool:
+        """Whether the question of the paper's five terms comes first."""
+        return self.paper or is_of_the_paper(self.model.joint.name)
+
+    @property
+    def headline(self) -> Headline:
+        """Whether to trust the model, and what to do next."""
+        step = None if self.regressor is None or not self.found else self.selection.step
+        runs = () if self.campaign is None else self.campaign.identification_runs
+        fitted = self.model.fitted
+        tested = Excitations(
+            tuple(run.frequency for run in runs if run.frequency is not None) or fitted.frequencies,
+            tuple(run.level for run in runs if run.level is not None),
+            fitted.runs,
+        )
+        return make_headline(
+            self.model,
+            tested,
+            float("nan") if step is None else step.held_out_rms,
+            self.soundness.verdict,
+            self.faults,
+        )
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Ids of what the check of the data found, notes apart."""
+        return tuple(finding.id for finding in self.soundness.findings if finding.severity != "note")
 
     @property
     def selection(self) -> Selection:
@@ -103,6 +136,7 @@ class Discovery(Shown):
                 }
                 for term in model.terms
             ],
+            "trust": self.headline.to_dict(),
             "paper_term_set": {
                 "verdict": self.verdict.verdict,
                 "missing": list(self.verdict.missing),

@@ -18,7 +18,7 @@ OF_DISCOVER = ("states", "bandwidth", "align", "random_state")
 # Command: option → function and parameter that it becomes.
 REACHED = {
     "discover": {
-        **{name: (DISCOVER, name) for name in (*OF_DISCOVER, "correct", *SPREAD)},
+        **{name: (DISCOVER, name) for name in (*OF_DISCOVER, "correct", "paper", *SPREAD)},
         **{name: (REGRESSOR, name) for name in OF_REGRESSOR},
     },
     "batch": {
