@@ -76,6 +76,27 @@ def in_words_of(motion: str, text: str) -> str:
     return _ROTATING.sub(lambda found: _SLIDING[found[0]], text) if motion == "translation" else text
 
 
+def in_words_of_origin(simulated: bool, text: str) -> str:
+    """Return a text about measured runs as it reads where they come from a virtual test: nothing there was measured.
+
+    Examples
+    --------
+    >>> in_words_of_origin(True, "The measured response")
+    "The virtual test's response"
+    >>> in_words_of_origin(True, "Mean residual, measured less model"), in_words_of_origin(False, "measured")
+    ('Mean residual, virtual test less model', 'measured')
+    """
+    if not simulated:
+        return text
+    text = re.sub(r"\b(the|The) measured (?!and|less)", r"\1 virtual test's ", text)
+    text = re.sub(r"\bwhat was measured\b", "the virtual test", text)
+    return re.sub(
+        r"(?<!not )\b([Mm])easured\b",
+        lambda found: "Virtual test" if found[1] == "M" else "virtual test",
+        text,
+    )
+
+
 def spelled(identifier: str, motion: str = "rotation") -> str:
     """Return an id in the usual words, names of people with capital letters, for a kind of motion.
 

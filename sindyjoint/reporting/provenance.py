@@ -87,7 +87,10 @@ def _hashed(path: Path) -> list[tuple[str, str, str]]:
     listed = [path]
     if path.suffix == ".toml":
         runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
-        listed += [path.parent / run["file"] for run in runs if isinstance(run, dict) and "file" in run]
+        for run in runs:
+            if isinstance(run, dict) and "file" in run:
+                exact = path.parent / run["file"]
+                listed += [exact] if exact.is_file() else sorted(path.parent.glob(run["file"]))
     return [
         (one.stem, one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in listed if one.is_file()
     ]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from sindyjoint.reporting.packing import pack, unpack
-from sindyjoint.text import in_words_of
+from sindyjoint.text import in_words_of, in_words_of_origin
 
 if TYPE_CHECKING:
     from sindyjoint.reporting.figures.kind import Kind
@@ -94,16 +94,21 @@ class View(Generic[R, D]):
         """Return which of the policies decided a result."""
         return self.judged_by
 
+    def simulated(self, result: Any) -> bool:
+        """Return whether what a result, or its data, rest on comes from a virtual test."""
+        said: bool = getattr(result, "simulated", False)
+        warnings = getattr(result, "warnings", ())
+        return bool(said) or any("simulated" in text and "not measured" in text for text in warnings)
+
     def figures(self, data: Any) -> Mapping[str, Kind]:
-        """Return the kinds of figure of this kind of result, in the words of its kind of motion."""
+        """Return the kinds of figure of this kind of result, in the words of its kind of motion and of its origin."""
         joint = getattr(getattr(data, "model", None), "joint", None)
-        if joint is None:
-            return self.kinds_of(data)
+        motion, virtual = getattr(joint, "motion", "rotation"), self.simulated(data)
         return {
             name: replace(
                 kind,
-                title=in_words_of(joint.motion, kind.title),
-                caption=in_words_of(joint.motion, kind.caption),
+                title=in_words_of_origin(virtual, in_words_of(motion, kind.title)),
+                caption=in_words_of_origin(virtual, in_words_of(motion, kind.caption)),
             )
             for name, kind in self.kinds_of(data).items()
         }
@@ -139,6 +144,7 @@ class View(Generic[R, D]):
         return render(
             self.template,
             result=result,
+            simulated=self.simulated(result),
             findings=findings_table(soundness.findings) if soundness is not None else None,
             data=data,
             origin=origin,

@@ -111,11 +111,12 @@ def make_headline(
     faults : sequence of str
         Ids of findings of the check of the data, the severest first.
     """
+    data = _data(model, soundness, faults)
     if not model.terms:
-        lights = (_data(model, soundness, faults), Light("fit", "poor", "no set of terms passed"))
-        return Headline(lights, _next_steps(lights, tested, found=False))
+        nothing = (data, Light("fit", "poor", "no set of terms passed"))
+        return Headline(nothing, _next_steps(nothing, tested, found=False))
     lights = (
-        _data(model, soundness, faults),
+        data,
         _fit(model),
         _held_out(model, held_out_rms),
         _coverage(tested),
