@@ -68,7 +68,7 @@ def discover(
     Exit status 0: a model was found; 1: none was, or the data are unsound, and the
     reason is printed; 2: the input is at fault.
 
-    Example: sindyjoint discover tests/campaign.toml --out results
+    Example: sindyjoint discover virtual --out results
     """
     if nuisance and not refine:
         raise typer.BadParameter(

@@ -36,7 +36,7 @@ def init(
 
     On a terminal it asks what the files do not tell.
 
-    Example: sindyjoint init tests --set angle.unit=mrad
+    Example: sindyjoint init virtual --force
     """
     from sindyjoint.errors import InputError
     from sindyjoint.workflows.init import init as run

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import ErrorDetails
 
 from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.text import expectation
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
@@ -302,10 +303,10 @@ def first_complaint(error: ValidationError) -> str:
     if first["type"] == "missing":
         message = f"key {first['loc'][-1]!r} is missing"
         field = field_name(first["loc"][:-1])
-    elif first["type"] == "value_error":
-        message = first["msg"].removeprefix("Value error, ")
     else:
-        message = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {first['input']!r:.60}"
+        message = expectation(first)
+        given = f", not {first['input']!r:.60}"
+        message += "" if first["type"] in ("value_error", "too_short", "too_long") else given
     more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
     return f"{field}: {message}{more}" if field else f"{message}{more}"
 
