@@ -13,7 +13,12 @@ if TYPE_CHECKING:
     from sindyjoint.files import load_campaign
     from sindyjoint.record import Campaign, Joint, Run
     from sindyjoint.workflows.check import check
+    from sindyjoint.workflows.compare import compare
+    from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
     from sindyjoint.workflows.discover import discover
+    from sindyjoint.workflows.init import init
+    from sindyjoint.workflows.simulate import simulate
+    from sindyjoint.workflows.verify import verify
 
 __version__ = "0.1.0"
 
@@ -26,8 +31,14 @@ __all__ = [
     "TermLibrary",
     "UniqueShareSTLSQ",
     "check",
+    "compare",
+    "diagnose",
+    "diagnose_structure",
     "discover",
+    "init",
     "load_campaign",
+    "simulate",
+    "verify",
 ]
 
 # Importing pysindy and scikit-learn takes two seconds: each name is fetched where it is first used.
@@ -40,14 +51,25 @@ _HOMES = {
     "TermLibrary": "discovery.library",
     "UniqueShareSTLSQ": "discovery.optimizer",
     "check": "workflows.check",
+    "compare": "workflows.compare",
+    "diagnose": "workflows.diagnose",
+    "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
+    "init": "workflows.init",
+    "simulate": "workflows.simulate",
+    "verify": "workflows.verify",
     "load_campaign": "files",
 }
 
 
 def __getattr__(name: str) -> object:
     if name not in _HOMES:
-        raise AttributeError(f"module 'sindyjoint' has no attribute {name!r}")
+        # Only what a person would type has a near name; the import system asks for __path__ and its like.
+        import difflib
+
+        near = difflib.get_close_matches(name, __all__, n=1) if not name.startswith("_") else []
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise AttributeError(f"module 'sindyjoint' has no attribute {name!r}{hint}")
     return getattr(import_module(f"sindyjoint.{_HOMES[name]}"), name)
 
 

@@ -39,6 +39,10 @@ class UnknownNameError(SindyJointError, KeyError):
         return str(self.args[0]) if self.args else ""
 
 
+class OptionError(SindyJointError, TypeError):
+    """An option that a function does not have."""
+
+
 class UnsoundError(SindyJointError, ValueError):
     """Data so much at fault that nothing is made of them; carries the check that found it.
 

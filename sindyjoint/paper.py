@@ -7,6 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+TITLE = "Nonlinear Dynamic Modeling of Joints between Solar Panels on Spacecraft"
+DOI = "10.3390/aerospace9080459"
+# By which its joints are known: those of the built-in virtual tests.
+JOINTS = ("inter-panel joint", "panel root joint", "panel-root joint")
 TERMS = (
     "linear_stiffness",
     "quadratic_stiffness",

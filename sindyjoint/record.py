@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from importlib import import_module
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -320,7 +321,11 @@ class Run:
         return self.n_samples / self.sample_rate
 
 
-@dataclass(frozen=True, eq=False)
+def _some(runs: tuple[Run, ...]) -> list[str]:
+    return [run.name for run in runs[:4]] + ["..."] * (len(runs) > 4)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Campaign:
     """A joint and its runs.
 
@@ -367,6 +372,35 @@ class Campaign:
         """What every report on the campaign says first."""
         virtual = ("the campaign is simulated (a virtual test), not measured",) if self.simulated else ()
         return (*virtual, *self.notes)
+
+    def __repr__(self) -> str:
+        virtual = "simulated " if self.simulated else ""
+        return (
+            f"<Campaign: {self.joint.name}, {len(self.runs)} {virtual}run(s): {', '.join(_some(self.runs))}>"
+        )
+
+    @classmethod
+    def from_arrays(cls, **signals: Any) -> Campaign:
+        """Return a campaign of NumPy arrays; see :func:`sindyjoint.files.arrays.campaign_from_arrays`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> t = np.arange(2000) / 500
+        >>> angle, moment = 2 * np.sin(6 * np.pi * t), 4 * np.cos(6 * np.pi * t)
+        >>> campaign = Campaign.from_arrays(moment=moment, angle=angle, rate="500 Hz", units={"angle": "mrad"})
+        >>> campaign.runs[0].frequency, float(campaign.runs[0].angle.max())
+        (3.0, 0.002)
+        """
+        # Units are converted in files, which is above this module and fetched when it is needed.
+        made: Campaign = import_module("sindyjoint.files.arrays").campaign_from_arrays(**signals)
+        return made
+
+    @classmethod
+    def from_frames(cls, frames: Mapping[str, Any], **options: Any) -> Campaign:
+        """Return a campaign of data frames by name; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
+        made: Campaign = import_module("sindyjoint.files.arrays").campaign_from_frames(frames, **options)
+        return made
 
     def with_runs(self, runs: tuple[Run, ...]) -> Campaign:
         """Return the same campaign with other runs."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 # People keep their capital letters; an id that another name is usual for has that name.
 _NAMES = {
@@ -79,6 +80,27 @@ def in_words_of(motion: str, text: str) -> str:
     return _ROTATING.sub(lambda found: _SLIDING[found[0]], text) if motion == "translation" else text
 
 
+def in_words_of_origin(simulated: bool, text: str) -> str:
+    """Return a text about measured runs as it reads where they come from a virtual test: nothing there was measured.
+
+    Examples
+    --------
+    >>> in_words_of_origin(True, "The measured response")
+    "The virtual test's response"
+    >>> in_words_of_origin(True, "Mean residual, measured less model"), in_words_of_origin(False, "measured")
+    ('Mean residual, virtual test less model', 'measured')
+    """
+    if not simulated:
+        return text
+    text = re.sub(r"\b(the|The) measured (?!and|less)", r"\1 virtual test's ", text)
+    text = re.sub(r"\bwhat was measured\b", "the virtual test", text)
+    return re.sub(
+        r"(?<!not )\b([Mm])easured\b",
+        lambda found: "Virtual test" if found[1] == "M" else "virtual test",
+        text,
+    )
+
+
 def spelled(identifier: str, motion: str = "rotation") -> str:
     """Return an id in the usual words, names of people with capital letters, for a kind of motion.
 
@@ -91,6 +113,46 @@ def spelled(identifier: str, motion: str = "rotation") -> str:
     """
     words = _PATTERN.sub(lambda found: _NAMES[found[0]], identifier.replace("_", " "))
     return in_words_of(motion, words)
+
+
+# What a value had to be, by the kind of complaint of the validation library: its words mean nothing to a user.
+_EXPECTED = {
+    "string_type": "expected text in quotes",
+    "bool_type": "expected true or false",
+    "bool_parsing": "expected true or false",
+    "int_type": "expected a whole number",
+    "int_from_float": "expected a whole number",
+    "float_type": "expected a number",
+    "finite_number": "expected a finite number",
+    "list_type": "expected a list",
+    "tuple_type": "expected a list",
+    "dict_type": "expected a table",
+    "model_type": "expected a table",
+    "literal_error": "expected {expected}",
+    "greater_than": "expected more than {gt}",
+    "greater_than_equal": "expected {ge} or more",
+    "less_than": "expected less than {lt}",
+    "less_than_equal": "expected {le} or less",
+    "too_short": "expected at least {min_length}, not {actual_length}",
+    "too_long": "expected at most {max_length}, not {actual_length}",
+}
+
+
+def expectation(complaint: Mapping[str, Any]) -> str:
+    """Return what a complaint of the validation library wants, in plain words.
+
+    Examples
+    --------
+    >>> expectation({"type": "greater_than", "ctx": {"gt": 0}, "msg": "Input should be greater than 0"})
+    'expected more than 0'
+    >>> expectation({"type": "value_error", "msg": "Value error, key 'unit' is missing"})
+    "key 'unit' is missing"
+    """
+    known = _EXPECTED.get(complaint["type"])
+    if known is None:
+        message = str(complaint["msg"]).removeprefix("Value error, ")
+        return re.sub(r"^[Ii]nput should be", "expected", message)
+    return known.format(**complaint.get("ctx", {}))
 
 
 def list_some(names: Sequence[str], what: str = "runs") -> str:

@@ -17,6 +17,7 @@ from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.errors import InputError
+from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
 
 Array = NDArray[np.float64]
@@ -41,8 +42,8 @@ class Difference:
     text: str
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch(Shown):
     """The result of :func:`~sindyjoint.workflows.batch.batch`.
 
     Parameters

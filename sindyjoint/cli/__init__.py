@@ -69,6 +69,10 @@ def _run(arguments: list[str]) -> int:
     except typer.Exit as error:
         status = error.exit_code
     except usage_error as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            # A bare command: its help, as it is.
+            print(error.format_message())  # type: ignore[attr-defined]
+            raise SystemExit(2) from None
         _complain(f"{error.format_message()} (see 'sindyjoint{_command(error)} --help')")  # type: ignore[attr-defined]
         status = 2
     except click_error as error:

@@ -13,6 +13,7 @@ from sindyjoint.cli.compare import compare
 from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
+from sindyjoint.cli.init import init
 from sindyjoint.cli.plot import plot
 from sindyjoint.cli.rig import rig
 from sindyjoint.cli.schema import schema
@@ -52,7 +53,7 @@ def options(
 ) -> None:
     """Discover the equation of a nonlinear joint from vibration tests, with evidence.
 
-    Example: sindyjoint discover tests/campaign.toml --out results
+    Example: sindyjoint discover virtual --out results
     """
     if largest is not None:
         import os
@@ -63,16 +64,17 @@ def options(
         os.environ[VARIABLE] = str(parse_size(largest))
 
 
+app.command("init", no_args_is_help=True)(init)
 app.command("check")(check)
 app.command("discover")(discover)
 app.command("compare")(compare)
-app.command("batch")(batch)
-app.command("simulate")(simulate)
-app.command("verify")(verify)
-app.command("rig")(rig)
+app.command("batch", no_args_is_help=True)(batch)
+app.command("simulate", no_args_is_help=True)(simulate)
+app.command("verify", no_args_is_help=True)(verify)
+app.command("rig", no_args_is_help=True)(rig)
 app.add_typer(reproduce.app, name="reproduce")
 app.command("diagnose")(diagnose)
-app.command("export")(export)
-app.command("plot")(plot)
+app.command("export", no_args_is_help=True)(export)
+app.command("plot", no_args_is_help=True)(plot)
 app.add_typer(libraries.app, name="libraries")
 app.command("schema")(schema)

@@ -59,7 +59,7 @@ def batch(
     Exit status 0: a model was found in every campaign, or with --verify-only everything is as it was written; 1: in
     some none was, or some are broken or changed; 2: the input is at fault.
 
-    Example: sindyjoint batch qualification --out results --jobs 2
+    Example: sindyjoint batch virtual --out joints --jobs 2
     """
     from sindyjoint.files.atomic import check_output
 

@@ -33,7 +33,7 @@ def check(
     Exit status 0: sound, or doubtful; 1: unsound, so that no model is made, unless all that stops is accepted; 2: the
     input is at fault.
 
-    Example: sindyjoint check tests/campaign.toml --out soundness
+    Example: sindyjoint check virtual --out soundness
     """
 
     def find(progress: Progress) -> Check:

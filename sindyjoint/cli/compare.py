@@ -63,7 +63,7 @@ def compare(
 
     Exit status 0: a model was found; 1: none was, or the data are unsound; 2: the input is at fault.
 
-    Example: sindyjoint compare tests/campaign.toml --out comparison
+    Example: sindyjoint compare virtual --out comparison
     """
 
     def find(progress: Progress) -> Comparison:

@@ -84,7 +84,7 @@ def diagnose(
     Exit status 0: effects were named, if only for a part of the gap, or nothing is missing; 1: something is missing
     that no effect explains, or nothing could be decided, as where the data are unsound; 2: the input is at fault.
 
-    Example: sindyjoint diagnose tests/campaign.toml --model results/model.json --out diagnosis
+    Example: sindyjoint diagnose virtual --model results/model.json --out diagnosis
     """
 
     def find(progress: Progress) -> Diagnosis:

@@ -53,6 +53,9 @@ def discover(
             help="With --refine: estimate delay of the moment, gain or zero error of the angle, too. Repeatable."
         ),
     ] = None,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="Put the question of the paper's five terms first.")
+    ] = default_of(DISCOVER, "paper"),
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. [0]")] = None,
     jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
@@ -65,7 +68,7 @@ def discover(
     Exit status 0: a model was found; 1: none was, or the data are unsound, and the
     reason is printed; 2: the input is at fault.
 
-    Example: sindyjoint discover tests/campaign.toml --out results
+    Example: sindyjoint discover virtual --out results
     """
     if nuisance and not refine:
         raise typer.BadParameter(
@@ -80,6 +83,7 @@ def discover(
             **given(library=library),
             accept=tuple(accept or ()),
             correct=correct,
+            paper=paper,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,

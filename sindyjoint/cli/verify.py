@@ -58,7 +58,7 @@ def verify(
         float | None, typer.Option(help="Virtual pulse test: true loss factor of the beams' material.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for verification.json and figures.")
+        Path | None, typer.Option("--out", help="Folder for report.html, verification.json and figures.")
     ] = None,
     accept: AcceptOption = None,
     align: AlignOption = False,
@@ -98,6 +98,5 @@ def verify(
             progress=progress.say,
         )
 
-    written = "results: verification.json"
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (model, against), written)
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (model, against))
     raise typer.Exit(0 if result.passed else 1)

@@ -13,6 +13,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 
@@ -202,8 +203,8 @@ class AdviceSearch:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """The result of :func:`~sindyjoint.workflows.diagnose.diagnose`, of a campaign, and of ``diagnose_structure``.
 
     Parameters

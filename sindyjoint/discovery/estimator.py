@@ -14,6 +14,7 @@ from sindyjoint.discovery.choice import SelectionRules
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.foreign_library import catalogue_of
+from sindyjoint.discovery.frame_order import refuse_order
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
@@ -160,6 +161,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             For data or parameters that cannot be used.
         """
         self.check_parameters()
+        refuse_order(X)
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
         if X.shape[1] not in (2, 3):
             raise InputError(

@@ -16,6 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
+from sindyjoint.text import expectation
 
 Line = Annotated[str, Field(min_length=1, pattern=r"^[^\n\r]+$")]
 Identifier = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
@@ -276,7 +277,7 @@ def _describe_fault(error: ValidationError, data: dict[str, Any]) -> str:
         return f"{where}key {field!r} is unknown; {hint}"
     if fault["type"] == "missing":
         return f"{where}{field!r} is missing"
-    message = fault["msg"].removeprefix("Value error, ")
+    message = expectation(fault)
     shown = repr(fault["input"])
     shown = shown if len(shown) <= 60 else shown[:57] + "..."
     return f"{where}{field}{' = ' if field else ''}{shown}: {message}" if field else f"{where}{message}"

@@ -44,9 +44,10 @@ class JointModel:
 
     def __getitem__(self, term_id: str) -> ModelTerm:
         for term in self.terms:
-            if term.id == term_id:
+            if term_id in (term.id, term.symbol):
                 return term
-        raise UnknownNameError(f"the model has no term {term_id!r}; it has {', '.join(self.ids) or 'none'}")
+        known = ", ".join(f"{term.id} ({term.symbol})" for term in self.terms)
+        raise UnknownNameError(f"the model has no term {term_id!r}; it has {known or 'none'}")
 
     def __contains__(self, term_id: object) -> bool:
         return term_id in self.ids

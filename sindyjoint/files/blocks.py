@@ -21,6 +21,7 @@ KINDS = {
     ".tsv": ("text", "text_blocks"),
     ".txt": ("text", "text_blocks"),
     ".dat": ("text", "text_blocks"),
+    ".asc": ("text", "text_blocks"),
     ".parquet": ("arrow", "ParquetBlocks"),
     ".feather": ("arrow", "FeatherBlocks"),
     ".mat": ("mat", "matlab_blocks"),
@@ -39,6 +40,8 @@ class Blocks(ABC):
     path : Path
     names : tuple of str
     aliases : mapping of str to int
+    remarks : sequence of str
+        What the file says about itself.
     rows : int
         Of text files, lines after the header: blank and comment lines count, and give no row when they are read.
     """
@@ -46,6 +49,7 @@ class Blocks(ABC):
     path: Path
     names: tuple[str, ...]
     aliases: Mapping[str, int] = {}
+    remarks: Sequence[str] = ()
     rows: int
 
     @abstractmethod
@@ -64,6 +68,7 @@ class Blocks(ABC):
             lambda wanted: self.read(start, stop, wanted),
             self.aliases,
             lambda index: f"row {start + index + 1}",
+            remarks=tuple(self.remarks),
         )
 
     def whole(self) -> Table:
@@ -71,8 +76,10 @@ class Blocks(ABC):
         return self.table(0, self.rows)
 
 
-def open_blocks(path: str | Path) -> Blocks | None:
+def open_blocks(path: str | Path, skip: int | None = None) -> Blocks | None:
     """Open a file to be read in segments; None for a format that cannot be.
+
+    Of a text table, ``skip`` lines stand above the header; without it they are found.
 
     A file that has not changed stays open: the line offsets of a text are then indexed once per process.
 
@@ -87,15 +94,18 @@ def open_blocks(path: str | Path) -> Blocks | None:
     try:
         check_regular(file)
         found = file.stat()
-        return _open(file, (found.st_mtime_ns, found.st_size))
+        return _open(file, (found.st_mtime_ns, found.st_size), skip)
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror or error})") from error
 
 
 @lru_cache(maxsize=4)
-def _open(file: Path, state: tuple[int, int]) -> Blocks | None:
+def _open(file: Path, state: tuple[int, int], skip: int | None) -> Blocks | None:
     kind = KINDS.get(file.suffix.lower())
     if kind is None:
         return None
-    blocks: Blocks | None = getattr(import_module(f"sindyjoint.files.readers.{kind[0]}"), kind[1])(file)
+    options = {"skip": skip} if kind[0] == "text" else {}
+    blocks: Blocks | None = getattr(import_module(f"sindyjoint.files.readers.{kind[0]}"), kind[1])(
+        file, **options
+    )
     return blocks

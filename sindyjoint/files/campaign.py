@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
@@ -18,6 +19,7 @@ from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.record import Campaign, Joint, LongRecord, Motion, Run, Source
 
+CHANNEL_KEYS = tuple(key for keys in KEYS.values() for name, (key, _) in keys.items() if name != "inertia")
 # Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
 # than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.
 SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
@@ -57,7 +59,8 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
     runs = tuple(loader.run(index, table) for index, table in enumerate(manifest.run))
     notes = tuple(dict.fromkeys([*manifest.notes, *loader.notes]))
     try:
-        return Campaign(joint, runs, simulated=manifest.simulated, skew=loader.declared_skew(), notes=notes)
+        simulated = manifest.simulated or loader.simulated
+        return Campaign(joint, runs, simulated=simulated, skew=loader.declared_skew(), notes=notes)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
 
@@ -123,6 +126,8 @@ class _RunLoader:
     motion: Motion
     longest: int | None = None
     notes: list[str] = field(default_factory=list)
+    simulated: bool = False
+    """Whether a file that was read says so."""
 
     def declared_skew(self) -> float | None:
         """Return the time delay between the channels, s, whether removed now or before."""
@@ -143,7 +148,9 @@ class _RunLoader:
         whole = self._cut_long_run(path, index, channels, frequency) if first else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
-        opened, sha256 = read_table(path) if rows is None else self._read_rows(path, *rows)
+        opened, sha256 = self._open(path, channels, rows)
+        opened, channels, sha256 = self._join_files(opened, channels, sha256)
+        self.simulated |= opened.simulated
         reader = RunReader(
             opened, channels, self.manifest.rig, self.motion, self.file, self.notes, rows is not None
         )
@@ -172,11 +179,26 @@ class _RunLoader:
             check_frequency(run.angle, moment, rate, run.frequency, str(path), self.motion)
         return run
 
-    def _read_rows(self, path: Path, start: int, stop: int) -> tuple[Table, str]:
-        """Return some rows of a file; its hash where they are the first ones."""
-        blocks = open_blocks(path)
+    def _open(self, path: Path, channels: Channels, rows: tuple[int, int] | None) -> tuple[Table, str]:
+        """Return all or some rows of a file; its hash where the first are among them."""
+        if rows is None:
+            return read_table(path, channels.skip)
+        blocks = open_blocks(path, channels.skip)
         assert blocks is not None
-        return blocks.table(start, stop), "" if start else sha256_of(path)
+        return blocks.table(*rows), "" if rows[0] else sha256_of(path)
+
+    def _join_files(self, opened: Table, channels: Channels, sha256: str) -> tuple[Table, Channels, str]:
+        """Return the columns of all files of one run as one table, its channels, and a hash of all bytes."""
+        apart = {key: getattr(channels, key) for key in CHANNEL_KEYS}
+        apart = {key: channel for key, channel in apart.items() if channel is not None and channel.file}
+        if not apart:
+            return opened, channels, sha256
+        for key, channel in apart.items():
+            other, its_hash = read_table(self.file.parent / channel.file)
+            opened, name = opened.with_column(other, channel.column, f"{channel.file}: {channel.column}")
+            channels = channels.model_copy(update={key: channel.model_copy(update={"column": name})})
+            sha256 = hashlib.sha256(f"{sha256}{its_hash}".encode()).hexdigest()
+        return opened, channels, sha256
 
     def _cut_long_run(
         self, path: Path, index: int, channels: Channels, frequency: float | None
@@ -185,7 +207,9 @@ class _RunLoader:
         # A row is eight letters at least: most files need not be opened to know.
         if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
             return None
-        blocks = open_blocks(path)
+        # Channels of several files have to lie side by side in memory.
+        apart = any(getattr(getattr(channels, key), "file", None) for key in CHANNEL_KEYS)
+        blocks = None if apart else open_blocks(path, channels.skip)
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from pydantic_core import ErrorDetails
 from sindyjoint.checksums import check_finished
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.text import expectation
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
@@ -50,6 +52,10 @@ class Channel(StrictTable):
     column: Column | None = Field(
         default=None, description="Name of the column; a number counts columns from 1."
     )
+    file: str | None = Field(
+        default=None,
+        description="Another file of the same run, with the same instants, that holds the column.",
+    )
     unit: str | None = Field(default=None, description="Unit of the values in the file, any that pint knows.")
     gain: str | None = Field(default=None, description="Factor with its unit, such as '35.15 N/V'.")
     offset: str | None = Field(
@@ -69,8 +75,10 @@ class Channel(StrictTable):
             return self
         if (self.column is None) == (self.constant is None):
             raise ValueError("expected either column (with unit) or constant")
-        if self.constant is not None and (self.unit or self.gain or self.offset or self.noise):
-            raise ValueError("a constant carries its unit; unit, gain, offset and noise belong to a column")
+        if self.constant is not None and (self.unit or self.gain or self.offset or self.noise or self.file):
+            raise ValueError(
+                "a constant carries its unit; file, unit, gain, offset and noise belong to a column"
+            )
         if self.column is not None and self.unit is None:
             raise ValueError("key 'unit' is missing")
         return self
@@ -105,6 +113,11 @@ class Channels(StrictTable):
     )
     skew_removed: str | None = Field(
         default=None, description="Lag that was removed before the files were written."
+    )
+    skip: int | None = Field(
+        default=None,
+        ge=0,
+        description="Lines of a text table or sheet above its header; omitted: found.",
     )
     resample: bool = Field(default=False, description="Interpolate irregular time stamps to a uniform rate.")
 
@@ -171,7 +184,9 @@ class JointTable(StrictTable):
 class RunTable(StrictTable):
     """One run: its file and how the joint was excited."""
 
-    file: str
+    file: str = Field(
+        description="Path from the manifest; * and ? stand for every file that matches, a run each."
+    )
     name: str | None = Field(default=None, description="Defaults to the file's name without its ending.")
     frequency: float | str | None = Field(default=None, description="Hz; omitted for an aperiodic run.")
     level: str | int | float | None = Field(default=None, description="Free label of the excitation level.")
@@ -233,9 +248,44 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
     if not content:
         raise InputError(f"{file}: is empty; expected a campaign with [channels] and [[run]]")
     try:
-        return file, Manifest.model_validate(content)
+        return file, _with_files(file, Manifest.model_validate(content))
     except ValidationError as error:
         raise InputError(f"{file}: {first_complaint(error)}") from error
+
+
+def _with_files(manifest: Path, read: Manifest) -> Manifest:
+    """Return a manifest with a run for each file that matches a pattern."""
+    runs: list[RunTable] = []
+    for number, run in enumerate(read.run, start=1):
+        if not set("*?") & set(run.file) or (manifest.parent / run.file).exists():
+            runs.append(run)
+            continue
+        where = f"{manifest}: [[run]] {number}"
+        found = sorted(
+            path.relative_to(manifest.parent).as_posix()
+            for path in manifest.parent.glob(run.file)
+            if path.is_file()
+        )
+        if not found:
+            raise MissingInputError(f"{where} file: no file matches {run.file!r} in {manifest.parent}")
+        if run.name is not None and len(found) > 1:
+            raise InputError(
+                f"{where} name: name {run.name!r} would stand for {len(found)} runs; leave it out"
+            )
+        runs += [run.model_copy(update={"file": file}) for file in sorted(found, key=natural_order)]
+    return read.model_copy(update={"run": runs})
+
+
+def natural_order(name: str) -> list[tuple[float, str]]:
+    """Return a key by which names are sorted as people count: run2 before run10.
+
+    Examples
+    --------
+    >>> sorted(["run10", "run2", "run0.5", "run0.25"], key=natural_order)
+    ['run0.25', 'run0.5', 'run2', 'run10']
+    """
+    parts = re.split(r"(\d+(?:\.\d+)?)", name)
+    return [(float(part), "") if number % 2 else (-1.0, part) for number, part in enumerate(parts)]
 
 
 def first_complaint(error: ValidationError) -> str:
@@ -252,10 +302,10 @@ def first_complaint(error: ValidationError) -> str:
     if first["type"] == "missing":
         message = f"key {first['loc'][-1]!r} is missing"
         field = field_name(first["loc"][:-1])
-    elif first["type"] == "value_error":
-        message = first["msg"].removeprefix("Value error, ")
     else:
-        message = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {first['input']!r:.60}"
+        message = expectation(first)
+        given = f", not {first['input']!r:.60}"
+        message += "" if first["type"] in ("value_error", "too_short", "too_long") else given
     more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
     return f"{field}: {message}{more}" if field else f"{message}{more}"
 

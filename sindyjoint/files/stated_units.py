@@ -12,6 +12,25 @@ KNOWN = {
     "cm", "nm", "in", "inch", "ms", "us", "µs", "mV", "kHz", "Hz",
 }  # fmt: skip
 LETTERS = {"N", "V", "m", "s"}
+OTHERS = {
+    "g",
+    "kg",
+    "C",
+    "degC",
+    "K",
+    "A",
+    "mA",
+    "Pa",
+    "MPa",
+    "bar",
+    "min",
+    "h",
+    "sec",
+    "Sec",
+    "volt",
+    "Volt",
+    "V",
+}
 SPELLINGS = {"Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "mNm": "mN*m", "°": "deg", "·": "*"}
 
 
@@ -33,6 +52,22 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
     if unit in KNOWN or (unit in LETTERS and len(base) > 3 and base.isalpha()):
         return _spelled(unit), True
     return None
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a field below a header is a unit: in brackets, or one that laboratories write.
+
+    Examples
+    --------
+    >>> is_unit("[s]"), is_unit("kN"), is_unit("m/s^2"), is_unit("force"), is_unit("-")
+    (True, True, True, False, True)
+    """
+    text = text.strip()
+    bare = text.strip("[](){}").strip()
+    if text != bare or bare in ("-", "1", "%"):
+        return True
+    parts = re.split(r"[*·/^ ]+\d*", bare)
+    return all(part in KNOWN | LETTERS | OTHERS or part.isdigit() or not part for part in parts)
 
 
 def _spelled(unit: str) -> str:

@@ -38,6 +38,18 @@ QUANTITIES = {
     "kg/m": "a mass per length, such as 'kg/m'",
 }
 
+# A quantity as a manifest writes it, by SI unit, where "5" of the unit would be no usual one.
+NUMBERS = {
+    "kg*m**2": "0.02",
+    "Hz": "3",
+    "K": "293",
+    "s": "0.3",
+    "rad": "0.2",
+    "m": "0.06",
+    "m/m": "1e-6",
+    "Pa": "70e9",
+}
+
 # What laboratories write most, by SI unit: pint takes a quarter of a second to read its definitions.
 USUAL = {
     "s": {"ms": 1e-3, "us": 1e-6},
@@ -143,8 +155,11 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
     slope = expected == "rad" and not powers
     if powers != expected_powers and not slope:
         given = f"unit {unit!r}" if gain is None else f"unit {unit!r} times gain {gain!r}"
+        # A voltage is what a sensor gives: it lacks no other unit but a gain.
+        volts = gain is None and unit_ratio(unit, "V")
+        hint = f", or gain = '5 {expected.replace('**', '^')}/{unit}'" if volts else ""
         raise UnitError(
-            f"{where}: {given} is not {QUANTITIES[expected].split(',')[0]}; expected {QUANTITIES[expected]}"
+            f"{where}: {given} is not {QUANTITIES[expected].split(',')[0]}; expected {QUANTITIES[expected]}{hint}"
         )
     result = number * (factor / expected_factor)
     if not (math.isfinite(result) and result != 0):
@@ -208,10 +223,20 @@ def split_quantity(text: str, where: str, expected: str) -> tuple[float, str]:
     """
     match = _NUMBER.fullmatch(text)
     if match is None or not math.isfinite(float(match[1])):
-        raise UnitError(f"{where}: {text!r} is not a number with a unit; expected {QUANTITIES[expected]}")
+        raise UnitError(
+            f"{where}: {text!r} is not a number with a unit; expected {_example(expected, where)}"
+        )
     if not match[2]:
-        raise UnitError(f"{where}: {text!r} has no unit; expected {QUANTITIES[expected]}")
+        raise UnitError(f"{where}: {text!r} has no unit; expected {_example(expected, where)}")
     return float(match[1]), match[2]
+
+
+def _example(expected: str, where: str) -> str:
+    """Return what is expected, with a quantity to copy."""
+    unit = expected.replace("**", "^")
+    if where.endswith("gain"):
+        return f"a factor with its unit, such as '5 {unit}/V'"
+    return f"{QUANTITIES[expected].split(',')[0]}, such as '{NUMBERS.get(expected, '5')} {unit}'"
 
 
 def _parse_unit(unit: str, where: str) -> pint.Unit:

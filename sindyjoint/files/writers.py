@@ -16,10 +16,14 @@ from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.files.readers.table import SIMULATED
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorRig
 
 Columns = Mapping[str, NDArray[np.float64]]
+
+# What stands in every file of a virtual test, so that no one takes it for a measured one.
+REMARK = f"{SIMULATED}; columns in SI units"
 
 # Units as they are written, by motion and key: moment, angle, measured rate, inertia.
 UNITS = {
@@ -80,7 +84,7 @@ def write_campaign(
     with output_folder(folder) as stage:
         for number, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
             columns = _columns(run, campaign.joint, rig) | dict(raw[number] if raw is not None else {})
-            (stage / file).write_bytes(encode(columns))
+            (stage / file).write_bytes(encode(columns, REMARK if campaign.simulated else ""))
         (stage / MANIFEST_NAME).write_text(
             manifest_text(campaign, files, rig), encoding="utf-8", newline="\n"
         )
@@ -209,45 +213,53 @@ def _string(text: str) -> str:
     return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _text(columns: Columns, delimiter: str) -> bytes:
+def _text(columns: Columns, remark: str, delimiter: str) -> bytes:
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     # repr of a float is the shortest text that reads back to the same bits.
-    lines = [delimiter.join(columns), *(delimiter.join(map(repr, row)) for row in rows)]
+    top = [f"# {remark}"] if remark else []
+    lines = [*top, delimiter.join(columns), *(delimiter.join(map(repr, row)) for row in rows)]
     return ("\n".join(lines) + "\n").encode("utf-8")
 
 
-def _npz(columns: Columns) -> bytes:
+def _npz(columns: Columns, remark: str) -> bytes:
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **columns)
+    np.savez(buffer, allow_pickle=False, **columns, **_remarked(remark))
     return buffer.getvalue()
 
 
-def _mat(columns: Columns) -> bytes:
+def _remarked(remark: str) -> dict[str, NDArray]:
+    return {"remark": np.array(remark)} if remark else {}
+
+
+def _mat(columns: Columns, remark: str) -> bytes:
     from scipy.io import savemat
 
     buffer = io.BytesIO()
-    savemat(buffer, dict(columns), oned_as="column")
+    savemat(buffer, dict(columns) | _remarked(remark), oned_as="column")
     return buffer.getvalue()
 
 
-def _parquet(columns: Columns) -> bytes:
+def _parquet(columns: Columns, remark: str) -> bytes:
     try:
         import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError as error:
         raise _missing("pyarrow") from error
     buffer = io.BytesIO()
-    pq.write_table(pa.table(dict(columns)), buffer)
+    table = pa.table(dict(columns))
+    pq.write_table(table.replace_schema_metadata({"remark": remark}) if remark else table, buffer)
     return buffer.getvalue()
 
 
-def _hdf5(columns: Columns) -> bytes:
+def _hdf5(columns: Columns, remark: str) -> bytes:
     try:
         import h5py
     except ImportError as error:
         raise _missing("h5py") from error
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
+        if remark:
+            file.attrs["remark"] = remark
         for name, values in columns.items():
             file[name] = values
     return buffer.getvalue()
@@ -257,9 +269,9 @@ def _missing(package: str) -> MissingExtraError:
     return MissingExtraError(f'writing this format needs {package}; run: pip install "sindyjoint[formats]"')
 
 
-ENCODERS: dict[str, Callable[[Columns], bytes]] = {
-    "csv": lambda columns: _text(columns, ","),
-    "tsv": lambda columns: _text(columns, "\t"),
+ENCODERS: dict[str, Callable[[Columns, str], bytes]] = {
+    "csv": lambda columns, remark: _text(columns, remark, ","),
+    "tsv": lambda columns, remark: _text(columns, remark, "\t"),
     "npz": _npz,
     "parquet": _parquet,
     "h5": _hdf5,

@@ -81,13 +81,14 @@ def loops_payload(data: ReportData) -> dict[str, Any]:
     }
 
 
-def response_payload(runs: Sequence[RunVerification]) -> dict[str, Any]:
-    """Return measured and simulated response over time for zooming, run by run."""
+def response_payload(runs: Sequence[RunVerification], virtual: bool = False) -> dict[str, Any]:
+    """Return the response over time, of the runs (of a virtual test) and as simulated, for zooming, run by run."""
     curves = []
+    of_runs = "virtual test" if virtual else "measured"
     for run in runs:
         factor, unit = prefixed(float(np.max(np.abs(run.measured))), UNITS[run.channel])
         step = -(-run.time.size // RESPONSE_SAMPLES)
-        for label, signal in (("measured", run.measured), ("simulated", run.simulated)):
+        for label, signal in ((of_runs, run.measured), ("simulated", run.simulated)):
             if signal is not None:
                 curves.append(
                     {

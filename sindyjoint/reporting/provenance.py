@@ -83,8 +83,10 @@ def _hashed(path: Path) -> list[tuple[str, str, str]]:
         return []
     listed = [path]
     if path.suffix == ".toml":
-        runs = read_toml(path).get("run", [])
-        listed += [path.parent / run["file"] for run in runs if isinstance(run, dict) and "file" in run]
+        for run in read_toml(path).get("run", []):
+            if isinstance(run, dict) and "file" in run:
+                exact = path.parent / run["file"]
+                listed += [exact] if exact.is_file() else sorted(path.parent.glob(run["file"]))
     return [(one.stem, one.name, hash_file(one)) for one in listed if one.is_file()]
 
 

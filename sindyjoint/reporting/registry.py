@@ -22,6 +22,7 @@ from sindyjoint.reporting.results.verification import VerificationView
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
+from sindyjoint.text import in_words_of_origin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,7 +109,13 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
         raise UnknownNameError(
             f"figure {kind!r} has nothing to show here; one of {', '.join(drawable(data))} has"
         )
-    return drawn(kinds[kind], panels, data, width)
+    figure = drawn(kinds[kind], panels, data, width)
+    if view.simulated(data):
+        from matplotlib.text import Text
+
+        for text in figure.findobj(Text):
+            text.set_text(in_words_of_origin(True, text.get_text()))
+    return figure
 
 
 def draw_all(result: Any) -> dict[str, bytes]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from sindyjoint.reporting.packing import pack, unpack
-from sindyjoint.text import in_words_of
+from sindyjoint.text import in_words_of, in_words_of_origin
 
 if TYPE_CHECKING:
     from sindyjoint.reporting.figures.kind import Kind
@@ -46,6 +46,8 @@ class View(Generic[R, D]):
         The file that :meth:`to_dict` is written to; empty: none.
     judged_by : tuple of str
         The policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
+    records_key : str
+        The list in :meth:`to_dict` that is a data frame's rows; empty: the first table is.
     unsaved : mapping of str to object
         Fields of the data that no figure needs, and what stands for each when they are read again.
     renamed : mapping of str to str
@@ -60,6 +62,7 @@ class View(Generic[R, D]):
     template: ClassVar[str] = ""
     record_file: ClassVar[str] = ""
     judged_by: ClassVar[tuple[str, ...]] = ()
+    records_key: ClassVar[str] = ""
     unsaved: ClassVar[Mapping[str, Any]] = {}
     renamed: ClassVar[Mapping[str, str]] = {}
 
@@ -71,6 +74,13 @@ class View(Generic[R, D]):
         """Return everything that is known, as JSON data."""
         record: dict[str, Any] = result.to_dict()  # type: ignore[attr-defined]
         return record
+
+    def records(self, result: R) -> list[dict[str, Any]]:
+        """Return the rows of a data frame: what :meth:`to_dict` says of each part, numbers as numbers."""
+        if self.records_key:
+            return [_flat(record) for record in self.to_dict(result)[self.records_key]]
+        tables = self.tables(result)
+        return [dict(zip(table.columns, row, strict=True)) for table in tables[:1] for row in table.rows]
 
     def tables(self, result: R) -> tuple[TextTable, ...]:
         """Return the tables that people read, in order."""
@@ -84,16 +94,21 @@ class View(Generic[R, D]):
         """Return which of the policies decided a result."""
         return self.judged_by
 
+    def simulated(self, result: Any) -> bool:
+        """Return whether what a result, or its data, rest on comes from a virtual test."""
+        said: bool = getattr(result, "simulated", False)
+        warnings = getattr(result, "warnings", ())
+        return bool(said) or any("simulated" in text and "not measured" in text for text in warnings)
+
     def figures(self, data: Any) -> Mapping[str, Kind]:
-        """Return the kinds of figure of this kind of result, in the words of its kind of motion."""
+        """Return the kinds of figure of this kind of result, in the words of its kind of motion and of its origin."""
         joint = getattr(getattr(data, "model", None), "joint", None)
-        if joint is None:
-            return self.kinds_of(data)
+        motion, virtual = getattr(joint, "motion", "rotation"), self.simulated(data)
         return {
             name: replace(
                 kind,
-                title=in_words_of(joint.motion, kind.title),
-                caption=in_words_of(joint.motion, kind.caption),
+                title=in_words_of_origin(virtual, in_words_of(motion, kind.title)),
+                caption=in_words_of_origin(virtual, in_words_of(motion, kind.caption)),
             )
             for name, kind in self.kinds_of(data).items()
         }
@@ -129,6 +144,7 @@ class View(Generic[R, D]):
         return render(
             self.template,
             result=result,
+            simulated=self.simulated(result),
             findings=findings_table(soundness.findings) if soundness is not None else None,
             data=data,
             origin=origin,
@@ -180,3 +196,16 @@ class View(Generic[R, D]):
         if self.renamed and isinstance(record, Mapping):
             record = {**record, **{name: record.get(saved) for name, saved in self.renamed.items()}}
         return unpack(self.data, record, self.unsaved)
+
+
+def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return a nested record with one name for each value; of a list, the ends of an interval or the items as text."""
+    flat: dict[str, Any] = {}
+    for name, value in record.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        elif name == "interval95":
+            flat |= {f"{prefix}interval95_low": value[0], f"{prefix}interval95_high": value[1]}
+        else:
+            flat[f"{prefix}{name}"] = ", ".join(map(str, value)) if isinstance(value, list) else value
+    return flat

@@ -13,6 +13,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import pooled_nrmse, rms
+from sindyjoint.shown import Shown
 
 Array = NDArray[np.float64]
 
@@ -107,8 +108,8 @@ class RunVerification:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Verification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Verification(Shown):
     """The result of :func:`verify`.
 
     Parameters

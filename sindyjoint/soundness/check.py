@@ -8,6 +8,7 @@ from typing import Any
 
 from sindyjoint.errors import UnknownNameError, UnsoundError
 from sindyjoint.record import Campaign, Motion
+from sindyjoint.shown import Shown
 from sindyjoint.soundness.faults import find_faults
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.kinds import DELAY, KINDS, PHASE
@@ -16,8 +17,8 @@ from sindyjoint.soundness.words import words_of
 from sindyjoint.text import list_some, spelled
 
 
-@dataclass(frozen=True, eq=False)
-class Check:
+@dataclass(frozen=True, eq=False, repr=False)
+class Check(Shown):
     """The check of a campaign.
 
     Parameters

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.discovery.segments import LONGEST
+from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
 
+@checks_options()
 @single_threaded()
 def check(
     campaign: Campaign | str | Path | None = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,6 +19,7 @@ from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
@@ -25,7 +27,7 @@ from sindyjoint.soundness.check import require_sound
 from sindyjoint.text import in_words_of
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
-from sindyjoint.workflows.discover import discover
+from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.discovery import Discovery
 from sindyjoint.workflows.held_out_response import add_responses
 from sindyjoint.workflows.independence import frequency_tests
@@ -39,6 +41,7 @@ REPLICATES = 500
 WEAK = "weak"
 
 
+@checks_options(lambda: (*inspect.signature(discover).parameters, *regressor_options()))
 @single_threaded()
 def compare(
     campaign: Campaign | str | Path | None = None,

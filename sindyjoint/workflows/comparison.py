@@ -8,6 +8,7 @@ from typing import Any
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.workflows.discovery import Discovery
@@ -113,8 +114,8 @@ class Choice:
         return next((term for term in self.terms if term.id == term_id), None)
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """The result of :func:`~sindyjoint.workflows.compare.compare`.
 
     Parameters

@@ -21,6 +21,7 @@ from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign, content_hash
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from sindyjoint.mechanics.rigs import Rig
 
 
+@checks_options()
 @single_threaded()
 def diagnose(
     campaign: Campaign | str | Path | None = None,
@@ -186,6 +188,7 @@ def _stop(checked: Check, model: JointModel | None) -> Diagnosis:
     )
 
 
+@checks_options()
 @single_threaded()
 def diagnose_structure(
     rig: Rig | str | Path,

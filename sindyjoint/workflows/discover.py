@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_lo
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign, content_hash
@@ -34,6 +36,14 @@ if TYPE_CHECKING:
     from sindyjoint.response.output_error_parts import Nuisance
 
 
+def regressor_options() -> tuple[str, ...]:
+    """Return the names of the options that a discovery passes on to its regressor."""
+    from sindyjoint.discovery.estimator import JointRegressor
+
+    return tuple(inspect.signature(JointRegressor).parameters)
+
+
+@checks_options(regressor_options)
 @single_threaded()
 def discover(
     campaign: Campaign | str | Path | None = None,
@@ -44,6 +54,7 @@ def discover(
     align: bool = False,
     accept: Sequence[str] = (),
     correct: bool = True,
+    paper: bool = False,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -71,6 +82,8 @@ def discover(
     correct : bool
         Simulate the model under the drive of the campaign and take out of the coefficients what noise and processing
         do to them.
+    paper : bool
+        Put the question of the paper's five terms first, as for the paper's joints.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -163,6 +176,7 @@ def discover(
         bias=fixed.bias if fixed is not None else None,
         soundness=checked.soundness,
         measured=measured_campaign,
+        paper=paper,
     )
 
 

@@ -11,9 +11,11 @@ import numpy as np
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.record import Campaign
+from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
+from sindyjoint.workflows.headline import Excitations, Headline, is_of_the_paper, make_headline
 from sindyjoint.workflows.verdict import Verdict, unjudged
 
 if TYPE_CHECKING:
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.sindy import JointSINDy
 
 
-@dataclass(frozen=True, eq=False)
-class Discovery:
+@dataclass(frozen=True, eq=False, repr=False)
+class Discovery(Shown):
     """The result of :func:`~sindyjoint.discover`.
 
     Parameters
@@ -53,6 +55,8 @@ class Discovery:
         is not fitted.
     measured : Campaign, optional
         As it was read, with the samples that are left out.
+    paper : bool
+        Whether the question of the paper's five terms was asked.
     """
 
     model: JointModel
@@ -68,6 +72,36 @@ class Discovery:
     soundness: Soundness = Soundness()
     stopped: Check | None = field(repr=False, default=None)
     measured: Campaign | None = field(repr=False, default=None)
+    paper: bool = False
+
+    @property
+    def leads_with_paper(self) -> bool:
+        """Whether the question of the paper's five terms comes first."""
+        return self.paper or is_of_the_paper(self.model.joint.name)
+
+    @property
+    def headline(self) -> Headline:
+        """Whether to trust the model, and what to do next."""
+        step = None if self.regressor is None or not self.found else self.selection.step
+        runs = () if self.campaign is None else self.campaign.identification_runs
+        fitted = self.model.fitted
+        tested = Excitations(
+            tuple(run.frequency for run in runs if run.frequency is not None) or fitted.frequencies,
+            tuple(run.level for run in runs if run.level is not None),
+            fitted.runs,
+        )
+        return make_headline(
+            self.model,
+            tested,
+            float("nan") if step is None else step.held_out_rms,
+            self.soundness.verdict,
+            self.faults,
+        )
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Ids of what the check of the data found, notes apart."""
+        return tuple(finding.id for finding in self.soundness.findings if finding.severity != "note")
 
     @property
     def selection(self) -> Selection:
@@ -105,6 +139,7 @@ class Discovery:
                 }
                 for term in model.terms
             ],
+            "trust": self.headline.to_dict(),
             "paper_term_set": {
                 "verdict": self.verdict.verdict,
                 "missing": list(self.verdict.missing),

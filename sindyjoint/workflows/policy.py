@@ -33,6 +33,24 @@ class VerdictPolicy:
         "a warning",
         source="convention",
     )
+    mostly_explained: float = limit(
+        0.2,
+        "share of the moment's RMS, beyond the noise, above which a fit is called poor",
+        source="chosen by judgement: it leaves 4 % of the power",
+    )
+    predicts: float = limit(
+        1.1,
+        "held-out error over residual up to which a model predicts as well as it fits",
+        source="chosen by judgement",
+    )
+    predicts_roughly: float = limit(
+        2.0, "held-out error over residual above which a model does not predict", source="chosen by judgement"
+    )
+    enough: int = limit(
+        3,
+        "frequencies, and levels, from which on terms that are alike on one run are told apart",
+        source="the campaigns of the guide; two of each leave no group to check on",
+    )
     verification_tolerance: float = limit(
         0.05, "largest response NRMSE beyond the noise floor that passes", source="chosen by judgement"
     )

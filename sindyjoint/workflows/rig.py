@@ -18,14 +18,15 @@ from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints, joint_range_warnings
+from sindyjoint.shown import Shown
 
 Array = NDArray[np.float64]
 
 MODES = 4
 
 
-@dataclass(frozen=True, eq=False)
-class RigMotion:
+@dataclass(frozen=True, eq=False, repr=False)
+class RigMotion(Shown):
     """The result of :func:`rig_motion`.
 
     Parameters

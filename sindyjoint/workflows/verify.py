@@ -15,6 +15,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import TestNuisances, read_test
 from sindyjoint.response.run import WINDOW
@@ -29,7 +30,7 @@ from sindyjoint.workflows.policy import POLICY
 DRAWS = 20
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CampaignVerification(Verification):
     """A verification against a campaign, with what the check of its data found.
 
@@ -45,6 +46,7 @@ class CampaignVerification(Verification):
         return {**super().to_dict(), "soundness": summarize(self.soundness)}
 
 
+@checks_options()
 @single_threaded()
 def verify(
     model: JointModel | str | Path,

@@ -28,12 +28,16 @@ def luminance(page, selector="body", what="backgroundColor"):
 
 def test_the_verdict_is_in_the_first_screen(open_page, screenshots):
     page = open_page()
-    page.screenshot(path=screenshots / "first-screen.png")
     page.screenshot(path=screenshots / "whole-page.png", full_page=True)
-    for selector in (".verdict", ".equation math", ".facts"):
-        box = page.locator(selector).bounding_box()
-        assert box["y"] + box["height"] < 800, selector
-    assert "The paper’s five terms describe this joint." in page.locator(".verdict").inner_text()
+    for width in (1280, 420):
+        page.set_viewport_size({"width": width, "height": 800})
+        page.screenshot(path=screenshots / f"first-screen-{width}.png")
+        # Verdict, equation, the picture that convinces, and the next step.
+        for selector in (".answer", ".lights", ".equation math", ".hero svg", ".next"):
+            box = page.locator(selector).bounding_box()
+            assert box["y"] >= 0 and box["y"] + box["height"] < 800, (selector, width)
+    assert page.locator(".lights li").count() == 4
+    assert "The paper’s five terms describe this joint." in page.locator("#paper .verdict").inner_text()
 
 
 def test_it_opens_within_two_seconds(open_page):
@@ -186,7 +190,7 @@ def test_narrow_view_does_not_scroll_sideways(open_page, screenshots):
     page = open_page(viewport={"width": 360, "height": 740})
     page.screenshot(path=screenshots / "narrow.png", full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
-    box = page.locator(".verdict").bounding_box()
+    box = page.locator(".answer").bounding_box()
     assert box["y"] + box["height"] < 740
 
 

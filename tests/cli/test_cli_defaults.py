@@ -18,7 +18,7 @@ OF_DISCOVER = ("states", "bandwidth", "align", "random_state")
 # Command: option → function and parameter that it becomes.
 REACHED = {
     "discover": {
-        **{name: (DISCOVER, name) for name in (*OF_DISCOVER, "correct", *SPREAD)},
+        **{name: (DISCOVER, name) for name in (*OF_DISCOVER, "correct", "paper", *SPREAD)},
         **{name: (REGRESSOR, name) for name in OF_REGRESSOR},
     },
     "batch": {
@@ -91,7 +91,12 @@ OF_THE_COMMAND = {
     "help",
 }
 # Of the noise of the virtual test, which only a command makes.
-OWN = {("simulate", "random_state"): 0}
+OWN = {
+    ("simulate", "random_state"): 0,
+    ("init", "answers"): None,
+    ("init", "yes"): False,
+    ("init", "force"): False,
+}
 
 
 def options():

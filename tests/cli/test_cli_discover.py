@@ -42,7 +42,16 @@ def test_json_has_exactly_the_promised_fields(written, sindyjoint):
     answer = sindyjoint("discover", written, "--json")
     assert (answer.status, answer.stderr) == (0, "")
     record = json.loads(answer.stdout)
-    assert list(record) == ["schema", "joint", "terms", "paper_term_set", "fit", "warnings", "soundness"]
+    assert list(record) == [
+        "schema",
+        "joint",
+        "terms",
+        "trust",
+        "paper_term_set",
+        "fit",
+        "warnings",
+        "soundness",
+    ]
     assert record["schema"] == 1
     assert record["joint"] == {"name": "inter-panel joint", "motion": "rotation", "inertia": 0.02}
     assert [term["id"] for term in record["terms"]] == list(PAPER_TERMS)

@@ -97,10 +97,20 @@ def test_schema_is_json(sindyjoint):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["discovr"], ["discover", "--jsn"], ["libraries", "shw"], ["simulate"]]
+    "arguments", [["discovr"], ["discover", "--jsn"], ["libraries", "shw"], ["simulate", "--seed", "1"]]
 )
 def test_usage_errors_are_one_line(sindyjoint, arguments):
     answer = sindyjoint(*arguments)
     assert answer.status == 2 and answer.stdout == ""
     assert answer.stderr.startswith("sindyjoint: ") and answer.stderr.count("\n") == 1
     assert "--help" in answer.stderr
+
+
+@pytest.mark.parametrize(
+    "path", [(), ("libraries",), ("simulate",), ("verify",), ("export",), ("init",)], ids=" ".join
+)
+def test_a_bare_command_shows_its_help_in_full(path, sindyjoint):
+    answer = sindyjoint(*path)
+    assert answer.status == 2 and answer.stderr == ""
+    assert answer.stdout.startswith(f"Usage: sindyjoint {' '.join(path)}".rstrip())
+    assert len(answer.stdout.splitlines()) > 8 and "\n\nOptions:\n" in answer.stdout

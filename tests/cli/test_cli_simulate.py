@@ -29,10 +29,23 @@ def test_campaign_reads_back(tmp_path, extra):
     )
     assert 4e-4 < np.abs(campaign.runs[0].angle).max() < 6e-4
     if "--raw" in extra:
-        assert "e4" in (tmp_path / "made" / "4Hz-0.6.csv").read_text().splitlines()[0]
+        assert "e4" in (tmp_path / "made" / "4Hz-0.6.csv").read_text().splitlines()[1]
 
 
 def test_lists_that_are_no_numbers_are_refused(tmp_path):
     result = CliRunner().invoke(app, ["--frequencies", "3;4", "--out", str(tmp_path / "made")])
     assert "--frequencies is '3;4'; expected numbers with commas between them" in str(result.exception)
     assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize("format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
+def test_every_run_file_says_that_it_is_simulated(tmp_path, format):
+    made = tmp_path / "made"
+    CliRunner().invoke(app, [*SMALL, "--format", format, "--out", str(made)], catch_exceptions=False)
+    manifest = made / "campaign.toml"
+    text = manifest.read_text()
+    assert "simulated = true" in text
+    # The mark in the files holds where that of the manifest is lost.
+    manifest.write_text(text.replace("simulated = true", ""))
+    assert load_campaign(made).simulated
+    assert load_campaign(made, longest=1000).simulated

@@ -141,19 +141,19 @@ FAULTS = {
     "number for a text": (
         toml(formula="1"),
         InputError,
-        "term 1 (my_term): formula = 1: Input should be a valid string",
+        "term 1 (my_term): formula = 1: expected text in quotes",
     ),
     "id with a blank": (toml(id='"my term"'), InputError, "id = 'my term': String should match pattern"),
     "two lines": (toml(meaning='"a\\nb"'), InputError, "meaning = 'a\\nb': String should match pattern"),
     "terms is a table": (
         'name = "m"\ndescription = "m"\n[term]\nid = "x"\n',
         InputError,
-        "mine.toml: term = {'id': 'x'}: Input should be a valid list",
+        "mine.toml: term = {'id': 'x'}: expected a list",
     ),
     "term is a text": (
         'name = "m"\ndescription = "m"\nterm = ["linear_damping"]\n',
         InputError,
-        "mine.toml: term 1: Input should be a valid dictionary",
+        "mine.toml: term 1: expected a table",
     ),
     "parameter with an unknown key": (
         toml(parameters='[{ name = "g", unit = "rad", valu = 1.0 }]'),
@@ -168,7 +168,7 @@ FAULTS = {
     "parameter relative to nothing known": (
         toml(parameters='[{ name = "g", unit = "rad", value = 1.0, relative_to = "time" }]'),
         InputError,
-        "parameters 1 (g): relative_to = 'time': Input should be 'angle', 'rate' or 'moment'",
+        "parameters 1 (g): relative_to = 'time': expected 'angle', 'rate' or 'moment'",
     ),
     "parameter outside its bounds": (
         toml(parameters='[{ name = "g", unit = "rad", value = 1.0, upper = 0.5 }]'),
@@ -183,12 +183,12 @@ FAULTS = {
     "infinite parameter": (
         toml(parameters='[{ name = "g", unit = "rad", value = inf }]'),
         InputError,
-        "parameters 1 (g): value = inf: Input should be a finite number",
+        "parameters 1 (g): value = inf: expected a finite number",
     ),
     "include of a number": (
         toml(head="include = [3]"),
         InputError,
-        "mine.toml: include 1: Input should be a valid dict",
+        "mine.toml: include 1: expected a table",
     ),
     "formula error": (
         toml(formula='"theta.real"'),

@@ -355,12 +355,15 @@ def test_values_beyond_float64_in_si(bench):
         bench.load()
 
 
-def test_a_preamble_is_pointed_at(bench):
+def test_a_preamble_is_passed_over(bench):
     text = (bench.folder / "run.csv").read_text()
-    bench.csv(f"Test rig 4\n{text}")
-    assert "line 2 has 3 fields and line 1 has 1; expected equal numbers (put # before lines that" in refusal(
-        bench
-    )
+    bench.csv(f"Test rig 4\nOperator K\n{text}")
+    np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])
+    bench.replace("[channels]", "[channels]\nskip = 2")
+    np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])
+    bench.replace("[channels]", "[channels]\nskip = 1")
+    assert "line 3 has 3 fields and line 2 has 1; expected equal numbers" in refusal(bench)
+    bench.replace("[channels]", "[channels]")
     bench.csv(f"# Test rig 4\n{text}")
     assert bench.load().runs[0].n_samples == 400
 
@@ -369,3 +372,39 @@ def test_a_units_row_with_a_blank(bench):
     lines = (bench.folder / "run.csv").read_text().split("\n")
     bench.csv("\n".join([lines[0], ",N*m,mrad", *lines[1:]]))
     np.testing.assert_array_equal(bench.load().runs[0].moment, bench.columns["m"])
+
+
+def test_a_pattern_stands_for_several_runs(bench):
+    text = (bench.folder / "run.csv").read_text()
+    for number in (1, 2, 10):
+        bench.csv(text, f"4Hz-{number}.csv")
+    bench.replace('file = "run.csv"', 'file = "4Hz-*.csv"')
+    assert [run.name for run in bench.load().runs] == ["4Hz-1", "4Hz-2", "4Hz-10"]
+    assert {run.frequency for run in bench.load().runs} == {4.0}
+    bench.replace('file = "run.csv"', 'file = "5Hz-*.csv"')
+    with pytest.raises(SindyJointError, match=r"\[\[run\]\] 1 file: no file matches '5Hz-\*.csv'"):
+        bench.load()
+    bench.replace('file = "run.csv"', 'file = "4Hz-*.csv"\nname = "four"')
+    with pytest.raises(SindyJointError, match="name 'four' would stand for 3 runs"):
+        bench.load()
+
+
+def test_channels_in_separate_files_on_one_time_base(bench):
+    rows = [bench.columns[name].tolist() for name in "tma"]
+    bench.csv("t,m\n" + "\n".join(f"{t!r},{m!r}" for t, m, _ in zip(*rows, strict=True)) + "\n", "moment.csv")
+    bench.csv("t,a\n" + "\n".join(f"{t!r},{a!r}" for t, _, a in zip(*rows, strict=True)) + "\n", "angle.csv")
+    bench.replace(
+        'file = "run.csv"',
+        'file = "moment.csv"\nchannels.angle = { file = "angle.csv", column = "a", unit = "mrad" }',
+    )
+    run = bench.load().runs[0]
+    np.testing.assert_allclose(run.angle, 1e-3 * bench.columns["a"])
+    np.testing.assert_array_equal(run.moment, bench.columns["m"])
+    bench.csv(
+        "t,a\n" + "\n".join(f"{t!r},{a!r}" for t, _, a in list(zip(*rows, strict=True))[:-5]) + "\n",
+        "angle.csv",
+    )
+    with pytest.raises(
+        SindyJointError, match="moment has 400 samples, angle has 395 samples; expected equal"
+    ):
+        bench.load()

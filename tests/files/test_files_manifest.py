@@ -61,11 +61,11 @@ REFUSED = [
         '"-0.02 kg*m^2"',
         "[joint] inertia: '-0.02 kg*m^2' is negative; expected zero or more",
     ),
-    ('"0.02 kg*m^2"', "0.02", "[joint] inertia: input should be a valid string, not 0.02"),
+    ('"0.02 kg*m^2"', "0.02", "[joint] inertia: expected text in quotes, not 0.02"),
     ('"0.02 kg*m^2"', '"0.02"', "[joint] inertia: '0.02' has no unit; expected a moment of inertia"),
     ('"0.02 kg*m^2"', '"0.02 kg"', "[joint] inertia: unit 'kg' is not a moment of inertia"),
-    ('name = "bench"', "name = 7", "[joint] name: input should be a valid string, not 7"),
-    ('name = "bench"', 'motion = "sideways"', "[joint] motion: input should be 'rotation' or 'translation'"),
+    ('name = "bench"', "name = 7", "[joint] name: expected text in quotes, not 7"),
+    ('name = "bench"', 'motion = "sideways"', "[joint] motion: expected 'rotation' or 'translation'"),
     ('name = "bench"', 'mass = "1 kg"', "[joint] mass: belongs to motion = 'translation'"),
     ('name = "bench"', 'temperature = "-300 degC"', "[joint] temperature is"),
     (
@@ -80,6 +80,13 @@ REFUSED = [
     ),
     ('moment = { column = "m", unit = "N*m" }', "", "[channels]: key 'moment' is missing"),
     ('unit = "N*m"', 'unit = "N"', "[channels] moment: unit 'N' is not a moment; expected a moment"),
+    ('unit = "N*m"', 'unit = "mV"', "such as 'N*m' or 'lbf*inch', or gain = '5 N*m/mV'"),
+    ('"0.02 kg*m^2"', '"0.02"', "expected a moment of inertia, such as '0.02 kg*m^2'"),
+    (
+        '"N*m" }',
+        '"V", gain = "5" }',
+        "[channels] moment gain: '5' has no unit; expected a factor with its unit, such as '5 N*m/V'",
+    ),
     ('unit = "mrad"', 'unit = "mradd"', "[channels] angle: unit 'mradd' is unknown"),
     ('unit = "mrad"', 'unit = "mm"', "[channels] angle: unit 'mm' is not an angle"),
     ('unit = "s"', 'unit = "Hz"', "[channels] time: unit 'Hz' is not a time"),
@@ -113,14 +120,14 @@ REFUSED = [
     (
         "frequency = 4.0",
         "frequency = [4.0]",
-        "[[run]] 1 frequency: input should be a valid number, not [4.0]",
+        "[[run]] 1 frequency: expected a number, not [4.0]",
     ),
     (
         "frequency = 4.0",
         'use = "maybe"',
-        "[[run]] 1 use: input should be 'identify' or 'validate', not 'maybe'",
+        "[[run]] 1 use: expected 'identify' or 'validate', not 'maybe'",
     ),
-    ("[[run]]", "[run]", "[run]: input should be a valid list"),
+    ("[[run]]", "[run]", "[run]: expected a list"),
     ("[joint]", "[joint", "is not valid TOML: "),
     ('file = "run.csv"', 'file = "rum.csv"', "rum.csv: there is no such file; did you mean 'run.csv'?"),
     ('file = "run.csv"', 'file = "run.xls"', "there is no such file"),
@@ -177,9 +184,9 @@ def test_empty_manifest(bench):
 
 def test_manifest_without_runs(bench):
     assert "key 'run' is missing" in refusal(bench.manifest('[channels]\nrate = "1 kHz"\n'))
-    assert "run: list should have at least 1 item" in refusal(
-        bench.manifest("run = []\n[channels]\n")
-    ).replace("[run]", "run")
+    assert "run: expected at least 1, not 0" in refusal(bench.manifest("run = []\n[channels]\n")).replace(
+        "[run]", "run"
+    )
 
 
 def test_manifest_of_rubbish_bytes(bench):
@@ -225,7 +232,7 @@ file = "run.csv"
         ('"2333 N*m^2"', '"0 N*m^2"', "[rig] bending_stiffness is 0.0"),
         ('"2333 N*m^2"', '"2333 N*m"', "[rig] bending_stiffness: unit 'N*m' is not a bending stiffness"),
         ('joint_length = "60 mm"', "", "[rig]: key 'joint_length' is missing"),
-        ('"m", "m", "n", "n"', '"m", "m", "n"', "[rig] strain: list should have at least 4 items"),
+        ('"m", "m", "n", "n"', '"m", "m", "n"', "[rig] strain: expected at least 4, not 3"),
         ("[rig]", '[rig]\nstrain_unit = "mm"', "[rig] strain_unit: unit 'mm' is not a strain"),
         (
             "[rig]",

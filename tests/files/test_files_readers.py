@@ -2,6 +2,7 @@
 
 import builtins
 import io
+import json
 import warnings
 
 import numpy as np
@@ -132,12 +133,59 @@ def text(delimiter: str) -> bytes:
     return "\n".join([delimiter.join("tma"), *(delimiter.join(map(repr, row)) for row in rows)]).encode()
 
 
+def xlsx() -> bytes:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.title = "about"
+    book.active.append(["Bench 3", None, "operator K."])
+    sheet = book.create_sheet("data")
+    for row in [
+        ["recorded in May"],
+        ["t", "m", "a"],
+        ["s", "N*m", "rad"],
+        *zip(T.tolist(), M.tolist(), A.tolist(), strict=True),
+    ]:
+        sheet.append(list(row))
+    buffer = io.BytesIO()
+    book.save(buffer)
+    return buffer.getvalue()
+
+
+def lvm(x_columns: str = "One", comma: bool = False) -> bytes:
+    """Write a file as LabVIEW's "Write to Measurement File" does, in two segments."""
+    end, half = "***End_of_Header***", SAMPLES // 2
+    lines = ["LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab"]
+    lines += [f"Decimal_Separator\t{',' if comma else '.'}", "Multi_Headings\tYes", f"X_Columns\t{x_columns}"]
+    lines += ["Time_Pref\tRelative", "Operator\tK", "Date\t2024/05/01", "Time\t12:00:00.5", f"{end}\t", "\t"]
+    for rows in (range(half), range(half, SAMPLES)):
+        lines += ["Channels\t2\t\t", f"Samples\t{half}\t{half}\t", "Date\t2024/05/01\t2024/05/01\t"]
+        lines += ["Y_Unit_Label\tN*m\trad\t", "X0\t0\t0\t", f"Delta_X\t{T[1]}\t{T[1]}\t", f"{end}\t\t\t"]
+        lines += ["X_Value\tm\ta\tComment"]
+        for i in rows:
+            lines.append(
+                "\t".join(
+                    ["" if x_columns == "No" else repr(T[i].item()), repr(M[i].item()), repr(A[i].item())]
+                )
+            )
+        lines.append("")
+    body = "\n".join(lines)
+    return (body.replace(".", ",") if comma else body).encode()
+
+
+def json_columns() -> bytes:
+    return json.dumps({"bench": "3", "t": T.tolist(), "s": {"m": M.tolist(), "a": A.tolist()}}).encode()
+
+
 # ending, bytes, and what t, M and A are called there
 FORMATS = {
     "csv": (lambda folder: text(","), ["t", "m", "a"]),
     "tsv": (lambda folder: text("\t"), ["t", "m", "a"]),
     "txt": (lambda folder: text(" "), ["t", "m", "a"]),
     "dat": (lambda folder: text(";"), ["t", "m", "a"]),
+    "asc": (lambda folder: b"Bench 3\nRate: 128 Hz\n\n" + text("\t"), ["t", "m", "a"]),
+    "lvm": (lambda folder: lvm(), ["X_Value", "m", "a"]),
+    "xlsx": (lambda folder: xlsx(), ["t", "m", "a"]),
+    "json": (lambda folder: json_columns(), ["t", "s.m", "s.a"]),
     "parquet": (lambda folder: parquet(), ["t", "m", "a"]),
     "feather": (lambda folder: feather(), ["t", "m", "a"]),
     "mat": (lambda folder: mat5(), ["t", "s.m", "X(:,1)"]),
@@ -167,8 +215,8 @@ def test_the_same_numbers_come_back(ending, tmp_path):
     time, moment, angle = table.columns(FORMATS[ending][1])
     if ending == "hdf5":
         time = time / 2
-    # Text of data set 58 holds twelve digits; everything else holds all bits.
-    tolerance = 1e-11 if ending == "uff" else 0
+    # Text of data set 58 holds twelve digits, a workbook sixteen; everything else holds all bits.
+    tolerance = {"uff": 1e-11, "xlsx": 1e-15}.get(ending, 0)
     np.testing.assert_allclose(time, T, rtol=1e-15 if ending in ("uff", "unv", "tdms") else 0)
     np.testing.assert_allclose(moment, M, rtol=tolerance)
     np.testing.assert_allclose(angle, A, rtol=tolerance)
@@ -246,7 +294,9 @@ def test_parquet_null_is_named_with_its_row(tmp_path):
         table.columns(["s"])
 
 
-@pytest.mark.parametrize("ending", ["parquet", "feather", "mat", "h5", "npz", "uff", "tdms"])
+@pytest.mark.parametrize(
+    "ending", ["parquet", "feather", "mat", "h5", "npz", "uff", "tdms", "lvm", "xlsx", "json"]
+)
 @pytest.mark.parametrize("damage", ["empty", "rubbish", "text", "half", "head"])
 def test_damaged_file_is_refused_in_one_line(ending, damage, tmp_path):
     whole = FORMATS[ending][0](tmp_path)
@@ -268,7 +318,9 @@ def test_damaged_file_is_refused_in_one_line(ending, damage, tmp_path):
     assert len(message) < 400
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet", "feather", "mat", "h5", "npz", "uff", "tdms"])
+@pytest.mark.parametrize(
+    "ending", ["csv", "parquet", "feather", "mat", "h5", "npz", "uff", "tdms", "lvm", "xlsx", "json"]
+)
 def test_damage_anywhere_is_read_or_refused(ending, tmp_path):
     # Seed 6: forty files with one to three bytes changed. A changed digit may pass; a traceback may not.
     whole = FORMATS[ending][0](tmp_path)
@@ -291,6 +343,7 @@ def test_damage_anywhere_is_read_or_refused(ending, tmp_path):
         ("h5", "h5py", "h5py"),
         ("uff", "pyuff", "pyuff"),
         ("tdms", "nptdms", "npTDMS"),
+        ("xlsx", "openpyxl", "openpyxl"),
     ],
 )
 def test_missing_library_names_the_extra(ending, module, package, tmp_path, monkeypatch):
@@ -303,16 +356,17 @@ def test_missing_library_names_the_extra(ending, module, package, tmp_path, monk
         return original(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    wanted = rf'needs {package}; run: pip install "sindyjoint\[formats\]"'
+    extra = "excel" if ending == "xlsx" else "formats"
+    wanted = rf'needs {package}; run: pip install "sindyjoint\[{extra}\]"'
     with pytest.raises(MissingExtraError, match=wanted):
         read_table(path)
 
 
 def test_unknown_ending(tmp_path):
-    path = tmp_path / "run.xlsx"
+    path = tmp_path / "run.docx"
     path.write_bytes(b"x")
     with pytest.raises(
-        InputError, match=r"run.xlsx: ending '.xlsx' is unknown; expected one of csv, tsv, txt"
+        InputError, match=r"run.docx: ending '.docx' is unknown; expected one of csv, tsv, txt"
     ):
         read_table(path)
 
@@ -339,3 +393,86 @@ def test_a_campaign_in_every_format(ending, tmp_path):
     run = load_campaign(tmp_path).runs[0]
     np.testing.assert_allclose(run.moment, M, rtol=1e-11)
     assert run.sample_rate == (64.0 if ending == "hdf5" else 128.0)
+
+
+@pytest.mark.parametrize(("x_columns", "comma"), [("No", False), ("One", True), ("No", True)])
+def test_lvm_without_stamps_and_with_decimal_commas(x_columns, comma, tmp_path):
+    table, _ = read_table(stored("lvm", tmp_path, lvm(x_columns, comma)))
+    np.testing.assert_allclose(np.array(table.columns(["X_Value", "m", "a"])), [T, M, A])
+    assert table.stated_unit("m") == ("m", "N*m", False)
+
+
+def rows_of(columns) -> str:
+    return "\n".join(",".join(map(str, row)) for row in zip(*columns, strict=True)) + "\n"
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        [
+            f"2024-05-01T23:59:{59 + t:06.3f}" if t < 1 else f"2024-05-02T00:00:{t - 1:06.3f}"
+            for t in np.arange(40) / 20
+        ],
+        [f"23:59:{59 + t:06.3f}" if t < 1 else f"00:00:{t - 1:06.3f}" for t in np.arange(40) / 20],
+        [f"5/1/2024 12:00:{t:05.2f} PM" for t in np.arange(40) / 20],
+        [f"01.05.2024 09:{int(t // 60):02d}:{t % 60:05.2f}" for t in 59 + np.arange(40) / 20],
+        [f"59:{58 + t:.2f}" for t in np.arange(40) / 20],
+    ],
+)
+def test_clock_and_date_stamps_become_seconds(stamps, tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("when,m\n" + rows_of([stamps, range(40)]))
+    time, m = read_table(path)[0].columns(["when", "m"])
+    np.testing.assert_allclose(time, np.arange(40) / 20, atol=1e-9)
+    np.testing.assert_array_equal(m, np.arange(40))
+
+
+def test_a_date_that_is_no_time_stamp_asks_for_a_rate(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("when,m\n" + rows_of([["2024-05-01"] * 40, range(40)]))
+    with pytest.raises(
+        InputError, match=r"holds '2024-05-01'; expected a number, or \[channels\] rate instead"
+    ):
+        read_table(path)[0].columns(["when"])
+
+
+PREAMBLES = {
+    "words": "Test bench 3\nOperator: K\n\n",
+    "pairs": "Date;1.5.2024\nRate;128\nGain;2,5\n",
+    "as wide as the table": "Operator,Smith,Room 4\nRig,4,x\n",
+    "one number": "Bench\n128\n",
+}
+
+
+@pytest.mark.parametrize("units", ["", "s,N*m,rad\n"])
+@pytest.mark.parametrize("preamble", PREAMBLES)
+def test_lines_above_the_header_are_found(preamble, units, tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(PREAMBLES[preamble] + "t,m,a\n" + units + rows_of([T, M, A]))
+    table, _ = read_table(path)
+    assert table.names == ("t", "m", "a")
+    assert table.units == (("s", "N*m", "rad") if units else ())
+    np.testing.assert_array_equal(np.array(table.columns(["t", "m", "a"])), [T, M, A])
+    skipped, _ = read_table(path, skip=PREAMBLES[preamble].count("\n"))
+    np.testing.assert_array_equal(skipped.columns(["m"])[0], M)
+
+
+@pytest.mark.parametrize("broken", ["1.0,2.0\n", "1.0,x,2.0\n"])
+def test_a_damaged_first_row_is_no_preamble(broken, tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,m,a\n" + broken + rows_of([T, M, A]))
+    with pytest.raises(InputError, match="line 2"):
+        read_table(path)[0].columns(["m"])
+
+
+def test_a_column_without_a_name_has_its_number(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,,a\n" + rows_of([T, M, A]))
+    table, _ = read_table(path)
+    assert table.names == ("t", "2", "a")
+    np.testing.assert_array_equal(table.columns(["2"])[0], M)
+
+
+def test_skip_is_for_text_and_sheets(tmp_path):
+    with pytest.raises(InputError, match="skip = 3 was given; only text tables and sheets"):
+        read_table(stored("npz", tmp_path), skip=3)

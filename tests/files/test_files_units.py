@@ -105,7 +105,7 @@ def test_quantity(text, wanted, value):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0.02", "f: '0.02' has no unit; expected a moment of inertia, such as 'kg"),
+        ("0.02", "f: '0.02' has no unit; expected a moment of inertia, such as '0.02 kg"),
         ("kg*m^2", "f: 'kg\\*m\\^2' is not a number with a unit"),
         ("nan kg", "is not a number with a unit"),
         ("1e999 kg", "is not a number with a unit"),

@@ -146,7 +146,7 @@ def test_output_that_is_a_file(tmp_path):
 def test_failure_midway_leaves_nothing(tmp_path, monkeypatch):
     calls = []
 
-    def fail(columns):
+    def fail(columns, remark):
         calls.append(1)
         if len(calls) == 3:
             raise OSError(28, "No space left on device")
@@ -196,7 +196,7 @@ def test_text_holds_every_bit(values):
     from sindyjoint.files.readers.text import read_text
 
     columns = {"x": np.array(values), "y": np.array(values[::-1])}
-    table = read_text("f.csv", ENCODERS["csv"](columns))
+    table = read_text("f.csv", ENCODERS["csv"](columns, ""))
     np.testing.assert_array_equal(table.columns(["x", "y"]), list(columns.values()))
 
 

@@ -128,14 +128,15 @@ def test_a_name_in_any_script_draws_without_a_warning():
 
 def test_unknown_kind_names_the_nearest():
     with pytest.raises(
-        UnknownNameError, match="figure 'loop' is not known; did you mean 'loops'\\? expected one of map, "
+        UnknownNameError,
+        match="figure 'loop' is not known; did you mean 'loops'\\? expected one of fit, map, ",
     ):
         draw("loop", report_data())
 
 
 def test_a_kind_without_content_says_what_there_is():
     with pytest.raises(
-        UnknownNameError, match="figure 'covariance' has nothing to show here; one of map, loops"
+        UnknownNameError, match="figure 'covariance' has nothing to show here; one of fit, map, loops"
     ):
         draw("covariance", report_data(terms=[]))
 

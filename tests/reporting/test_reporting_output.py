@@ -54,7 +54,7 @@ def run(*arguments):
 
 def test_the_folder_holds_what_was_promised(results, discovery):
     names = sorted(str(path.relative_to(results)) for path in results.rglob("*") if path.is_file())
-    figures = ["coefficients", "covariance", "loops", "map", "path", "residual"]
+    figures = ["coefficients", "covariance", "fit", "loops", "map", "path", "residual"]
     assert names == sorted(
         [
             "model.json",

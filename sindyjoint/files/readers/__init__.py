@@ -24,6 +24,10 @@ READERS = {
     ".tsv": ("text", "read_text"),
     ".txt": ("text", "read_text"),
     ".dat": ("text", "read_text"),
+    ".asc": ("text", "read_text"),
+    ".lvm": ("lvm", "read_lvm"),
+    ".xlsx": ("excel", "read_xlsx"),
+    ".json": ("json_columns", "read_json"),
     ".parquet": ("arrow", "read_parquet"),
     ".feather": ("arrow", "read_feather"),
     ".mat": ("mat", "read_mat"),
@@ -37,8 +41,18 @@ READERS = {
 }
 
 
-def read_table(path: str | Path) -> tuple[Table, str]:
+# Readers of files that may have lines above their table.
+WITH_PREAMBLE = ("read_text", "read_xlsx")
+
+
+def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
     """Open one data file.
+
+    Parameters
+    ----------
+    path : path-like
+    skip : int, optional
+        Lines above the header, of a text table or a sheet. Default: found.
 
     Returns
     -------
@@ -74,7 +88,10 @@ def read_table(path: str | Path) -> tuple[Table, str]:
     if not data:
         raise InputError(f"{file}: is empty")
     module = import_module(f"{__name__}.{kind[0]}")
-    table: Table = getattr(module, kind[1])(file, data)
+    options = {} if skip is None else {"skip": skip}
+    if options and kind[1] not in WITH_PREAMBLE:
+        raise InputError(f"{file}: skip = {skip} was given; only text tables and sheets have lines to skip")
+    table: Table = getattr(module, kind[1])(file, data, **options)
     return table, hashlib.sha256(data).hexdigest()
 
 

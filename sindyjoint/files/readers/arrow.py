@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +77,13 @@ def _table(path: Path, table: pyarrow.Table) -> Table:
         with foreign(path, "a table of numbers"):
             return [table.column(position).to_numpy() for position in wanted]
 
-    return Table(path, tuple(table.column_names), load)
+    return Table(path, tuple(table.column_names), load, remarks=_remarks(table.schema.metadata))
+
+
+def _remarks(metadata: Mapping[bytes, bytes] | None) -> tuple[str, ...]:
+    """Return what the file says about itself."""
+    remark = (metadata or {}).get(b"remark")
+    return () if remark is None else (remark.decode("utf-8", errors="replace"),)
 
 
 class ParquetBlocks(Blocks):
@@ -92,6 +98,7 @@ class ParquetBlocks(Blocks):
             file = pq.ParquetFile(path)
             _check_parquet(path, file.metadata, 0)
             self.rows = file.metadata.num_rows
+            self.remarks = _remarks(file.schema_arrow.metadata)
             self.names = tuple(file.schema_arrow.names)
             sizes = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
         self.path, self._file = path, file

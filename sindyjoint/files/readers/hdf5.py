@@ -47,6 +47,8 @@ class Hdf5Blocks(Blocks):
         with foreign(path, self._kind):
             # Of bytes in memory HDF5 makes a file of its own: through a file object it would ask for each number.
             self._file = h5py.File(path if data is None else h5py.h5f.open_file_image(data), "r")
+            remark = self._file.attrs.get("remark")
+            self.remarks = (remark,) if isinstance(remark, str) else ()
             for found, dataset in _vectors(self._file, h5py, path):
                 name, shape = found.replace("/", separator), dataset.shape
                 check_array(path, shape, dataset.dtype.itemsize, f"data set {found!r:.60}")

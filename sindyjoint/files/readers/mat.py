@@ -28,9 +28,12 @@ def read_mat(path: Path, data: bytes) -> Table:
         return Hdf5Blocks(path, data, matlab=True).whole()
     arrays: dict[str, NDArray] = {}
     with foreign(path, "MATLAB"):
-        for name, array in read_arrays(path, data):
-            arrays |= vectors(name, array, "(:,{})", first=1)
-    return Table.of(path, arrays, short_names(tuple(arrays), "."))
+        stored = list(read_arrays(path, data))
+        for name, array in stored:
+            if array.dtype.kind != "U":
+                arrays |= vectors(name, array, "(:,{})", first=1)
+    remarks = [str(array) for _, array in stored if array.dtype.kind == "U"]
+    return Table.of(path, arrays, short_names(tuple(arrays), "."), remarks=remarks)
 
 
 def matlab_blocks(path: Path) -> Blocks | None:

@@ -1,8 +1,8 @@
 """MATLAB files of versions 4 and 5, read byte by byte in Python.
 
 Compiled readers end the process on some damaged files, which no ``except`` can catch; here a wrong length is a wrong
-length. Only what tables need is read: real numeric arrays, and structs of them. Texts, cells, objects, sparse and
-complex arrays are passed over.
+length. Only what tables need is read: real numeric arrays, structs of them, and lines of text. Cells, objects, sparse
+and complex arrays are passed over.
 
 MathWorks, "MAT-File Format", describes both versions.
 """
@@ -25,7 +25,7 @@ from sindyjoint.files.limits import check_array, check_bytes, largest_bytes
 # Codes of data elements, and of the classes of arrays, with the types of their numbers.
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
-MATRIX, COMPRESSED, STRUCT = 14, 15, 2
+MATRIX, COMPRESSED, STRUCT, TEXT = 14, 15, 2, 4
 COMPLEX, LOGICAL = 0x0800, 0x0200
 HEADER = 128
 DEEPEST = 20
@@ -34,7 +34,7 @@ V4_HEADER = 20
 
 
 def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray]]:
-    """Yield the real numeric arrays of a file, those of structs as ``struct.field``.
+    """Yield the real numeric arrays of a file, those of structs as ``struct.field``, and texts as arrays of one.
 
     Raises
     ------
@@ -137,6 +137,8 @@ class _Elements:
             return
         if kind == STRUCT and math.prod(shape) == 1:
             yield from self.fields(name)
+        elif kind == TEXT and shape[0] == 1:
+            yield name, np.array(self.text())
         elif kind in CLASSES and not marks & COMPLEX:
             yield name, self.array(CLASSES[kind], shape, bool(marks & LOGICAL))
 
@@ -153,6 +155,13 @@ class _Elements:
                 raise self.damaged(f"field {field!r:.40} is of type {code}")
             if data:
                 yield from self.inner(data).matrix(f"{name}.{field}")
+
+    def text(self) -> str:
+        """Return the next element as letters."""
+        code, data = self.next()
+        encodings = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16"}
+        ending = ("-le" if self.order == "<" else "-be") if code in (4, 17) else ""
+        return data.decode(encodings.get(code, "latin-1") + ending, "replace")
 
     def array(self, kind: str, shape: tuple[int, ...], logical: bool) -> NDArray:
         check_array(self.path, shape, np.dtype(kind).itemsize)

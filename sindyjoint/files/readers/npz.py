@@ -27,6 +27,7 @@ def read_npz(path: Path, data: bytes) -> Table:
         For bytes that are no archive, an array of Python objects, or content beyond the limit of memory.
     """
     arrays: dict[str, NDArray] = {}
+    remarks = []
     with foreign(path, "NPZ"), zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
         check_bytes(path, sum(member.file_size for member in members))
@@ -34,9 +35,11 @@ def read_npz(path: Path, data: bytes) -> Table:
             name = member.filename.removesuffix(".npy")
             with archive.open(member) as file:
                 array = _array(path, file.read(member.file_size + 1), f"array {name!r}")
-            if array.dtype.names is None:
+            if array.dtype.kind == "U" and not array.ndim:
+                remarks.append(str(array))
+            elif array.dtype.names is None:
                 arrays |= vectors(name, array, "[:,{}]", first=0)
-    return Table.of(path, arrays)
+    return Table.of(path, arrays, remarks=remarks)
 
 
 def read_npy(path: Path, data: bytes) -> Table:

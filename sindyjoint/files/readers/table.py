@@ -6,7 +6,7 @@ import difflib
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,9 @@ from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
 from sindyjoint.files.stated_units import unit_in_name
 
 Array = NDArray[np.float64]
+
+# What a file of a virtual test says about itself; its columns are in SI units.
+SIMULATED = "simulated by sindyjoint"
 
 
 def _row(index: int) -> str:
@@ -40,6 +43,8 @@ class Table:
         How a message names the sample of an index.
     units : tuple of str
         Unit of each column as the file states it apart from the name; empty where it does not.
+    remarks : tuple of str
+        What the file says above its columns, or about itself.
     """
 
     path: Path
@@ -48,12 +53,52 @@ class Table:
     aliases: Mapping[str, int] = field(default_factory=dict)
     row: Callable[[int], str] = _row
     units: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, path: Path, arrays: Mapping[str, NDArray], aliases: Mapping[str, int] | None = None) -> Table:
+    def of(
+        cls,
+        path: Path,
+        arrays: Mapping[str, NDArray],
+        aliases: Mapping[str, int] | None = None,
+        units: Sequence[str] = (),
+        remarks: Sequence[str] = (),
+    ) -> Table:
         """Return the table of columns that are in memory."""
         columns = list(arrays.values())
-        return cls(path, tuple(arrays), lambda wanted: [columns[at] for at in wanted], aliases or {})
+        return cls(
+            path,
+            tuple(arrays),
+            lambda wanted: [columns[at] for at in wanted],
+            aliases or {},
+            units=tuple(units),
+            remarks=tuple(remarks),
+        )
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the file says that it comes from a virtual test."""
+        return any(SIMULATED in remark for remark in self.remarks)
+
+    def with_column(self, other: Table, column: str | int, name: str) -> tuple[Table, str]:
+        """Return this table with a column of another one under a name, and that name."""
+        at = other._find_column(column)
+        units = [*self.units, *[""] * (len(self.names) - len(self.units))]
+        stated = other.stated_unit(column)
+        own = len(self.names)
+
+        def load(wanted: Sequence[int]) -> list[NDArray]:
+            mine = iter(self.load([position for position in wanted if position < own]))
+            return [next(mine) if position < own else other.load([at])[0] for position in wanted]
+
+        units.append("" if stated is None else stated[1])
+        return replace(
+            self,
+            names=(*self.names, name),
+            load=load,
+            units=tuple(units),
+            remarks=(*self.remarks, *other.remarks),
+        ), name
 
     def columns(self, wanted: Sequence[str | int]) -> list[Array]:
         """Return the requested columns as finite float64 arrays.
@@ -142,9 +187,9 @@ def foreign(path: Path, kind: str) -> Iterator[None]:
         ) from error
 
 
-def missing_extra(path: Path, package: str, error: ImportError) -> MissingExtraError:
+def missing_extra(path: Path, package: str, error: ImportError, extra: str = "formats") -> MissingExtraError:
     """Say which extra reads this file."""
-    message = f'{path}: reading this format needs {package}; run: pip install "sindyjoint[formats]"'
+    message = f'{path}: reading this format needs {package}; run: pip install "sindyjoint[{extra}]"'
     missing = MissingExtraError(message)
     missing.__cause__ = error
     return missing

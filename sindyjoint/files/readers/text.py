@@ -1,9 +1,8 @@
-"""CSV, TSV and other text tables: delimiter, comment lines, a header, perhaps a row of units."""
+"""CSV, TSV and other text tables: preamble, comment lines, delimiter, a header, perhaps a row of units."""
 
 from __future__ import annotations
 
 import codecs
-import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +14,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import Blocks
+from sindyjoint.files.readers.fields import find_delimiter, has_decimal_comma, is_number, split_fields
+from sindyjoint.files.readers.preamble import preamble_length
+from sindyjoint.files.readers.stamps import is_stamp, seconds_since_first
 from sindyjoint.files.readers.table import Table, begins
 
 COMMENTS = ("#", "%", "//")
@@ -26,8 +28,8 @@ COMPARED = 20  # lines that the last one of a file is compared with
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
 _HARMLESS = bytes(set(range(256)) - set(range(0x20)) | {0x09, 0x0A, 0x0C, 0x0D, 0x1A})
 _BLANK = re.compile(r"\A[ \t\f]*\n|\n[ \t\f]*\n|\n[ \t\f]+\Z")
+_DATE = re.compile(r"\d[-/.]\d{1,2}[-/.]\d|\d:\d")
 _BLANKS = ("\n", " ", "\t", "\f")
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
 
 
 @dataclass(frozen=True)
@@ -42,18 +44,31 @@ class Layout:
     """Line number in the file, from 1, of each entry of ``lines``."""
     units: tuple[str, ...] = ()
     """Unit of each column, where there is a row of units."""
+    remarks: tuple[str, ...] = ()
+    """Comments and other lines above the header."""
 
 
-def read_text(path: Path, data: bytes) -> Table:
+def read_text(path: Path, data: bytes, skip: int | None = None) -> Table:
     """Return the columns of a text table.
+
+    Parameters
+    ----------
+    path : Path
+    data : bytes
+    skip : int, optional
+        Lines at the top of the file that belong to no table. Default: found.
 
     Raises
     ------
     InputError
         For an empty file, binary rubbish, a header without data, rows of different lengths, or one that is cut off.
     """
-    text = _decode(path, data)
-    layout = _layout(path, text)
+    return table_of_text(path, decode_text(path, data), skip)
+
+
+def table_of_text(path: Path, text: str, skip: int | None = None) -> Table:
+    """Return the columns of a text table that is in memory; see :func:`read_text`."""
+    layout = _layout(path, text, skip)
     if not text.endswith("\n"):
         _check_end(layout)
     return Table(
@@ -62,12 +77,13 @@ def read_text(path: Path, data: bytes) -> Table:
         lambda wanted: _parse(layout, wanted),
         row=lambda i: f"line {layout.numbers[i]}",
         units=layout.units,
+        remarks=layout.remarks,
     )
 
 
 def _check_end(layout: Layout) -> None:
     """Refuse a file without a last line end whose last number is shorter than all above: 6.2 may be of 6.2e-05."""
-    *above, last = (_fields(line, layout.delimiter)[-1] for line in layout.lines[-COMPARED - 1 :])
+    *above, last = (split_fields(line, layout.delimiter)[-1] for line in layout.lines[-COMPARED - 1 :])
     if len(above) == COMPARED and len(last) < min(map(len, above)):
         raise InputError(
             f"{layout.path}: ends within line {layout.numbers[-1]}: its last number, {last!r:.40}, is shorter than the "
@@ -75,7 +91,8 @@ def _check_end(layout: Layout) -> None:
         )
 
 
-def _decode(path: Path, data: bytes) -> str:
+def decode_text(path: Path, data: bytes) -> str:
+    """Return the text of a file in UTF-8, UTF-16 or Latin-1, with one kind of line end."""
     if not data.strip():
         raise InputError(f"{path}: is empty; expected a table with a header and rows")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -96,52 +113,75 @@ def _decode(path: Path, data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
 
 
-def _layout(path: Path, text: str) -> Layout:
+def _layout(path: Path, text: str, skip: int | None = None) -> Layout:
     """Find delimiter, header and first row of data."""
-    lines, numbers, comment = _rows_of(text)
+    above, text = _cut_top(text, skip)
+    lines, numbers, below = _rows_of(text, len(above) + 1)
+    comments = [line.strip() for line in above if line.strip()] + below
     if not lines:
         raise InputError(f"{path}: holds comment lines only; expected a table with a header and rows")
-    delimiter = _delimiter(lines)
-    stated: tuple[str, ...] = ()
-    first = _fields(lines[0], delimiter)
-    if all(_is_number(field) for field in first):
-        above = _fields(comment, delimiter) if comment else []
-        names = (
-            above if len(above) == len(first) else [str(position) for position in range(1, len(first) + 1)]
-        )
-        skip = 0
-    else:
-        names, skip = first, 1
-        units = _fields(lines[1], delimiter) if len(lines) > 1 else []
-        if len(units) == len(names) and any(units) and not any(map(_is_number, units)):
-            skip, stated = 2, tuple(units)
-    top, lines, numbers = numbers[0], lines[skip:], numbers[skip:]
+    skipped = 0 if skip is not None else preamble_length(lines)
+    remarks = (*comments, *(line.strip() for line in lines[:skipped]))
+    lines, numbers = lines[skipped:], numbers[skipped:]
+    delimiter = find_delimiter(lines)
+    # numpy.savetxt writes the header as the last comment before the data.
+    comment = comments[-1].lstrip("#%/ \t") if comments and not skipped else ""
+    names, units, rows = _header(lines, delimiter, comment)
+    head, lines, numbers = numbers[0], lines[rows:], numbers[rows:]
     if not lines:
         raise InputError(f"{path}: has a header ({', '.join(names):.200}) and no rows of data")
     lines = _with_points(lines, delimiter)
-    _check_lengths(path, lines, numbers, delimiter, len(names), top)
-    return Layout(path, tuple(names), delimiter, lines, numbers, stated)
+    _check_lengths(path, lines, numbers, delimiter, len(names), head)
+    return Layout(path, names, delimiter, lines, numbers, units, remarks)
 
 
-def _rows_of(text: str, first: int = 1) -> tuple[list[str], list[int], str]:
-    """Return the lines that are neither blank nor a comment, their numbers, and the last comment before them.
+def _cut_top(text: str, skip: int | None) -> tuple[list[str], str]:
+    """Return the first lines of a text, so many or as many as are comments, and the text below them."""
+    at = 0
+    count = 0
+    while at < len(text) and (count < skip if skip is not None else text.startswith(COMMENTS, at)):
+        end = text.find("\n", at)
+        at = len(text) if end < 0 else end + 1
+        count += 1
+    return text[:at].split("\n")[:count], text[at:] if at else text
 
-    The header may stand in that comment: ``numpy.savetxt`` writes it there.
-    """
+
+def _header(
+    lines: list[str], delimiter: str | None, comment: str
+) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+    """Return names and units of the columns, and how many lines hold them; a column without a name has its number."""
+    first = split_fields(lines[0], delimiter)
+    if all(is_number(field) or is_stamp(field) for field in first):
+        above = split_fields(comment, delimiter) if comment else []
+        numbered = tuple(str(position) for position in range(1, len(first) + 1))
+        return tuple(above) if len(above) == len(first) else numbered, (), 0
+    names = tuple(field or str(position) for position, field in enumerate(first, start=1))
+    units = split_fields(lines[1], delimiter) if len(lines) > 1 else []
+    if (
+        len(units) == len(names)
+        and any(units)
+        and not any(is_number(unit) or is_stamp(unit) for unit in units)
+    ):
+        return names, tuple(units), 2
+    return names, (), 1
+
+
+def _rows_of(text: str, first: int = 1) -> tuple[list[str], list[int], list[str]]:
+    """Return the lines that are neither blank nor a comment, their numbers, and the comments before them."""
     all_lines = text.split("\n")
-    if not _irregular(text):
+    if text and not _irregular(text):
         lines = all_lines if all_lines[-1] else all_lines[:-1]
-        return lines, list(range(first, first + len(lines))), ""
-    comment = ""
+        return lines, list(range(first, first + len(lines))), []
+    comments: list[str] = []
     lines, numbers = [], []
     for number, line in enumerate(all_lines, start=first):
         stripped = line.strip()
         if stripped.startswith(COMMENTS):
-            comment = comment if lines else stripped.lstrip("#%/ \t")
+            comments += [] if lines else [stripped]
         elif stripped:
             lines.append(line)
             numbers.append(number)
-    return lines, numbers, comment
+    return lines, numbers, comments
 
 
 def _irregular(text: str) -> bool:
@@ -153,38 +193,9 @@ def _irregular(text: str) -> bool:
     )
 
 
-def _delimiter(lines: list[str]) -> str | None:
-    """Return what parts the fields of the last complete line; None for blanks."""
-    sample = lines[min(len(lines) - 1, 2)]
-    for delimiter in ("\t", ";", ","):
-        if delimiter in sample and (delimiter != "," or "," in lines[0] or not _DECIMAL_COMMA.match(sample)):
-            return delimiter
-    # A single column has no delimiter at all, and its header may hold blanks.
-    return None if len(sample.split()) > 1 else ","
-
-
-def _fields(line: str, delimiter: str | None) -> list[str]:
-    """Return the fields of one line, without blanks around them; a delimiter at its end opens no field."""
-    text = " ".join(line.split()) if delimiter is None else line
-    try:
-        fields = next(csv.reader([text], delimiter=delimiter or " ", skipinitialspace=True))
-    except csv.Error:  # a field beyond csv's limit of 131 072 letters
-        fields = text.split(delimiter)
-    fields = [field.strip() for field in fields]
-    return fields[:-1] if len(fields) > 1 and not fields[-1] else fields
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return bool(_DECIMAL_COMMA.fullmatch(field))
-    return "_" not in field  # Python's float takes 1_000, tables do not
-
-
 def _with_points(lines: list[str], delimiter: str | None) -> list[str]:
     """Turn decimal commas into points where the comma does not part the fields."""
-    if delimiter == "," or not any(_DECIMAL_COMMA.fullmatch(field) for field in _fields(lines[0], delimiter)):
+    if delimiter == "," or not any(has_decimal_comma(field) for field in split_fields(lines[0], delimiter)):
         return lines
     return [line.replace(",", ".") for line in lines]
 
@@ -198,8 +209,8 @@ def _check_lengths(
     for line, number in zip(lines, numbers, strict=True):
         # Counting delimiters is fast and nearly always enough; quoted or trailing ones need the careful way.
         quick = len(line.split()) if delimiter is None else line.count(delimiter) + 1
-        if quick != width and len(_fields(line, delimiter)) != width:
-            found = len(_fields(line, delimiter))
+        if quick != width and len(split_fields(line, delimiter)) != width:
+            found = len(split_fields(line, delimiter))
             raise InputError(
                 f"{path}: line {number} has {found} fields and line {top} has {width}; expected equal "
                 "numbers (put # before lines that belong to no table)"
@@ -210,45 +221,66 @@ def _parse(layout: Layout, wanted: Sequence[int]) -> list[NDArray[np.float64]]:
     """Return columns as numbers; the fast way first, the careful one to explain a failure."""
     if not wanted:
         return []
+    first = split_fields(layout.lines[0], layout.delimiter)
+    stamped = [position for position in wanted if position < len(first) and is_stamp(first[position])]
+    numeric = [position for position in wanted if position not in stamped]
     quote = '"' if any('"' in line for line in layout.lines[:3]) else None
     try:
         values = np.loadtxt(
-            layout.lines, delimiter=layout.delimiter, usecols=wanted, ndmin=2, comments=None, quotechar=quote
+            layout.lines, delimiter=layout.delimiter, usecols=numeric, ndmin=2, comments=None, quotechar=quote
         )
     except ValueError as error:
-        raise _explain_error(layout, wanted, error) from error
-    return list(np.ascontiguousarray(values.T))
+        raise _explain_error(layout, numeric, error) from error
+    columns = dict(zip(numeric, np.ascontiguousarray(values.T), strict=True)) if numeric else {}
+    columns |= {position: _read_stamps(layout, position) for position in stamped}
+    return [columns[position] for position in wanted]
+
+
+def _read_stamps(layout: Layout, position: int) -> NDArray[np.float64]:
+    """Return a column of clock or date stamps in seconds since the first row."""
+    stamps = [split_fields(line, layout.delimiter)[position] for line in layout.lines]
+    try:
+        return seconds_since_first(stamps)
+    except ValueError as error:
+        at = error.args[0]
+        raise InputError(
+            f"{layout.path}: line {layout.numbers[at]}: column {layout.names[position]!r} holds {stamps[at]!r:.40}; "
+            "expected a time stamp, such as 12:30:00.25"
+        ) from error
 
 
 def _explain_error(layout: Layout, wanted: Sequence[int], error: ValueError) -> InputError:
     """Find the first field that is not a number."""
     for line, number in zip(layout.lines, layout.numbers, strict=True):
-        fields = _fields(line, layout.delimiter)
+        fields = split_fields(line, layout.delimiter)
         for position in wanted:
             field = fields[position] if position < len(fields) else ""
-            if not _is_number(field):
+            if not is_number(field):
                 given = f"holds {field!r:.40}" if field else "is blank"
                 name = layout.names[position]
-                return InputError(f"{layout.path}: line {number}: column {name!r} {given}; expected a number")
+                hint = ", or [channels] rate instead of these dates" if _DATE.search(field) else ""
+                return InputError(
+                    f"{layout.path}: line {number}: column {name!r} {given}; expected a number{hint}"
+                )
     return InputError(f"{layout.path}: cannot be read as a table of numbers ({error})")
 
 
-def text_blocks(path: Path) -> Blocks | None:
+def text_blocks(path: Path, skip: int | None = None) -> Blocks | None:
     """Open a text table to be read in segments; None for one whose letters take two bytes each."""
     head = begins(path)
-    return None if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else TextBlocks(path)
+    return None if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else TextBlocks(path, skip)
 
 
 class TextBlocks(Blocks):
     """CSV and other text, by the byte offset of every so many lines."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, skip: int | None = None):
         self.path = path
         self._size = path.stat().st_size
         head = self._bytes(0, min(self._size, 1 << 16))
         cut = head.rfind(b"\n") + 1 or len(head)
-        self._layout = _layout(path, _decode(path, head[:cut]))
-        self.names = self._layout.names
+        self._layout = _layout(path, decode_text(path, head[:cut]), skip)
+        self.names, self.remarks = self._layout.names, self._layout.remarks
         # Lines above the first row of data, and where that begins.
         self._above = self._layout.numbers[0] - 1
         self._start = sum(len(line) + 1 for line in head[:cut].split(b"\n")[: self._above])
@@ -293,7 +325,7 @@ class TextBlocks(Blocks):
         first, last = start // STRIDE, -(-stop // STRIDE)
         data = self._bytes(offsets[first], offsets[last] if last < len(offsets) else self._size)
         lines = data.split(b"\n")[start - first * STRIDE : stop - first * STRIDE]
-        text = _decode(self.path, b"\n".join(lines))
+        text = decode_text(self.path, b"\n".join(lines))
         kept, numbers, _ = _rows_of(text, self._above + start + 1)
         if not kept:
             raise InputError(f"{self.path}: holds no row of data from line {self._above + start + 1} on")

@@ -29,7 +29,19 @@ def _with_terms(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
     return lambda data: list(panels) if data.model.terms else []
 
 
+def _fit(data: ReportData) -> list[Panel]:
+    # The middle of the frequencies: neither the slowest nor the one that is hardest to follow.
+    groups = list(loops.loop_groups(data))
+    return [partial(loops.loops, group=groups[len(groups) // 2])]
+
+
 _WHOLE = (
+    Kind(
+        "fit",
+        "Model over measurement",
+        "Transfer moment over angle of the runs at one frequency; black dots are the model where the joint moves.",
+        _fit,
+    ),
     Kind(
         "map",
         "Force–state map",

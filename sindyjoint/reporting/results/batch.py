@@ -37,6 +37,7 @@ class BatchView(View[Batch, Batch]):
 
     results = (Batch,)
     data = Batch
+    records_key = "campaigns"
     kind = "Batch"
     kinds = KINDS
     template = "batch.html.j2"
@@ -48,6 +49,11 @@ class BatchView(View[Batch, Batch]):
         return replace(
             data, records=tuple(replace(record, result=None, earlier=None) for record in data.records)
         )
+
+    def simulated(self, result: Batch) -> bool:
+        """Return whether all campaigns that were worked on are virtual tests."""
+        texts = [" ".join((record.result or {}).get("warnings", ())) for record in result.records]
+        return bool(texts) and all("simulated" in text and "not measured" in text for text in texts)
 
     def tables(self, result: Batch) -> tuple[TextTable, ...]:
         """Return all joints, their scatter and the trends."""
@@ -83,7 +89,8 @@ class BatchView(View[Batch, Batch]):
         """Print the table, what stands out and the trends."""
         joints = _joints(result)
         print_whole(terminal_table(joints.columns, joints.rows, "llr", ruled=True), terminal())
-        print(f"\n{headline(result)}")
+        virtual = ", all of them simulated" if self.simulated(result) else ""
+        print(f"\n{headline(result)}{virtual}")
         for difference in result.differences:
             print(f"- {difference.id}: {difference.text}")
         for trend in result.population.trends:

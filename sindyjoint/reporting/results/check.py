@@ -52,6 +52,10 @@ class CheckView(View[Any, CheckData]):
         data: CheckData = self.restore(self.save(gather_check(_check_of(result))))
         return data
 
+    def simulated(self, result: Any) -> bool:
+        """Return whether the campaign is a virtual test."""
+        return not isinstance(result, CheckData) and _check_of(result).campaign.simulated
+
     def figures(self, data: CheckData) -> Mapping[str, Kind]:
         """Return as many figures as the runs take."""
         return kinds_of_check(data)
@@ -107,7 +111,9 @@ class CheckView(View[Any, CheckData]):
 
         check = _check_of(result)
         console = terminal()
-        console.print(f"{escape(check.campaign.joint.name)}: the data are [bold]{check.soundness.verdict}[/]")
+        virtual = " (simulated)" if check.campaign.simulated else ""
+        verdict = check.soundness.verdict
+        console.print(f"{escape(check.campaign.joint.name)}{virtual}: the data are [bold]{verdict}[/]")
         findings = _in_words(check)
         if findings:
             console.print()

@@ -137,7 +137,10 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         from rich.markup import escape
 
         console = terminal()
-        console.print(f"{escape(result.model.joint.name)}: [bold]{result.verdict.replace('_', ' ')}[/]")
+        virtual = " (simulated)" if self.simulated(result) else ""
+        console.print(
+            f"{escape(result.model.joint.name)}{virtual}: [bold]{result.verdict.replace('_', ' ')}[/]"
+        )
         console.print(escape(result.reason) + "\n")
         motion = result.model.joint.motion
         gap = f"{quantities(motion).moment.lower()} gap"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.errors import InputError
+from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.data import ReportData, gather
 from sindyjoint.reporting.equation import mathml, symbol_html
 from sindyjoint.reporting.figures.discovery import KINDS
@@ -31,6 +32,7 @@ from sindyjoint.reporting.text_table import (
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import quantities, rounded
 from sindyjoint.workflows.discovery import Discovery
+from sindyjoint.workflows.headline import Headline
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,6 +55,7 @@ class DiscoveryView(View[Discovery, ReportData]):
 
     results = (Discovery, ReportData)
     data = ReportData
+    records_key = "terms"
     kind = "ReportData"
     kinds = KINDS
     template = "discovery.html.j2"
@@ -95,6 +98,9 @@ class DiscoveryView(View[Discovery, ReportData]):
         return {
             "title": f"{data.model.joint.name}: terms of the joint",
             "headline": HEADLINES[data.verdict] if data.model.terms else NO_MODEL,
+            "trust": data.headline,
+            "paper_title": TITLE,
+            "paper_doi": DOI,
             "facts": key_facts(data),
             "equation": markup(mathml(data.model)),
             "equation_text": data.model.equation(),
@@ -123,21 +129,31 @@ class DiscoveryView(View[Discovery, ReportData]):
         console = terminal()
         model, fitted = result.model, result.model.fitted
         simulated = " (simulated)" if fitted.simulated else ""
+        headline = result.headline
         at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
         title = f"[bold]{escape(model.joint.name + simulated)}[/]"
         console.print(f"{title}: {fitted.runs} run(s){at}, {fitted.samples} moving samples")
+        if result.leads_with_paper:
+            _show_paper(result, console)
+        _show_trust(headline, console)
+        console.print("\n[bold]What is it?[/]")
         if not result.found:
-            console.print(f"\nno model: {escape(result.reason)}")
+            console.print(f"  no model: {escape(result.reason)}")
         else:
-            console.print(f"\n  {escape(model.equation())}\n")
+            console.print(f"  {escape(model.equation())}\n")
             print_whole(_terms(self.tables(result)[0], console), console)
             what = quantities(model.joint.motion).moment.lower()
             console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
         _show_fit(result, console)
-        verdict = result.verdict
-        console.print(f"\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}")
+        if result.warnings:
+            console.print("\n[bold]What to know before using it[/]")
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
+        console.print("\n[bold]What next?[/]")
+        for do, to in headline.next_steps:
+            console.print(f"  {escape(do)}  [dim]to {escape(to)}[/]", soft_wrap=True)
+        if not result.leads_with_paper:
+            _show_paper(result, console)
 
     def details(self, result: Discovery) -> Iterator[str]:
         """Yield states, the path round the choice, and what each term carries."""
@@ -172,6 +188,30 @@ class DiscoveryView(View[Discovery, ReportData]):
             + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
         )
         yield from _shares(result)
+
+
+MARKS = {"good": ("green", "ok "), "fair": ("yellow", "mind"), "poor": ("red", "no ")}
+
+
+def _show_trust(headline: Headline, console: Console) -> None:
+    """Print whether to trust the model, and why."""
+    from rich.markup import escape
+
+    colour, _ = MARKS[headline.colour]
+    console.print(f"\n[bold]Can I trust it?[/] [{colour}]{headline.answer}[/]")
+    for light in headline.lights:
+        colour, mark = MARKS[light.colour]
+        console.print(f"  [{colour}]{mark:<4}[/] {light.name:<8}  {escape(light.sentence)}")
+
+
+def _show_paper(result: Discovery, console: Console) -> None:
+    """Print whether the joint has the paper's five terms."""
+    from rich.markup import escape
+
+    verdict = result.verdict
+    console.print(f"\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}")
+    if not result.leads_with_paper:
+        console.print(f"  the five terms of {TITLE}, doi:{DOI}; --paper puts this first")
 
 
 def _terms(table: TextTable, console: Console) -> Table:

@@ -24,7 +24,7 @@ from sindyjoint.reporting.text_table import (
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification, Verification
-from sindyjoint.text import percent, quantities
+from sindyjoint.text import in_words_of_origin, percent, quantities
 
 # Units that take a prefix; others ("mm", "kip", "inch") are printed as the campaign declares them.
 PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
@@ -47,6 +47,7 @@ class VerificationView(View[Verification, Verification]):
 
     results = (Verification,)
     data = Verification
+    records_key = "runs"
     kind = "Verification"
     kinds = KINDS
     template = "verification.html.j2"
@@ -110,7 +111,9 @@ class VerificationView(View[Verification, Verification]):
             "Amplitude",
             "Period",
         )
-        caption = "Errors relative to the RMS of what was measured."
+        caption = in_words_of_origin(
+            self.simulated(result), "Errors relative to the RMS of what was measured."
+        )
         return TextTable("runs", caption, columns, rows), model_table(result.model)
 
     def content(self, result: Verification, data: Verification, folder: Path | None) -> dict[str, Any]:
@@ -119,7 +122,10 @@ class VerificationView(View[Verification, Verification]):
         load = quantities(result.model.joint.motion).moment
         return {
             "title": f"{result.model.joint.name} against {result.subject}",
-            "headline": f"The model {'gives the measured' if passed else 'misses the'} response.",
+            "headline": in_words_of_origin(
+                self.simulated(result),
+                f"The model {'gives the measured' if passed else 'misses the'} response.",
+            ),
             "facts": [
                 (
                     "Response error",
@@ -137,7 +143,7 @@ class VerificationView(View[Verification, Verification]):
             ],
             "failures": [f"{run.name}: {run.failure}." for run in result.runs if run.failure],
             "equation": markup(mathml(result.model)),
-            "payload": {"loops": response_payload(result.runs)},
+            "payload": {"loops": response_payload(result.runs, self.simulated(result))},
         }
 
     def files(self, result: Verification, data: Verification) -> dict[str, str]:
@@ -150,7 +156,10 @@ class VerificationView(View[Verification, Verification]):
 
         console = terminal()
         where = "the rig" if result.kind == "rig" else "the runs of"
-        console.print(f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}\n")
+        virtual = " (simulated, not measured)" if self.simulated(result) else ""
+        console.print(
+            f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}{virtual}\n"
+        )
         console.print(f"  {escape(result.model.equation())}\n")
         load = quantities(result.model.joint.motion).moment.lower()
         columns = (

@@ -1,0 +1,269 @@
+"""Campaigns of arrays and data frames that are in memory already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.errors import InputError, UnitError
+from sindyjoint.files.channels import KEYS
+from sindyjoint.files.drafting.assignment import assign_columns, find_motion
+from sindyjoint.files.drafting.bundles import Bundle, Column
+from sindyjoint.files.drafting.doubts import Doubts
+from sindyjoint.files.drafting.excitation import find_frequency, name_levels
+from sindyjoint.files.drafting.roles import role_of
+from sindyjoint.files.drafting.survey import DataFile
+from sindyjoint.files.stated_units import unit_in_name
+from sindyjoint.files.timeaxis import check_order, uniform_rate
+from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.options import refuse_unknown
+from sindyjoint.record import Campaign, Joint, Motion, Run, Use
+
+Array = NDArray[np.float64]
+
+# quantity -> what a person calls its array, for either kind of motion
+CHANNELS = {
+    key: quantity for keys in KEYS.values() for quantity, (key, _) in keys.items() if quantity != "inertia"
+}
+FOUND = "found"
+
+
+def campaign_from_arrays(
+    *,
+    moment: Any = None,
+    angle: Any = None,
+    force: Any = None,
+    displacement: Any = None,
+    time: Any = None,
+    rate: float | str | None = None,
+    units: Mapping[str, str] | None = None,
+    frequency: float | str | None | Sequence[float | None] = FOUND,
+    level: str | Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    use: Use | Sequence[Use] = "identify",
+    name: str = "joint",
+    inertia: float | str | None = None,
+    simulated: bool = False,
+) -> Campaign:
+    """Return a campaign of arrays.
+
+    Parameters
+    ----------
+    moment, angle : array_like, shape (n,), or a sequence of these
+        Of a joint that rotates: one run, or one entry for each run.
+    force, displacement : array_like, shape (n,), or a sequence of these
+        Of a joint that slides, instead of the two above.
+    time : array_like, shape (n,), or a sequence of these, optional
+        Sampling instants.
+    rate : float or str, optional
+        Sampling rate instead of them: Hz, or ``"1 kHz"``.
+    units : mapping of str to str, optional
+        By the names of these parameters, any that pint knows: ``{"angle": "mrad"}``. Default: SI.
+    frequency : float, None, or a sequence of these
+        Of the excitation, Hz; None for an aperiodic run. Default: found in the spectrum.
+    level : str or sequence of str, optional
+        Label of the excitation level. Default: by the amplitude.
+    names, use : optional
+        Of the runs.
+    name : str
+        Of the joint.
+    inertia : float or str, optional
+        Moving with the joint: SI, or ``"0.02 kg*m^2"``. Default: identified.
+    simulated : bool
+        Whether the arrays come from a simulation. Reports say so.
+
+    Raises
+    ------
+    InputError, UnitError
+        For arrays, units or options that cannot be used.
+    """
+    given = {"moment": moment, "angle": angle, "force": force, "displacement": displacement}
+    present = [key for key, values in given.items() if values is not None]
+    if present not in (["moment", "angle"], ["force", "displacement"]):
+        raise InputError(
+            f"arrays were given of {', '.join(present) or 'nothing'}; expected moment and angle, or force and "
+            "displacement"
+        )
+    motion: Motion = "rotation" if "angle" in present else "translation"
+    stated = {key: KEYS[motion][CHANNELS[key]][1] for key in present} | {"time": "s"}
+    refuse_unknown("units", units or {}, stated)
+    stated |= dict(units or {})
+    columns = {key: _as_runs(given[key]) for key in present}
+    if time is not None:
+        stamps = _as_runs(time)
+        runs_given = len(columns[present[0]])
+        columns["time"] = stamps * runs_given if len(stamps) == 1 else stamps
+    counts = {key: len(runs) for key, runs in columns.items()}
+    if len(set(counts.values())) > 1:
+        listed = ", ".join(f"{count} of {key}" for key, count in counts.items())
+        raise InputError(
+            f"arrays of different numbers of runs were given: {listed}; expected one of each for each run"
+        )
+    count = counts[present[0]]
+    titles = list(names) if names is not None else [f"run {number + 1}" for number in range(count)]
+    frames = {
+        title: {key: runs[i] for key, runs in columns.items()} for i, title in enumerate(titles[:count])
+    }
+    if len(frames) != count:
+        raise InputError(
+            f"{len(titles)} name(s) were given for {count} run(s); expected a different one for each"
+        )
+    return campaign_from_frames(
+        frames, units=stated, rate=rate, frequency=frequency, level=level, use=use, name=name, inertia=inertia,
+        motion=motion, simulated=simulated,
+    )  # fmt: skip
+
+
+def campaign_from_frames(
+    frames: Mapping[str, Any],
+    *,
+    units: Mapping[str, str] | None = None,
+    columns: Mapping[str, str] | None = None,
+    motion: Motion | None = None,
+    rate: float | str | None = None,
+    frequency: float | str | None | Sequence[float | None] = FOUND,
+    level: str | Sequence[str] | None = None,
+    use: Use | Sequence[Use] = "identify",
+    name: str = "joint",
+    inertia: float | str | None = None,
+    simulated: bool = False,
+) -> Campaign:
+    """Return a campaign of data frames, one for each run.
+
+    Parameters
+    ----------
+    frames : mapping of str to data frame
+        By the name of the run: of pandas or polars, or any mapping from names of columns to arrays. The order of the
+        columns does not matter: their names and units say what they are.
+    units : mapping of str to str, optional
+        Unit of each column by its name; where the name states it (``"angle [mrad]"``) it may be left out.
+    columns : mapping of str to str, optional
+        Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``.
+    motion : {"rotation", "translation"}, optional
+    rate, frequency, level, use, name, inertia, simulated
+        As for :func:`campaign_from_arrays`.
+
+    Raises
+    ------
+    InputError, UnitError
+        For frames, units or options that cannot be used.
+    """
+    if not isinstance(frames, Mapping):
+        raise InputError(
+            f"frames is of type {type(frames).__name__}; expected a mapping from names of runs to frames"
+        )
+    answers = dict(columns or {}) | ({} if motion is None else {"motion": motion})
+    doubts = Doubts(answers)
+    bundles = [_bundle(title, frame, dict(units or {})) for title, frame in frames.items()]
+    _refuse_strange_units(units or {}, bundles)
+    found: Motion = find_motion(bundles, doubts)
+    runs = [_signals(bundle, found, rate, doubts) for bundle in bundles]
+    if doubts.questions:
+        question = next(iter(doubts.questions.values()))
+        raise InputError(f"{question.text} Give columns={{{question.key!r}: ...}} (guess: {question.guess})")
+    peaks = [float(np.ptp(run["angle"])) / 2 for run, _ in runs]
+    labels = name_levels([""] * len(runs), peaks, KEYS[found]["angle"][1]) if level is None else level
+    return Campaign(
+        Joint(name, found, _inertia(inertia, found)),
+        tuple(
+            Run(
+                title,
+                signals["moment"],
+                signals["angle"],
+                sample_rate,
+                rate=signals.get("rate"),
+                frequency=_frequency(_of(frequency, i, len(runs)), signals, sample_rate, title),
+                level=_of(labels, i, len(runs)),
+                use=_of(use, i, len(runs)),
+            )
+            for i, (title, (signals, sample_rate)) in enumerate(zip(frames, runs, strict=True))
+        ),
+        simulated=simulated,
+    )
+
+
+def _as_runs(values: Any) -> list[Array]:
+    """Return one array for each run."""
+    if isinstance(values, np.ndarray):
+        return [values] if values.ndim == 1 else list(values)
+    items = list(values)
+    return (
+        [np.asarray(items, dtype=float)]
+        if items and np.ndim(items[0]) == 0
+        else [np.asarray(v) for v in items]
+    )
+
+
+def _of(values: Any, index: int, count: int) -> Any:
+    """Return the entry of a run, of what may be given once for all."""
+    if values is None or isinstance(values, str | float | int):
+        return values
+    if len(values) != count:
+        raise InputError(
+            f"{len(values)} value(s) were given for {count} run(s): {list(values)!r:.60}; expected one each"
+        )
+    return values[index]
+
+
+def _bundle(title: str, frame: Any, units: dict[str, str]) -> Bundle:
+    """Return the columns of a frame with the units that are given, or stand in their names."""
+    names = [str(column) for column in getattr(frame, "columns", frame)]
+    columns = []
+    for given, name in zip(getattr(frame, "columns", frame), names, strict=True):
+        values = np.asarray(frame[given])
+        if values.dtype.kind not in "fiub" or values.ndim != 1:
+            continue  # words and dates are no channel
+        stated = unit_in_name(name)
+        unit = units.get(name) or (stated[0] if stated else "")
+        columns.append(Column(None, name, name, unit, role_of(name, unit), values.astype(np.float64)))
+    if not columns:
+        raise InputError(
+            f"run {title!r}: holds no column of numbers; columns there: {', '.join(names) or 'none'}"
+        )
+    file = DataFile(title, tuple(names), (), {}, (), False)
+    return Bundle((file,), tuple(columns))
+
+
+def _refuse_strange_units(units: Mapping[str, str], bundles: Sequence[Bundle]) -> None:
+    known = {column.title for bundle in bundles for column in bundle.columns} | {"time"}
+    refuse_unknown("units", units, sorted(known))
+
+
+def _signals(
+    bundle: Bundle, motion: Motion, rate: float | str | None, doubts: Doubts
+) -> tuple[dict[str, Array], float]:
+    """Return the channels of one run in SI units, and its sampling rate, Hz."""
+    chosen = assign_columns(bundle, motion, doubts)
+    signals = {}
+    for quantity, column in chosen.items():
+        key, si = ("time", "s") if quantity == "time" else KEYS[motion][quantity]
+        if not column.unit and quantity != "time":
+            raise UnitError(
+                f"run {bundle.name!r}: the unit of column {column.title!r} ({key}) is not told; give "
+                f"units={{{column.title!r}: {si.replace('**', '^')!r}}}"
+            )
+        signals[quantity] = column.values * conversion(column.unit or "s", si, f"run {bundle.name!r}: {key}")
+    stamps = signals.pop("time", None)
+    if rate is not None:
+        return signals, parse_quantity(rate, "Hz", "rate") if isinstance(rate, str) else float(rate)
+    if stamps is None:
+        raise InputError(
+            f"run {bundle.name!r}: neither time nor rate was given; give rate='1 kHz', or the instants"
+        )
+    where = f"run {bundle.name!r}: time"
+    check_order(stamps, where, lambda index: f"sample {index}")
+    return signals, uniform_rate(stamps, where, lambda index: f"sample {index}")
+
+
+def _frequency(given: Any, signals: Mapping[str, ArrayLike], rate: float, title: str) -> float | None:
+    if given == FOUND:
+        return find_frequency(np.asarray(signals["angle"]), np.asarray(signals["moment"]), rate, title)
+    return parse_quantity(given, "Hz", "frequency") if isinstance(given, str) else given
+
+
+def _inertia(given: float | str | None, motion: Motion) -> float | None:
+    key, unit = KEYS[motion]["inertia"]
+    return parse_quantity(given, unit, key) if isinstance(given, str) else given

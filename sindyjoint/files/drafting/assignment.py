@@ -1,0 +1,156 @@
+"""Which column is which channel, in which unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.files.channels import KEYS
+from sindyjoint.files.drafting.bundles import Bundle, Column, is_clock
+from sindyjoint.files.drafting.doubts import Doubts
+from sindyjoint.files.units import unit_ratio
+from sindyjoint.record import Motion
+
+Array = NDArray[np.float64]
+
+ROLES: dict[Motion, dict[str, str]] = {
+    "rotation": {"moment": "moment", "angle": "angle", "rate": "angular rate"},
+    "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
+}
+# Never taken for moment or angle, whatever else is missing.
+OTHERS = {"time", "temperature", "acceleration", "velocity", "angular rate"}
+# Two columns so alike are one signal, wanted and measured.
+TWINS = 0.999
+EXAMPLES = {"moment": "N*m", "angle": "mrad", "force": "N", "displacement": "mm", "rate_of_angle": "rad/s"}
+
+
+def find_motion(bundles: Sequence[Bundle], doubts: Doubts) -> Motion:
+    """Return the kind of motion that the columns speak of."""
+    roles = [column.role for bundle in bundles for column in bundle.columns]
+    counts = {motion: sum(role in known.values() for role in roles) for motion, known in ROLES.items()}
+    guess: Motion = "translation" if counts["translation"] > counts["rotation"] else "rotation"
+    told = counts["translation"] != counts["rotation"]
+    answer = doubts.answers.get("motion") if told else None
+    if not told:
+        answer = doubts.ask("motion", "does the joint rotate or slide (rotation, translation)?", guess)
+    if answer not in (None, "rotation", "translation"):
+        raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
+    return guess if answer is None else answer  # type: ignore[return-value]
+
+
+def assign_columns(bundle: Bundle, motion: Motion, doubts: Doubts) -> dict[str, Column]:
+    """Return the columns of moment and angle, and those of time and rate if there are any.
+
+    Raises
+    ------
+    InputError
+        When a run has too few columns, or an answer names none.
+    """
+    found: dict[str, Column] = {}
+    clock = _choose(bundle, "time", "time", [c for c in bundle.columns if c.role == "time"], doubts)
+    if clock is None:
+        clock = next((c for c in bundle.columns if c.role is None and is_clock(c.values)), None)
+    if clock is not None:
+        found["time"] = clock
+    for quantity, role in ROLES[motion].items():
+        key = KEYS[motion][quantity][0]
+        free = [column for column in bundle.columns if column not in found.values()]
+        candidates = [column for column in free if column.role == role]
+        if quantity == "angle" and not candidates:
+            candidates = [column for column in free if column.role == "position"]
+        chosen = _choose(bundle, key, role, candidates, doubts)
+        if chosen is None and quantity != "rate":
+            chosen = _guess_by_shape(bundle, quantity, key, free, doubts)
+        if chosen is not None:
+            found[quantity] = chosen
+    return found
+
+
+def _choose(bundle: Bundle, key: str, role: str, candidates: list[Column], doubts: Doubts) -> Column | None:
+    """Return the column that was named, or the only one that can be meant, or the likeliest of several."""
+    if key in doubts.answers:
+        column = bundle.find(doubts.answers[key])
+        if column is None:
+            known = ", ".join(str(column.key) for column in bundle.columns)
+            raise InputError(
+                f"{bundle.name}: {key} = {doubts.answers[key]!r} is no column; columns there: {known}"
+            )
+        return column
+    # The same instants stand in every file of a run; a velocity beside the displacement is welcome, not needed.
+    if len(candidates) > 1 and key not in ("time",) and not key.startswith("rate_of"):
+        names = ", ".join(str(column.key) for column in candidates)
+        doubts.ask(key, f"which column is the {role} ({names})?", str(_measured(candidates).key))
+        return _measured(candidates)
+    return candidates[0] if candidates else None
+
+
+def _guess_by_shape(
+    bundle: Bundle, quantity: str, key: str, free: Sequence[Column], doubts: Doubts
+) -> Column:
+    """Return the likeliest of columns that no name tells apart: a load jumps and is rough, a motion is smooth."""
+    moving = [c for c in free if c.role not in OTHERS and np.ptp(c.values) > 0]
+    open_ones = [c for c in moving if c.role in (None, "position")]
+    needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
+    if len(open_ones) < needed:
+        names = ", ".join(column.title for column in bundle.columns)
+        raise InputError(f"{bundle.name}: holds no column for the {key}; columns there: {names}")
+    ordered = sorted(open_ones, key=lambda column: _roughness(column.values))
+    guess = ordered[-1] if quantity == "moment" else ordered[0]
+    guess = _measured([c for c in open_ones if _is_twin(c, guess)])
+    names = ", ".join(str(column.key) for column in open_ones)
+    doubts.ask(key, f"which column is the {key.replace('_', ' ')} ({names})?", str(guess.key))
+    return guess
+
+
+def _measured(candidates: Sequence[Column]) -> Column:
+    """Return the measured one of a signal and its command: the rougher one; the first of signals that differ."""
+    twins = [column for column in candidates if _is_twin(column, candidates[0])]
+    return max(twins, key=lambda column: _roughness(column.values))
+
+
+def _is_twin(one: Column, other: Column) -> bool:
+    if one is other:
+        return True
+    if one.values.size != other.values.size or not (np.ptp(one.values) > 0 and np.ptp(other.values) > 0):
+        return False
+    return bool(abs(np.corrcoef(one.values, other.values)[0, 1]) > TWINS)
+
+
+def _roughness(values: Array) -> float:
+    """Return the size of second differences relative to the whole: what a derivative would make of the signal."""
+    spread = float(np.std(values))
+    return float(np.std(np.diff(values, 2))) / spread if spread > 0 else 0.0
+
+
+def find_unit(column: Column, quantity: str, motion: Motion, doubts: Doubts) -> tuple[str, str | None]:
+    """Return unit and gain of a channel, stated or asked for."""
+    key, si = KEYS[motion][quantity]
+    if f"{key}.unit" in doubts.answers:
+        unit: str = doubts.answers[f"{key}.unit"]
+    elif column.unit and unit_ratio(column.unit, si):
+        return column.unit, None
+    elif column.unit and unit_ratio(column.unit, "V"):
+        unit = column.unit
+    else:
+        guess = _likely_unit(column.values, si)
+        largest = float(np.abs(column.values).max())
+        text = f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g})?"
+        unit = doubts.ask(f"{key}.unit", text, guess) or guess
+    gain = doubts.answers.get(f"{key}.gain")
+    if gain is None and unit_ratio(unit, "V"):
+        example = f"35.15 {EXAMPLES.get(key, 'unit')}/V"
+        gain = doubts.ask(f"{key}.gain", f"what is one volt of the {key}, such as '{example}'?", None)
+    return unit, gain
+
+
+def _likely_unit(values: Array, si: str) -> str:
+    """Return the unit in which values of this size are usual."""
+    largest = float(np.abs(values).max())
+    if si == "rad":
+        return "deg" if largest > 0.5 else "rad"
+    if si == "m":
+        return "mm" if largest > 0.5 else "m"
+    return si.replace("**", "^")

@@ -1,0 +1,123 @@
+"""What :class:`sindyjoint.shown.Shown` offers: any result as text, in a notebook, as a picture, a frame, a folder."""
+
+from __future__ import annotations
+
+import io
+import os
+from contextlib import redirect_stdout
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.reporting.registry import draw, drawable, kinds_of, show, view_of
+from sindyjoint.reporting.text_table import TextTable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# No result prints more lines than a screen shows, nor a notebook more rows.
+LINES, ROWS = 40, 30
+
+
+def text_of(result: Any, lines: int = LINES) -> str:
+    """Return what the command line prints of a result, at most so many lines."""
+    out = io.StringIO()
+    with redirect_stdout(out):
+        show(result)
+    text = out.getvalue().rstrip("\n").split("\n")
+    if len(text) > lines:
+        text = [
+            *text[: lines - 1],
+            f"... and {len(text) - lines + 1} more lines; .report(folder) writes everything",
+        ]
+    return "\n".join(line.rstrip() for line in text)
+
+
+def line_of(result: Any) -> str:
+    """Return a result in one line."""
+    return f"<{type(result).__name__}: {text_of(result).split(chr(10), 1)[0]}>"
+
+
+def html_of(result: Any) -> str:
+    """Return a result for a notebook: what it says first, its equation, its main table."""
+    head = f"<p><b>{escape(text_of(result).split(chr(10), 1)[0])}</b></p>"
+    model = _model_of(result)
+    if model is not None:
+        from sindyjoint.reporting.equation import mathml
+
+        head += f"<p>{mathml(model)}</p>"
+    tables = view_of(result).tables(result)
+    if not tables:
+        return f"{head}<pre>{escape(text_of(result))}</pre>"
+    names = ", ".join(figures_of(result))
+    return f"{head}{_html_table(tables[0])}" + (f"<p>.plot(kind): {escape(names)}</p>" if names else "")
+
+
+def _html_table(table: TextTable) -> str:
+    rows = ["".join(f"<th>{escape(cell)}</th>" for cell in table.columns)]
+    rows += ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in table.rows[:ROWS]]
+    more = len(table.rows) - ROWS
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table>{body}</table>" + (f"<p>and {more} more rows</p>" if more > 0 else "")
+
+
+def latex_of(result: Any) -> str | None:
+    """Return the equation of the model that a result found; None where it holds none."""
+    model = _model_of(result)
+    return None if model is None else f"$\\displaystyle {model.latex()}$"
+
+
+def _model_of(result: Any) -> Any:
+    """Return the model of a result, where that has terms to be written."""
+    model = getattr(result, "model", None)
+    return model if getattr(model, "terms", None) else None
+
+
+def figures_of(result: Any) -> list[str]:
+    """Return the kinds of figure that a result can show."""
+    return drawable(result)
+
+
+def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
+    """Draw a figure of a result; see :meth:`sindyjoint.shown.Shown.plot`."""
+    names = figures_of(result)
+    if not names:
+        raise InputError(f"a {type(result).__name__} has no figures")
+    name = names[0] if kind is None else kind
+    if ax is None:
+        return draw(name, result)
+    known = kinds_of(result)
+    view = view_of(result)
+    data = view.gather(result)
+    if name not in known:
+        draw(name, result)  # says which there are
+    panels = known[name].panels(data)
+    if len(panels) != 1:
+        single = [
+            other for other, made in known.items() if len(made.panels(data)) == 1 and not made.projection
+        ]
+        raise InputError(
+            f"figure {name!r} has {len(panels)} panels and one pair of axes was given; expected one of "
+            f"{', '.join(single)}, or no axes"
+        )
+    return panels[0](data, ax)
+
+
+def frame_of(result: Any) -> Any:
+    """Return the records of a result as a data frame."""
+    try:
+        import pandas
+    except ImportError as error:
+        raise MissingExtraError(
+            'a data frame needs pandas; run: pip install "sindyjoint[notebook]"'
+        ) from error
+    records = view_of(result).records(result)
+    return pandas.DataFrame.from_records(records)
+
+
+def report(result: Any, folder: str | os.PathLike[str]) -> Path:
+    """Write a result into a folder."""
+    from sindyjoint.reporting.output import write_results
+
+    return write_results(result, folder)

@@ -1,0 +1,86 @@
+"""What every result offers a person in Python: text, a table, pictures, a page."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def _front() -> Any:
+    # The one call that goes up: results are made below the layer that shows them, which is fetched when asked for.
+    return import_module("sindyjoint.reporting.front")
+
+
+class Shown:
+    """A result that shows itself.
+
+    ``str`` gives what the command line prints, a notebook shows the equation and the main table, and ``figures`` lists
+    what :meth:`plot` draws.
+    """
+
+    def __str__(self) -> str:
+        return str(_front().text_of(self))
+
+    def __repr__(self) -> str:
+        return str(_front().line_of(self))
+
+    def _repr_html_(self) -> str:
+        return str(_front().html_of(self))
+
+    def _repr_latex_(self) -> str | None:
+        found: str | None = _front().latex_of(self)
+        return found
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of the figures that :meth:`plot` draws of this result."""
+        return tuple(_front().figures_of(self))
+
+    def plot(self, kind: str | None = None, ax: Axes | None = None) -> Any:
+        """Draw a figure of the result.
+
+        Parameters
+        ----------
+        kind : str, optional
+            One of ``figures``. Default: the first of them.
+        ax : matplotlib Axes, optional
+            Draw into these axes, for kinds that have one panel.
+
+        Returns
+        -------
+        matplotlib Figure, or the axes that were given
+
+        Raises
+        ------
+        UnknownNameError
+            For an unknown kind, or one that the result cannot show.
+        InputError
+            For axes and a kind with several panels.
+        """
+        return _front().plot(self, kind, ax)
+
+    def to_frame(self) -> Any:
+        """Return the main table as a pandas data frame, numbers in SI units.
+
+        Raises
+        ------
+        MissingExtraError
+            Without pandas.
+        """
+        return _front().frame_of(self)
+
+    def report(self, folder: str | os.PathLike[str]) -> Path:
+        """Write page, record, tables and figures into a folder, as the command line does with ``--out``.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written.
+        """
+        path: Path = _front().report(self, folder)
+        return path

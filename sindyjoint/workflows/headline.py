@@ -1,0 +1,218 @@
+"""What everybody asks of a discovery first: can I trust it, and what next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.policy import POLICY as EQUATION
+from sindyjoint.paper import JOINTS
+from sindyjoint.text import list_some, percent, quantities, spelled
+from sindyjoint.workflows.policy import POLICY
+
+Colour = Literal["good", "fair", "poor"]
+_ORDER: tuple[Colour, ...] = ("good", "fair", "poor")
+ANSWERS: dict[Colour, str] = {"good": "Yes", "fair": "With reservations", "poor": "Not yet"}
+
+
+@dataclass(frozen=True)
+class Light:
+    """One of the reasons for trust or doubt.
+
+    Parameters
+    ----------
+    name : str
+        ``"data"``, ``"fit"``, ``"held out"`` or ``"coverage"``.
+    colour : {"good", "fair", "poor"}
+    sentence : str
+    """
+
+    name: str
+    colour: Colour
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The answers that stand above everything else.
+
+    Parameters
+    ----------
+    lights : tuple of Light
+    next_steps : tuple of (str, str)
+        A command, or an action on the bench, and what it is for; the most useful first.
+    """
+
+    lights: tuple[Light, ...]
+    next_steps: tuple[tuple[str, str], ...]
+
+    @property
+    def colour(self) -> Colour:
+        """The worst of the lights."""
+        return max((light.colour for light in self.lights), key=_ORDER.index)
+
+    @property
+    def answer(self) -> str:
+        """Whether to trust it, in a word or two."""
+        return ANSWERS[self.colour]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "answer": self.colour,
+            "lights": {
+                light.name: {"colour": light.colour, "sentence": light.sentence} for light in self.lights
+            },
+            "next": [{"do": do, "to": to} for do, to in self.next_steps],
+        }
+
+
+@dataclass(frozen=True)
+class Excitations:
+    """What was tested, as far as trust depends on it.
+
+    Parameters
+    ----------
+    frequencies : tuple of float
+        Of periodic runs, Hz.
+    levels : tuple of str
+    runs : int
+    """
+
+    frequencies: tuple[float, ...]
+    levels: tuple[str, ...]
+    runs: int
+
+
+def is_of_the_paper(joint: str) -> bool:
+    """Return whether a joint is one of the paper's, by its name."""
+    return joint.strip().lower() in JOINTS
+
+
+def make_headline(
+    model: JointModel,
+    tested: Excitations,
+    held_out_rms: float,
+    soundness: str,
+    faults: Sequence[str],
+) -> Headline:
+    """Return the headline of a discovery.
+
+    Parameters
+    ----------
+    model : JointModel
+    tested : Excitations
+    held_out_rms : float
+        Error on the groups of runs that were left out, N·m; NaN where none could be.
+    soundness : {"sound", "doubtful", "unsound"}
+    faults : sequence of str
+        Ids of findings of the check of the data, the severest first.
+    """
+    data = _data(model, soundness, faults)
+    if not model.terms:
+        nothing = (data, Light("fit", "poor", "no set of terms passed"))
+        return Headline(nothing, _next_steps(nothing, tested, found=False))
+    lights = (
+        data,
+        _fit(model),
+        _held_out(model, held_out_rms),
+        _coverage(tested),
+    )
+    return Headline(lights, _next_steps(lights, tested, found=True, predicted=math.isfinite(held_out_rms)))
+
+
+def _data(model: JointModel, soundness: str, faults: Sequence[str]) -> Light:
+    named = list_some([spelled(fault) for fault in dict.fromkeys(faults)], "findings")
+    simulated = ", simulated" if model.fitted.simulated else ""
+    if soundness == "sound":
+        return Light("data", "good", f"sound{simulated}: nothing found that shifts a coefficient")
+    if soundness == "doubtful":
+        return Light("data", "fair", f"doubtful{simulated}: {named}")
+    return Light("data", "poor", f"unsound{simulated}: {named}")
+
+
+def _fit(model: JointModel) -> Light:
+    fitted = model.fitted
+    load = quantities(model.joint.motion).moment.lower()
+    relative = fitted.residual_rms / fitted.moment_rms if fitted.moment_rms > 0 else math.nan
+    if not math.isfinite(fitted.noise_floor):
+        colour: Colour = "fair" if relative <= EQUATION.tolerated_misfit else "poor"
+        return Light("fit", colour, f"residual {percent(relative)} of the RMS {load}; its noise is unknown")
+    floor = fitted.noise_floor / fitted.moment_rms if fitted.moment_rms > 0 else math.nan
+    gap = fitted.misfit
+    colour = (
+        "good" if gap <= EQUATION.tolerated_misfit else "fair" if gap <= POLICY.mostly_explained else "poor"
+    )
+    sentence = f"residual {percent(relative)} of the RMS {load}, noise floor {percent(floor)}"
+    return Light("fit", colour, sentence if colour == "good" else f"{sentence}: {percent(gap)} is neither")
+
+
+def _held_out(model: JointModel, held_out_rms: float) -> Light:
+    fitted = model.fitted
+    if not (math.isfinite(held_out_rms) and fitted.residual_rms > 0 and fitted.moment_rms > 0):
+        return Light("held out", "fair", "nothing could be left out, so nothing was predicted")
+    ratio = held_out_rms / fitted.residual_rms
+    colour: Colour = (
+        "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.predicts_roughly else "poor"
+    )
+    error = percent(held_out_rms / fitted.moment_rms)
+    return Light(
+        "held out", colour, f"error {error} on runs left out of the fit, {ratio:.2f} times the residual"
+    )
+
+
+def _coverage(tested: Excitations) -> Light:
+    frequencies, levels = len(set(tested.frequencies)), len(set(tested.levels))
+    if not tested.frequencies:
+        colour: Colour = "good" if tested.runs >= POLICY.enough else "fair"
+        return Light("coverage", colour, f"{tested.runs} aperiodic run{'s' * (tested.runs != 1)}")
+    least = min(frequencies, levels) if tested.levels else frequencies
+    colour = "good" if least >= POLICY.enough else "fair" if tested.runs > 1 else "poor"
+    written = f"{frequencies} frequenc{'ies' if frequencies != 1 else 'y'}"
+    if tested.levels:
+        written += f", {levels} level{'s' * (levels != 1)}"
+    advice = "" if colour == "good" else f"; {POLICY.enough} of each tell the terms apart"
+    return Light("coverage", colour, f"{written} in {tested.runs} run{'s' * (tested.runs != 1)}{advice}")
+
+
+def _next_steps(
+    lights: Sequence[Light], tested: Excitations, found: bool, predicted: bool = False
+) -> tuple[tuple[str, str], ...]:
+    """Return what to do, for each light that is not good in the order in which one depends on the other."""
+    weak = {light.name for light in lights if light.colour != "good"}
+    steps = []
+    if "data" in weak:
+        steps.append(
+            ("sindyjoint check CAMPAIGN --out soundness", "see the faults of the data in every channel")
+        )
+    if not found:
+        steps.append(("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model"))
+        return tuple(steps)
+    if "fit" in weak:
+        steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks"))
+    if "held out" in weak and predicted:
+        steps.append(("sindyjoint compare CAMPAIGN", "see which terms hold at every frequency and method"))
+    if "coverage" in weak or ("held out" in weak and not predicted):
+        steps.append((_record(tested), "tell terms apart that are alike on these runs"))
+    if not weak:
+        steps.append(
+            ("sindyjoint verify RESULTS CAMPAIGN", "simulate the model and hold it against the runs")
+        )
+        steps.append(("sindyjoint export RESULTS --to FORMAT", "use the model in another program"))
+    return tuple(steps[:2])
+
+
+def _record(tested: Excitations) -> str:
+    """Return which runs to record next."""
+    missing = []
+    for have, what in ((len(set(tested.frequencies)), "frequenc"), (len(set(tested.levels)), "level")):
+        need = POLICY.enough - have
+        if need > 0:
+            plural = {"frequenc": ("y", "ies"), "level": ("", "s")}[what][need > 1]
+            missing.append(f"{need} more {what}{plural}")
+    return (
+        f"record runs at {' and '.join(missing)}" if tested.frequencies and missing else "record further runs"
+    )

@@ -1,0 +1,140 @@
+"""From a folder of files to its ``campaign.toml``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sindyjoint.errors import InputError, OutputError
+from sindyjoint.files.atomic import write_text
+from sindyjoint.files.drafting.doubts import Question
+from sindyjoint.files.drafting.draft import Draft, draft_manifest
+from sindyjoint.files.drafting.survey import survey_folder
+from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.options import checks_options
+
+
+@dataclass(frozen=True)
+class Initialised:
+    """The result of :func:`init`.
+
+    Parameters
+    ----------
+    manifest : Path
+        What was written.
+    draft : Draft
+        What it says, and what of it is guessed.
+    """
+
+    manifest: Path
+    draft: Draft
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    __repr__ = __str__
+
+    def lines(self) -> list[str]:
+        """Return what was found, in a line for each thing."""
+        draft = self.draft
+        kind = "simulated runs" if draft.simulated else "runs"
+        lines = [f"{self.manifest}: {len(draft.runs)} {kind}, {draft.motion}"]
+        lines += [f"  {key:<12} {value}" for key, value in draft.channels.items()]
+        for run in draft.runs[:SHOWN]:
+            rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
+            sine = "aperiodic" if run.frequency is None else f"{run.frequency:g} Hz"
+            lines.append(f"  {run.file}: {run.samples} samples{rate}, {sine}, level {run.level}")
+        more = len(draft.runs) - SHOWN
+        lines += [f"  and {more} more"] if more > 0 else []
+        lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
+        for question in draft.questions[: SHOWN // 2]:
+            lines.append(f"  guessed: {question.key} = {question.guess}; --set {question.key}=... sets it")
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        draft = self.draft
+        return {
+            "schema": 1,
+            "manifest": str(self.manifest),
+            "motion": draft.motion,
+            "simulated": draft.simulated,
+            "channels": draft.channels,
+            "runs": [vars(run) for run in draft.runs],
+            "guessed": {question.key: question.guess for question in draft.questions},
+            "left_out": dict(draft.left_out),
+        }
+
+
+SHOWN = 16
+
+
+@checks_options()
+def init(
+    folder: str | Path,
+    answers: Mapping[str, str] | None = None,
+    *,
+    ask: Callable[[Question], str] | None = None,
+    guess: bool = True,
+    force: bool = False,
+) -> Initialised:
+    """Write a ``campaign.toml`` for the data files of a folder.
+
+    Columns and units come from headers, rows of units and names, the rate from the time column or what stands above it,
+    frequencies from spectra, levels from file names and amplitudes.
+
+    Parameters
+    ----------
+    folder : path-like
+    answers : mapping of str to str, optional
+        What the files do not tell, or tell otherwise: ``{"angle.unit": "mrad", "rate": "1 kHz"}``.
+    ask : callable, optional
+        Called with each question that is left; returns the answer.
+    guess : bool
+        Whether questions that are left are answered by the likeliest guess, marked in the file.
+    force : bool
+        Whether a ``campaign.toml`` that is there may be replaced.
+
+    Returns
+    -------
+    Initialised
+
+    Raises
+    ------
+    MissingInputError
+        When there is no such folder or no data file in it.
+    InputError
+        When no file holds a run, or a question stays open.
+    OutputError
+        When there is a ``campaign.toml`` already.
+    """
+    place = Path(folder)
+    target = place / MANIFEST_NAME
+    if target.exists() and not force:
+        raise OutputError(f"{target}: is there already; give --force (force=True) to replace it")
+    files, left_out = survey_folder(place)
+    given = dict(answers or {})
+    name = place.resolve().name
+
+    def draft() -> Draft:
+        try:
+            return draft_manifest(name, files, left_out, given)
+        except InputError as error:
+            raise InputError(f"{place}: {error}") from error
+
+    drafted = draft()
+    while ask is not None and drafted.questions:
+        # An answer may bring up other questions, or settle them.
+        question = drafted.questions[0]
+        given[question.key] = ask(question)
+        drafted = draft()
+    open_ones = drafted.missing if guess else drafted.questions
+    if open_ones:
+        listed = "; ".join(f"{question.key}: {question.text}" for question in open_ones)
+        ways = "answer with --set KEY=VALUE (answers={...})" + (
+            "" if guess else ", or take the guesses with --yes"
+        )
+        raise InputError(f"{place}: the files do not tell {len(open_ones)} thing(s): {listed} {ways}")
+    return Initialised(write_text(target, drafted.text), drafted)

@@ -1,0 +1,64 @@
+"""A virtual test: runs of a joint whose law is known."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from typing import TYPE_CHECKING, Any
+
+from sindyjoint.options import checks_options
+
+if TYPE_CHECKING:
+    from sindyjoint.mechanics.laws import Law
+    from sindyjoint.record import Campaign
+
+
+def _plan_options() -> tuple[str, ...]:
+    from sindyjoint.mechanics.virtual import VirtualTest, virtual_test
+
+    return (*inspect.signature(virtual_test).parameters, *inspect.signature(VirtualTest).parameters)
+
+
+@checks_options(_plan_options)
+def simulate(
+    joint: str | Law = "inter-panel",
+    *,
+    out: str | os.PathLike[str] | None = None,
+    format: str = "csv",
+    random_state: Any = 0,
+    **options: Any,
+) -> Campaign:
+    """Simulate runs of a joint, with sensors and noise.
+
+    Parameters
+    ----------
+    joint : {"inter-panel", "panel-root"} or Law
+    out : path-like, optional
+        Folder to write ``campaign.toml`` and the run files to.
+    format : {"csv", "tsv", "npz", "parquet", "h5", "mat"}
+        Of the run files.
+    random_state : int, Generator or None
+        Of the noise.
+    **options
+        ``frequencies``, ``levels``, ``noise``, ``duration`` ...; see
+        :func:`~sindyjoint.mechanics.virtual.virtual_campaign`.
+
+    Returns
+    -------
+    Campaign
+        Marked as simulated, as are the files.
+
+    Raises
+    ------
+    InputError, UnknownNameError, SimulationError
+        For a plan that cannot be simulated.
+    OutputError
+        When the folder cannot be written.
+    """
+    from sindyjoint.files import write_campaign
+    from sindyjoint.mechanics.virtual import virtual_campaign
+
+    campaign = virtual_campaign(joint, random_state=random_state, **options)
+    if out is not None:
+        write_campaign(campaign, out, format)
+    return campaign

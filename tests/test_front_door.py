@@ -1,0 +1,214 @@
+"""The front door in Python: one manner for every verb, results that show themselves, refusals that help."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import sindyjoint
+from sindyjoint import Campaign
+from sindyjoint.errors import (
+    InputError,
+    OptionError,
+    OutputError,
+    SindyJointError,
+    UnitError,
+    UnknownNameError,
+)
+
+VERBS = ("check", "compare", "diagnose", "discover", "init", "simulate", "verify")
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return sindyjoint.simulate(frequencies=[3, 5], levels=[0.4, 0.7, 0.9], duration=4.0, sample_rate=500.0)
+
+
+@pytest.fixture(scope="module")
+def found(campaign):
+    return sindyjoint.discover(campaign, correct=False)
+
+
+@pytest.fixture(scope="module")
+def results(campaign, found):
+    return {
+        "check": sindyjoint.check(campaign),
+        "discover": found,
+        "verify": sindyjoint.verify(found.model, campaign, draws=2),
+        "diagnose": sindyjoint.diagnose(campaign, found.model, advise=False),
+    }
+
+
+def test_every_verb_is_at_the_top():
+    assert set(VERBS) <= set(dir(sindyjoint)) and all(callable(getattr(sindyjoint, verb)) for verb in VERBS)
+
+
+@pytest.mark.parametrize("verb", [*VERBS, "diagnose_structure"])
+def test_a_misspelt_option_is_answered_with_the_nearest(verb):
+    function = getattr(sindyjoint, verb)
+    known = {"simulate": "random_state", "init": "force"}.get(verb, "random_state")
+    with pytest.raises(OptionError, match=rf"has no option '{known[:-1]}'; did you mean '{known}'\?"):
+        function(**{known[:-1]: 0})
+
+
+def test_options_that_are_passed_on_are_known():
+    with pytest.raises(TypeError, match=r"discover\(\) has no option 'treshold'; did you mean 'threshold'"):
+        sindyjoint.discover(treshold=0.01)
+    with pytest.raises(OptionError, match="did you mean 'frequencies'"):
+        sindyjoint.simulate(frequencys=[3])
+    with pytest.raises(AttributeError, match="has no attribute 'discvoer'; did you mean 'discover'"):
+        sindyjoint.discvoer  # noqa: B018
+
+
+def test_results_show_themselves(results, tmp_path):
+    for name, result in results.items():
+        text = str(result)
+        assert len(text.splitlines()) <= 40, name
+        assert len(repr(result)) < 200 and "\n" not in repr(result), name
+        html = result._repr_html_()
+        assert "<table>" in html or "<pre>" in html, name
+        assert {"plot", "to_frame", "report"} <= set(dir(result)), name
+        folder = result.report(tmp_path / name)
+        assert (folder / "report.html").stat().st_size > 10_000, name
+
+
+def test_a_discovery_in_a_notebook(found):
+    assert found._repr_html_().count("<tr>") == len(found.model.terms) + 1
+    assert "<math" in found._repr_html_()
+    assert found._repr_latex_().startswith("$")
+    assert str(found).startswith("inter-panel joint (simulated)")
+
+
+def test_pictures(results):
+    from matplotlib.figure import Figure
+
+    for name, result in results.items():
+        assert result.figures, name
+        assert isinstance(result.plot(), Figure), name
+    with pytest.raises(UnknownNameError, match="figure 'lops' is not known; did you mean 'loops'"):
+        results["discover"].plot("lops")
+    axes = Figure().add_subplot()
+    assert results["discover"].plot("path-error", axes) is axes and axes.has_data()
+    with pytest.raises(
+        InputError, match="'path' has 2 panels and one pair of axes was given; expected one of"
+    ):
+        results["discover"].plot("path", axes)
+
+
+def test_frames(results):
+    pytest.importorskip("pandas")
+    frame = results["discover"].to_frame().set_index("id")
+    term = results["discover"].model["coulomb_friction"]
+    assert frame.loc["coulomb_friction", "coefficient"] == term.coefficient
+    assert frame.loc["coulomb_friction", "interval95_low"] == term.interval95[0]
+    assert len(results["verify"].to_frame()) == 6
+
+
+def test_a_term_by_symbol_and_by_id(found):
+    assert found.model["M_F"] is found.model["coulomb_friction"]
+    with pytest.raises(UnknownNameError, match=r"no term 'M_f'; it has linear_stiffness \(k1\)"):
+        found.model["M_f"]
+
+
+def test_six_lines_from_two_arrays(campaign):
+    moment, angle = [run.moment for run in campaign.runs], [1e3 * run.angle for run in campaign.runs]
+    # From here on it is what a newcomer types.
+    mine = Campaign.from_arrays(
+        moment=moment, angle=angle, rate="500 Hz", units={"angle": "mrad"}, inertia="0.02 kg*m^2"
+    )
+    found = sindyjoint.discover(mine, correct=False)
+    # To here.
+    assert [run.frequency for run in mine.runs] == [run.frequency for run in campaign.runs]
+    assert len({run.level for run in mine.runs}) == 3
+    assert found.model["k1"].coefficient == pytest.approx(6061, rel=0.02)
+    assert not mine.simulated and "simulated" not in repr(mine)
+
+
+def frame(run):
+    return {
+        "room [degC]": np.full(run.n_samples, 20.0),
+        "phi_mrad": 1e3 * run.angle,
+        "torque": run.moment / 1e3,
+        "t": run.time,
+    }
+
+
+def test_frames_in_any_order_of_columns(campaign):
+    mine = Campaign.from_frames({run.name: frame(run) for run in campaign.runs}, units={"torque": "kN*m"})
+    for run, true in zip(mine.runs, campaign.runs, strict=True):
+        np.testing.assert_allclose(run.moment, true.moment)
+        np.testing.assert_allclose(run.angle, true.angle)
+        assert run.sample_rate == pytest.approx(500.0)
+    assert "6 run(s): 3Hz-0.4, 3Hz-0.7, 3Hz-0.9, 5Hz-0.4, ..." in repr(mine)
+
+
+def test_pandas_frames(campaign):
+    pandas = pytest.importorskip("pandas")
+    mine = Campaign.from_frames({"one": pandas.DataFrame(frame(campaign.runs[0]))}, units={"torque": "kN*m"})
+    np.testing.assert_allclose(mine.runs[0].moment, campaign.runs[0].moment)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, r"the unit of column 'torque' \(moment\) is not told; give units=\{'torque': 'N\*m'\}"),
+        ({"units": {"torqe": "N*m"}}, "units has no option 'torqe'; did you mean 'torque'"),
+        ({"units": {"torque": "kN"}}, "one: holds no column for the moment; columns there: room"),
+        (
+            {"units": {"torque": "N*m"}, "columns": {"moment": "M"}},
+            "moment = 'M' is no column; columns there",
+        ),
+    ],
+)
+def test_frames_that_do_not_tell(campaign, options, message):
+    with pytest.raises(SindyJointError, match=message):
+        Campaign.from_frames({"one": frame(campaign.runs[0])}, **options)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        (
+            {"moment": np.ones(100)},
+            "arrays were given of moment; expected moment and angle, or force and displacement",
+        ),
+        (
+            {"moment": np.ones(100), "angle": np.ones(100)},
+            "neither time nor rate was given; give rate='1 kHz'",
+        ),
+        ({"moment": np.ones((2, 100)), "angle": np.ones(100), "rate": 100.0}, "2 of moment, 1 of angle"),
+        ({"moment": np.ones(100), "angle": np.ones(100), "rate": "5 kg"}, "is not a frequency"),
+        (
+            {"moment": np.ones(100), "angle": np.ones(100), "rate": 9.0, "units": {"angel": "rad"}},
+            "did you mean 'angle'",
+        ),
+    ],
+)
+def test_arrays_that_do_not_do(arrays, message):
+    with pytest.raises(SindyJointError, match=message):
+        Campaign.from_arrays(**arrays)
+
+
+def test_an_estimator_refuses_columns_in_the_wrong_order_by_name():
+    pandas = pytest.importorskip("pandas")
+    rng = np.random.default_rng(0)
+    angle, rate = rng.normal(size=(2, 400))
+    X = pandas.DataFrame({"omega": rate, "theta": angle})
+    with pytest.raises(
+        InputError, match=r"X has the columns omega, theta; expected angle, rate in this order: give X\["
+    ):
+        sindyjoint.JointRegressor(library="paper").fit(X, angle)
+
+
+def test_import_stays_quick():
+    program = "import sys, sindyjoint; dir(sindyjoint); assert not {'numpy', 'scipy', 'pydantic'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_errors_are_of_both_kinds():
+    assert (
+        issubclass(OptionError, TypeError)
+        and issubclass(UnitError, ValueError)
+        and issubclass(OutputError, OSError)
+    )
