@@ -92,7 +92,8 @@ def heading(model: JointModel, target: str) -> list[str]:
 
 def equation(model: JointModel) -> str:
     """Return the equation in ASCII, with the syntax of the catalogues for formulas."""
-    from sindyjoint.equation.formula import formula_text
+    from sindyjoint.equation.equation_text import numbered
+    from sindyjoint.equation.formula import formula_text, state_symbol
 
     motion = model.joint.motion
     parts = ["I*alpha" if motion == "rotation" else "m*a"] if model.joint.inertia is not None else []
@@ -101,7 +102,17 @@ def equation(model: JointModel) -> str:
         bracketed = f"({formula})" if term.expression.is_Add or formula.startswith("-") else formula
         symbol = ascii_line(term.symbol)
         parts.append(symbol if formula == "1" else f"{symbol}*{bracketed}")
-    return ("M = " if motion == "rotation" else "F = ") + " + ".join(parts)
+    rates = []
+    for element, names in zip(model.elements, numbered(model.elements), strict=True):
+        renamed = {state_symbol(name): state_symbol(new) for name, new in names.items()}
+        for column in element.form.columns:
+            formula = formula_text(column.expression.xreplace(renamed), motion)
+            parts.append(f"{ascii_line(column.symbol)}*{formula if formula.isalnum() else f'({formula})'}")
+        for state in element.form.states:
+            name, rate = names[state.name], formula_text(state.rate.xreplace(renamed), motion)
+            limit = "" if state.limit is None else f" with |{name}| <= {formula_text(state.limit, motion)}"
+            rates.append(f"d{name}/dt = {rate}{limit}")
+    return "; ".join([("M = " if motion == "rotation" else "F = ") + " + ".join(parts), *rates])
 
 
 def fidelity_lines(rows: Sequence[Fidelity]) -> list[str]:
