@@ -126,6 +126,7 @@ class ModelRecord(_Part):
     covariance: list[list[Number]]
     fitted: FittedRecord
     elements: list[ElementRecord] = []
+    fidelity: list[dict[str, Any]] = []  # of an export to JSON
 
 
 def to_record(model: Any) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from string import Template
@@ -167,7 +168,7 @@ def written(value: float, infinity: str) -> str:
     return number(value) if math.isfinite(value) else ("" if value > 0 else "-") + infinity
 
 
-def identifiers(symbols: list[str]) -> list[str]:
+def identifiers(symbols: Sequence[str]) -> list[str]:
     """Return a separate identifier for each symbol, valid in C and Python.
 
     Examples

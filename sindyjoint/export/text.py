@@ -92,8 +92,8 @@ def heading(model: JointModel, target: str) -> list[str]:
 
 def equation(model: JointModel) -> str:
     """Return the equation in ASCII, with the syntax of the catalogues for formulas."""
-    from sindyjoint.equation.equation_text import numbered
-    from sindyjoint.equation.formula import formula_text, state_symbol
+    from sindyjoint.equation.equation_text import numbered, renamed
+    from sindyjoint.equation.formula import formula_text
 
     motion = model.joint.motion
     parts = ["I*alpha" if motion == "rotation" else "m*a"] if model.joint.inertia is not None else []
@@ -104,14 +104,13 @@ def equation(model: JointModel) -> str:
         parts.append(symbol if formula == "1" else f"{symbol}*{bracketed}")
     rates = []
     for element, names in zip(model.elements, numbered(model.elements), strict=True):
-        renamed = {state_symbol(name): state_symbol(new) for name, new in names.items()}
-        for column in element.form.columns:
-            formula = formula_text(column.expression.xreplace(renamed), motion)
+        columns, states = renamed(element, names)
+        for column in columns:
+            formula = formula_text(column.expression, motion)
             parts.append(f"{ascii_line(column.symbol)}*{formula if formula.isalnum() else f'({formula})'}")
-        for state in element.form.states:
-            name, rate = names[state.name], formula_text(state.rate.xreplace(renamed), motion)
-            limit = "" if state.limit is None else f" with |{name}| <= {formula_text(state.limit, motion)}"
-            rates.append(f"d{name}/dt = {rate}{limit}")
+        for name, rate, bound in states:
+            limit = "" if bound is None else f" with |{name}| <= {formula_text(bound, motion)}"
+            rates.append(f"d{name}/dt = {formula_text(rate, motion)}{limit}")
     return "; ".join([("M = " if motion == "rotation" else "F = ") + " + ".join(parts), *rates])
 
 

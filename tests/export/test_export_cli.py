@@ -104,11 +104,11 @@ def test_a_mistake_is_one_line_and_status_2(run, model_file, arguments, message,
     ("content", "message"),
     [
         (b"{", "not a joint model: the text is not JSON"),
-        (b"[1]", "not a joint model: expected 'schema': 1 and 'terms'"),
+        (b"[1]", "not a joint model: expected 'schema': 2 (or 1) and 'terms'"),
         (b"\xff\xfe\x00", "not a joint model: UnicodeDecodeError"),
         (b"[" * 100_000, "not a joint model: RecursionError"),
-        (b'{"schema": 1, "terms": [{"id": 3}]}', "not a joint model: KeyError"),
-        (b'{"schema": 1, "terms": []}', "not a joint model: KeyError: 'fitted'"),
+        (b'{"schema": 1, "terms": [{"id": 3}]}', "not a joint model: joint: is missing"),
+        (b'{"schema": 1, "terms": []}', "not a joint model: joint: is missing"),
     ],
 )
 def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
@@ -123,12 +123,12 @@ def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("coefficient", "large", "coefficient is 'large'; expected a finite number"),
-        ("coefficient", float("nan"), "coefficient is nan; expected a finite number"),
-        ("symbol", None, "symbol is no text"),
+        ("coefficient", "large", "terms.1.coefficient = 'large': input should be a valid number"),
+        ("coefficient", float("nan"), "terms.1.coefficient = 'nan': input should be a finite number"),
+        ("symbol", None, "terms.1.symbol = 'None': input should be a valid string"),
         ("formula", "__import__('os')", "is not allowed"),
-        ("formula", 7, "formula 7 is a int; expected a text"),
-        ("coefficient", 10**400, "a finite number"),
+        ("formula", 7, "terms.1.formula = '7': input should be a valid string"),
+        ("coefficient", 10**400, "input should be a valid number"),
     ],
 )
 def test_a_damaged_field_is_named(run, model_file, field, value, message):
