@@ -90,20 +90,19 @@ def kind_of(element: JointElement, cycles: Cycles) -> Kind | None:
     angle, rate = float(np.abs(cycles.angle).max()), float(np.abs(cycles.rate).max())
     limit = float(form.limits(element.values)[0])
     if np.isfinite(limit):
-        return _slider(element, limit, rate) if limit > 0 else None
+        return _neat(_slider(element, limit, rate)) if limit > 0 else None
     stiffness = _proportion(element, angle)
     if stiffness is None:
         return None
-    for recognise in (_maxwell, _bouc_wen, _lugre):
-        found = recognise(element, stiffness, angle, rate)
-        if found is not None:
-            return found
-    return None
+    found = (recognise(element, stiffness, angle, rate) for recognise in (_maxwell, _bouc_wen, _lugre))
+    return _neat(next((kind for kind in found if kind is not None), None))
 
 
-def moment_of(kind: Slider | BoucWen) -> float:
-    """Return the largest moment of a kind whose moment is limited, N·m."""
-    return kind.stiffness * kind.deflection
+def _neat(kind: Kind | None) -> Kind | None:
+    """Return a kind with its numbers free of the rounding of their recognition."""
+    if kind is None:
+        return None
+    return type(kind)(*(float(f"{number:.12g}") for number in vars(kind).values()))
 
 
 def state_rates(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
@@ -195,6 +194,7 @@ def _bouc_wen(element: JointElement, stiffness: float, angle: float, rate: float
 
     ahead, back = defect(1.0), defect(-1.0)
     beta, gamma = (ahead - back) / 2, (ahead + back) / 2
+    gamma = np.where(np.abs(gamma) < SAME * np.abs(beta), 0.0, gamma)
     if not beta[1] > 0:
         return None
     n = round(float(np.log(beta[1] / beta[0]) / np.log(2)), 9)

@@ -19,7 +19,7 @@ from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, kind_of, speeds
 from sindyjoint.export.parts import Parts, steepness
-from sindyjoint.export.sliders import NO_PAIRS, pairs_of
+from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
 
 Array = NDArray[np.float64]
@@ -183,15 +183,13 @@ class _Devices:
         if isinstance(kind, LuGre) and kind.stiffness > 0:
             self._lugre(kind.stiffness, kind.deflection, 1 + kind.rise, kind.rate)
             return Represented("dcmotor, lugre", exact)
-        if isinstance(kind, BoucWen) and kind.stiffness > 0 and kind.n == 1 and abs(kind.gamma) < 1e-9 * kind.beta:
+        if isinstance(kind, BoucWen) and kind.stiffness > 0 and kind.n == 1 and not kind.gamma:
             self._lugre(kind.stiffness, kind.deflection, 1.0, 1.0)
             return Represented("dcmotor, lugre without its rise", exact)
         pairs = pairs_of(element, kind, cycles)
-        if pairs is None:
-            return Represented(f"not carried: {NO_PAIRS}", None)
-        for slider in pairs.sliders:
+        for slider in pairs.sliders if pairs else ():
             self._tendon(slider.stiffness, "0.0", slider.deflection)
-        return pairs.represented("fixed tendon, springyield")
+        return represented(pairs, "fixed tendon, springyield")
 
     def _tendon(self, stiffness: float, length: str, deflection: float) -> None:
         self.tendons += [

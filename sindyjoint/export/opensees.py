@@ -16,7 +16,7 @@ from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.elements import BoucWen, Gap, Maxwell, kind_of
 from sindyjoint.export.parts import GIVE, Parts, power_law
-from sindyjoint.export.sliders import NO_PAIRS, pairs_of
+from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, number, preamble, words_of
 
 POINTS = 201
@@ -138,11 +138,9 @@ class _Joint:
         if isinstance(kind, Gap) and kind.moment > 0:
             return self._gap(kind, element, cycles)
         pairs = pairs_of(element, kind, cycles)
-        if pairs is None:
-            return Represented(f"not carried: {NO_PAIRS}", None)
-        for slider in pairs.sliders:
+        for slider in pairs.sliders if pairs else ():
             self.material("ElasticPP", slider.stiffness, slider.deflection)
-        return pairs.represented("ElasticPP")
+        return represented(pairs, "ElasticPP")
 
     def _gap(self, kind: Gap, element: JointElement, cycles: Cycles) -> Represented:
         # The spring goes on at its slope behind the ramp; the slider never lets it get there.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.export.base import Cycles, Represented
-from sindyjoint.export.elements import Kind, Slider, kind_of
+from sindyjoint.export.elements import Kind, Slider
 
 Array = NDArray[np.float64]
 # Deflections at which fitted sliders may yield, as shares of the tested angle; the last one never does.
@@ -39,11 +39,6 @@ class Pairs:
     moment: Array
     exact: bool
 
-    def represented(self, how: str) -> Represented:
-        """Return the row of the element, ``how`` being what the target calls a pair."""
-        count = len(self.sliders)
-        return Represented(how if self.exact else f"{count} x {how}, fitted over the tested range", self.moment)
-
 
 def pairs_of(element: JointElement, kind: Kind | None, cycles: Cycles) -> Pairs | None:
     """Return an element as spring-slider pairs; None where they would miss too much of it."""
@@ -66,12 +61,12 @@ def pairs_of(element: JointElement, kind: Kind | None, cycles: Cycles) -> Pairs 
     return Pairs(sliders, moment, False)
 
 
-def all_pairs(cycles: Cycles, elements: tuple[JointElement, ...]) -> dict[str, Pairs | None]:
-    """Return the spring-slider pairs of elements by id."""
-    return {each.id: pairs_of(each, kind_of(each, cycles), cycles) for each in elements}
-
-
-NO_PAIRS = "it is too far from springs in series with sliders"
+def represented(pairs: Pairs | None, how: str) -> Represented:
+    """Return the row of an element that is spring-slider pairs, ``how`` being what the target calls one, or is none."""
+    if pairs is None:
+        return Represented("not carried: it is too far from springs in series with sliders", None)
+    count = len(pairs.sliders)
+    return Represented(how if pairs.exact else f"{count} x {how}, fitted over the tested range", pairs.moment)
 
 
 def _deflections(cycles: Cycles, yields: Array) -> Array:
