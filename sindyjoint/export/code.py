@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from string import Template
 from typing import Any
@@ -124,6 +124,11 @@ def law_of(model: JointModel) -> Law:
         rates += [at_slip(state.rate.xreplace(here)) for state in form.states]
         limits += [float(limit) for limit in form.limits(element.values)]
     return Law(numbers, moment, tuple(states), tuple(rates), tuple(limits))
+
+
+def law_of_elements(model: JointModel) -> Law:
+    """Return the elements of a model alone."""
+    return law_of(replace(model, terms=(), covariance=()))
 
 
 def filled(

@@ -48,7 +48,8 @@ def pairs_of(element: JointElement, kind: Kind | None, cycles: Cycles) -> Pairs 
     from scipy.optimize import nnls
 
     wanted = cycles.element(element)
-    yields = float(np.abs(cycles.angle).max()) * DEFLECTIONS
+    largest = float(np.abs(cycles.angle).max())
+    yields = np.array([float(f"{largest * share:.4g}") for share in DEFLECTIONS])
     columns = _deflections(cycles, yields)
     stiffness, _ = nnls(columns.reshape(yields.size, -1).T, wanted.ravel())
     forces = stiffness * np.minimum(yields, yields[-2])
@@ -57,6 +58,8 @@ def pairs_of(element: JointElement, kind: Kind | None, cycles: Cycles) -> Pairs 
     moment = np.tensordot(stiffness, columns[kept], 1)
     if not np.mean((moment - wanted) ** 2) < WORST_FIT**2 * np.mean(wanted**2):
         return None
+    stiffness = np.array([float(f"{k:.6g}") for k in stiffness])
+    moment = np.tensordot(stiffness, columns[kept], 1)
     sliders = tuple(Slider(float(k), float(y)) for k, y in zip(stiffness, yields[kept], strict=True) if k > 0)
     return Pairs(sliders, moment, False)
 

@@ -28,35 +28,32 @@ def shipped_terms():
     return {term.id: term for found in list_catalogues() for term in load_catalogue(found.name)}
 
 
+def model_of(
+    coefficients=PAPER, *, motion="rotation", inertia=0.02, name="inter-panel joint", moment_rms=MOMENT_RMS, elements=()
+):
+    """Return a model of coefficients by term id."""
+    catalogue = shipped_terms()
+    reference = Reference(angle=ANGLE, rate=RATE, moment=2 * moment_rms)
+    resolved = [catalogue[term_id].resolve(reference) for term_id in coefficients]
+    values = np.array(list(coefficients.values()))
+    covariance = np.diag((1e-3 * values) ** 2)
+    terms = model_terms(resolved, values, covariance, np.full(values.size, 0.2), 1000, motion)
+    fitted = Fitted(moment_rms, 0.03, 0.03, 0.6, 50000, 12, ANGLE, RATE, (3.0, 4.0))
+    elements = tuple(elements)
+    errors = np.concatenate([1e-3 * values, *([n.standard_error for n in e.numbers] for e in elements)])
+    return JointModel(
+        Joint(name=name, motion=motion, inertia=inertia),
+        terms,
+        tuple(map(tuple, np.diag(errors**2).tolist())),
+        fitted,
+        elements,
+    )
+
+
 @pytest.fixture(scope="session")
 def make_model():
     """Return a function from coefficients by term id to a model."""
-
-    def make(
-        coefficients=PAPER,
-        *,
-        motion="rotation",
-        inertia=0.02,
-        name="inter-panel joint",
-        moment_rms=MOMENT_RMS,
-        elements=(),
-    ):
-        catalogue = shipped_terms()
-        reference = Reference(angle=ANGLE, rate=RATE, moment=2 * moment_rms)
-        resolved = [catalogue[term_id].resolve(reference) for term_id in coefficients]
-        values = np.array(list(coefficients.values()))
-        covariance = np.diag((1e-3 * values) ** 2)
-        terms = model_terms(resolved, values, covariance, np.full(values.size, 0.2), 1000, motion)
-        fitted = Fitted(moment_rms, 0.03, 0.03, 0.6, 50000, 12, ANGLE, RATE, (3.0, 4.0))
-        return JointModel(
-            Joint(name=name, motion=motion, inertia=inertia),
-            terms,
-            tuple(map(tuple, covariance.tolist())),
-            fitted,
-            tuple(elements),
-        )
-
-    return make
+    return model_of
 
 
 def element(effect, column, coefficient, parameters, rate, limit=None, name="z"):
