@@ -35,7 +35,7 @@ def table(targets: list[str]) -> None:
     cases = {"five terms": model_of()}
     cases |= {name: model_of(elements=[element]) for name, element in ELEMENTS.items()}
     print(
-        f"{'target':<10}{'model':<22}{'slipping':>10}{'always':>10}{'table':>9}{'processor':>11}  represented as"
+        f"{'target':<10}{'model':<22}{'slipping':>10}{'always':>10}{'table':>10}{'processor':>11}  represented as"
     )
     for target in targets:
         if reason := missing(target):
@@ -55,7 +55,8 @@ def one(target: str, name: str, model: object) -> str:
     with tempfile.TemporaryDirectory() as folder:
         slipping, always = difference(target, model, drive(), Path(folder))
     spent = time.process_time() - spent
-    return f"{slipping:>10.2%}{always:>10.2%}{row.error:>9.2%}{spent:>9.1f} s  {row.representation}"
+    shares = "".join(f"{f'{100 * share:.2g} %':>10}" for share in (slipping, always, row.error))
+    return f"{shares}{spent:>9.1f} s  {row.representation}"
 
 
 def creep() -> None:

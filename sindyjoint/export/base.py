@@ -165,7 +165,7 @@ class Cycles:
         """
         moment = np.zeros(self.angle.shape)
         step = stiffness * np.diff(self.angle, axis=1, prepend=self.angle[:, -1:])
-        last = np.zeros(len(self.angle))
+        last = np.clip(stiffness * self.angle[:, -1], -limit[:, -1], limit[:, -1])
         for _ in range(2):  # the first round forgets the start
             for i in range(self.angle.shape[1]):
                 last = np.clip(last + step[:, i], -limit[:, i], limit[:, i])
@@ -229,6 +229,14 @@ def check_exportable(model: JointModel) -> None:
                     f"term {term.id!r} of the model: {name} is no text; expected one, as discover writes it"
                 )
     for element in model.elements:
+        form = element.form
+        known = {"theta", "omega", *form.names, *(state.name for state in form.states)}
+        others = sorted({symbol.name for symbol in form.symbols} - known)
+        if others:
+            raise InputError(
+                f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate and "
+                "its own states, which are all that the targets know"
+            )
         for number in element.numbers:
             if not _is_finite(number.value):
                 raise InputError(

@@ -23,7 +23,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.export.base import Cycles, Fidelity, Represented, fidelity_table
 from sindyjoint.export.elements import speeds
 from sindyjoint.export.parts import Parts, softening_limits, steepness
-from sindyjoint.export.text import ascii_line, number, words_of
+from sindyjoint.export.text import ascii_line, number, one_line, words_of
 
 DIRECTION = sympy.Symbol("direction", real=True)
 # A step of the integration as a share of the fastest time constant: sliders yield inside steps, which costs an order.
@@ -118,7 +118,7 @@ def law_of(model: JointModel) -> Law:
         here = {parameter_symbol(name): sympy.Symbol(next(rest), positive=True) for name in form.names}
         for state in form.states:
             here[state_symbol(state.name)] = sympy.Symbol(f"z[{len(states)}]", real=True)
-            states.append(f"{element.id}.{state.name}")
+            states.append(one_line(f"{element.id}.{state.name}"))
         for coefficient, column in zip(coefficients, form.columns, strict=True):
             moment += coefficient * at_slip(column.expression.xreplace(here))
         rates += [at_slip(state.rate.xreplace(here)) for state in form.states]

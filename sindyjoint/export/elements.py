@@ -56,8 +56,8 @@ class BoucWen:
 
     @property
     def deflection(self) -> float:
-        """The state that it comes to at a steady rate."""
-        return float((self.beta + self.gamma) ** (-1 / self.n))
+        """The scale of its state; the value that it comes to at a steady rate where γ is zero."""
+        return float(self.beta ** (-1 / self.n))
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _bouc_wen(element: JointElement, stiffness: float, angle: float, rate: float
     power = (z / angle) ** n
     fits = _same(ahead, ahead[1] * power) and _same(back, back[1] * power)
     other = 1 - _rate(element, np.array([rate, -rate]), np.array([-angle, -angle])) / np.array([rate, -rate])
-    if not fits or n <= 0 or ahead[1] <= 0 or not _same(other, np.array([back[1], ahead[1]])):
+    if not fits or n <= 0 or not _same(other, np.array([back[1], ahead[1]])):
         return None
     return BoucWen(stiffness, n, float(beta[1]) / angle**n, float(gamma[1]) / angle**n)
 

@@ -54,6 +54,8 @@ def pairs_of(element: JointElement, kind: Kind | None, cycles: Cycles) -> Pairs 
     stiffness, _ = nnls(columns.reshape(yields.size, -1).T, wanted.ravel())
     forces = stiffness * np.minimum(yields, yields[-2])
     kept = forces > LEAST_PAIR * forces.sum()
+    if not kept.any():
+        return None
     stiffness, _ = nnls(columns[kept].reshape(int(kept.sum()), -1).T, wanted.ravel())
     moment = np.tensordot(stiffness, columns[kept], 1)
     if not np.mean((moment - wanted) ** 2) < WORST_FIT**2 * np.mean(wanted**2):
