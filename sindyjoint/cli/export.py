@@ -21,7 +21,7 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
-            help="ansys, abaqus, nastran, simscape, fmu, python, c, latex or json.",
+            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex or json.",
             show_default=False,
         ),
     ],

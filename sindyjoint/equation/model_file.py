@@ -8,7 +8,7 @@ from pathlib import Path
 from sindyjoint.checksums import read_checked
 from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_checks import check_model, check_model_data
+from sindyjoint.equation.model_checks import check_model
 from sindyjoint.errors import InputError, MissingInputError
 
 
@@ -36,7 +36,6 @@ def read_model(path: str | os.PathLike[str]) -> JointModel:
         raise InputError(f"{file}: is not UTF-8 text (byte {error.start})") from None
     data = parse_json(text, str(file))
     try:
-        check_model_data(data)
         model = JointModel.from_dict(data)
         check_model(model)
     except (ValueError, AttributeError) as error:

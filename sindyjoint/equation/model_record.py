@@ -14,6 +14,7 @@ from sindyjoint.equation.element import ElementState, JointElement, Value
 from sindyjoint.equation.model_parts import Fitted, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.record import Joint
+from sindyjoint.text import expectation
 
 SCHEMA = 2
 KIND: Literal["JointModel"] = "JointModel"
@@ -122,10 +123,11 @@ class ModelRecord(_Part):
     schema_: Annotated[Literal[1, 2], Field(alias="schema")]
     kind: Literal["JointModel"] = KIND
     joint: JointRecord
-    terms: list[TermRecord]
+    terms: Annotated[list[TermRecord], Field(max_length=200)]
     covariance: list[list[Number]]
     fitted: FittedRecord
-    elements: list[ElementRecord] = []
+    elements: Annotated[list[ElementRecord], Field(max_length=50)] = []
+    fidelity: list[dict[str, Any]] = []  # of an export to JSON
 
 
 def to_record(model: Any) -> dict[str, Any]:
@@ -213,9 +215,9 @@ def validated(schema: Any, data: Any, wanted: str) -> Any:
         fault = sorted(error.errors(), key=lambda each: each["type"] == "extra_forbidden")[0]
         place = ".".join(str(step + 1) if isinstance(step, int) else str(step) for step in fault["loc"])
         words = {"missing": "is missing", "extra_forbidden": "is unknown"}
-        given = f" = {str(fault['input'])[:40]!r}" if fault["type"] not in words else ""
-        reason = words.get(fault["type"], fault["msg"][:1].lower() + fault["msg"][1:])
-        raise InputError(f"not {wanted}: {place}{given}: {reason}") from None
+        given = f" is {str(fault['input'])[:40]!r};" if fault["type"] not in words else ""
+        reason = words.get(fault["type"]) or expectation(fault)
+        raise InputError(f"not {wanted}: {place}{given} {reason}") from None
 
 
 def _term(record: TermRecord) -> ModelTerm:
@@ -255,6 +257,10 @@ def _covariance(rows: list[list[float]], size: int) -> tuple[tuple[float, ...], 
             f"expected {size} of {size}, one for each number of the model"
         )
     matrix = np.array(rows)
-    if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0) or np.any(np.diag(matrix) < 0):
-        raise InputError("not a joint model: covariance is not symmetric, or has a negative variance")
+    scale = np.sqrt(np.abs(np.diagonal(matrix)))
+    bound = (1 + 1e-6) * np.outer(scale, scale)
+    if np.any(np.diagonal(matrix) < 0) or np.any(np.abs(matrix) > bound):
+        raise InputError("not a joint model: in covariance a variance is negative, or a correlation is beyond 1")
+    if np.any(np.abs(matrix - matrix.T) > 1e-6 * bound):
+        raise InputError("not a joint model: covariance is not symmetric")
     return tuple(map(tuple, rows))

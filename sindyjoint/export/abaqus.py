@@ -1,4 +1,8 @@
-"""Abaqus: a connector with nonlinear elasticity, damping and friction (CONN3D2, HINGE or TRANSLATOR)."""
+"""Abaqus: a connector with nonlinear elasticity, damping and friction (CONN3D2, HINGE or TRANSLATOR).
+
+Elements with internal states are connectors beside it that constrain nothing (CARDAN or CARTESIAN): one with friction
+and its stick stiffness is a spring in series with a slider; two with a node between are a Maxwell branch.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,14 @@ import numpy as np
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.elements import Maxwell, Slider, kind_of
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
+from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, number, preamble, words_of
 
 POINTS = 41
+# Numbers that a model rarely uses: of the first element, and of the first node inside a Maxwell branch.
+ELEMENT, BRANCH_NODE = 900001, 900001
 
 
 def export(model: JointModel) -> Export:
@@ -22,10 +30,12 @@ def export(model: JointModel) -> Export:
     damping = tuple(term for term in parts.other_rate if term not in sliding)
     curve = lumped.elastic_curve(parts, POINTS)
     rates = lumped.rate_curve(parts, damping)
+    added = _Hysteresis(model, cycles)
     rows = fidelity_table(
         model,
         cycles,
         {
+            **added.rows,
             **lumped.elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
             **lumped.viscous_rows(parts, cycles, "connector damping, linear"),
             **lumped.rate_rows(parts, damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
@@ -42,10 +52,12 @@ def export(model: JointModel) -> Export:
         "replace the two node numbers and the orientation; the connector's local 1-axis is the joint's axis",
         lumped.range_note(model, "elasticity and damping go on with the last slope"),
         *friction.notes(),
+        *added.notes(),
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "Abaqus", rows, notes), "**")
     text += _deck(model, parts, curve, rates if damping else None, friction)
+    text += "".join(f"{line}\n" for line in added.lines(model.joint.motion == "rotation"))
     return Export("abaqus", {"joint.inp": text}, rows, notes)
 
 
@@ -111,13 +123,75 @@ class _Friction:
         return [*data, "*FRICTION", "1.0,"]
 
 
+class _Hysteresis:
+    """Elements with internal states: pairs of spring and slider, and Maxwell branches."""
+
+    def __init__(self, model: JointModel, cycles: Cycles):
+        self.rows: dict[str, Represented] = {}
+        self.pairs: list[Slider] = []
+        self.branches: list[Maxwell] = []
+        for element in model.elements:
+            kind = kind_of(element, cycles)
+            if isinstance(kind, Maxwell) and kind.stiffness > 0:
+                self.branches.append(kind)
+                moment = cycles.element(element)
+                self.rows[element.id] = Represented("connector elasticity in series with damping", moment)
+                continue
+            pairs = pairs_of(element, kind, cycles)
+            self.pairs += pairs.sliders if pairs else ()
+            self.rows[element.id] = represented(pairs, "connector friction with its stick stiffness")
+
+    def notes(self) -> tuple[str, ...]:
+        if not self.branches:
+            return ()
+        last = BRANCH_NODE + len(self.branches) - 1
+        return (f"define nodes {BRANCH_NODE} to {last} at the joint's place: they are inside its Maxwell branches",)
+
+    def lines(self, rotation: bool) -> list[str]:
+        free, component = ("CARDAN", 4) if rotation else ("CARTESIAN", 1)
+        held = "HINGE" if rotation else "TRANSLATOR"
+        lines: list[str] = []
+        count = iter(range(ELEMENT + 1, 10**9))
+        for slider in self.pairs:
+            friction = [
+                f"*CONNECTOR FRICTION, COMPONENT={component}, STICK STIFFNESS={number(slider.stiffness)}",
+                f"{number(slider.stiffness * slider.deflection)},",
+                "*FRICTION",
+                "1.0,",
+            ]
+            lines += _connector(next(count), "1, 2", free, friction)
+        for index, branch in enumerate(self.branches):
+            node = BRANCH_NODE + index
+            spring = [f"*CONNECTOR ELASTICITY, COMPONENT={component}", f"{number(branch.stiffness)},"]
+            damper = [
+                f"*CONNECTOR DAMPING, COMPONENT={component}",
+                f"{number(branch.stiffness * branch.time)},",
+            ]
+            lines += _connector(next(count), f"1, {node}", held, spring)
+            lines += _connector(next(count), f"{node}, 2", free, damper)
+        return lines
+
+
+def _connector(element: int, nodes: str, kind: str, behaviour: list[str]) -> list[str]:
+    name = f"SINDYJOINT_{element}"
+    return [
+        f"*ELEMENT, TYPE=CONN3D2, ELSET={name}",
+        f"{element}, {nodes}",
+        f"*CONNECTOR SECTION, ELSET={name}, BEHAVIOR={name}_LAW",
+        f"{kind},",
+        "SINDYJOINT_AXES,",
+        f"*CONNECTOR BEHAVIOR, NAME={name}_LAW",
+        *behaviour,
+    ]
+
+
 def _deck(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, friction: _Friction) -> str:
     rotation = model.joint.motion == "rotation"
     kind, component = ("HINGE", 4) if rotation else ("TRANSLATOR", 1)
     lines = [
         "*ELEMENT, TYPE=CONN3D2, ELSET=SINDYJOINT",
         "** element number, node on the base's side, node on the far side",
-        "900001, 1, 2",
+        f"{ELEMENT}, 1, 2",
         "*ORIENTATION, NAME=SINDYJOINT_AXES, DEFINITION=COORDINATES",
         "1., 0., 0., 0., 1., 0.",
         "*CONNECTOR SECTION, ELSET=SINDYJOINT, BEHAVIOR=SINDYJOINT_LAW",

@@ -1,7 +1,8 @@
 """ANSYS Mechanical APDL: elements of the joint between two coincident nodes, and a rig of beams around them.
 
 COMBIN39 carries the elastic part as a table, COMBIN40 Coulomb friction and viscous damping, COMBIN37 damping and
-friction that grow with a power of angle or rate. A linear joint is one COMBIN40.
+friction that grow with a power of angle or rate. A linear joint is one COMBIN40. Elements with internal states are
+COMBIN40, each a spring in series with a slider, or two COMBIN14 with a node between, a Maxwell branch.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ import numpy as np
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.elements import Maxwell, Slider, kind_of
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
+from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, number, preamble, words_of
 
 POINTS = 19  # a COMBIN39 holds twenty
@@ -33,8 +36,8 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
     from sindyjoint.export.ansys_rig import rig_deck
 
     parts, cycles = Parts.of(model), Cycles.of(model)
-    elements = _Elements(parts)
-    rows = fidelity_table(model, cycles, elements.rows(cycles))
+    elements, added = _Elements(parts), _Hysteresis(model, cycles)
+    rows = fidelity_table(model, cycles, {**elements.rows(cycles), **added.rows})
     notes = (
         "set JNTI and JNTJ to two coincident nodes, base's side first, then read this file; it defines element types "
         "and real constants behind those in use",
@@ -46,7 +49,8 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "ANSYS Mechanical APDL", rows, notes), "!")
-    files: dict[str, str | bytes] = {"joint.inp": text + elements.deck()}
+    deck = [*elements.deck(), *added.lines(elements)]
+    files: dict[str, str | bytes] = {"joint.inp": text + "\n".join(deck) + "\n"}
     if elements.rotation:
         name, deck = rig_deck(model, rig)
         files[name] = deck
@@ -142,9 +146,14 @@ class _Elements:
             "it where the stuck joint must be stiffer, at the price of smaller steps",
         )
 
-    def deck(self) -> str:
+    @property
+    def dof(self) -> int:
+        """ROTZ or UX, as KEYOPTs number them."""
+        return 6 if self.rotation else 1
+
+    def deck(self) -> list[str]:
         """Return the commands."""
-        dof = 6 if self.rotation else 1
+        dof = self.dof
         words = words_of(self.parts.model)
         lines = [
             "/PREP7",
@@ -154,7 +163,7 @@ class _Elements:
         if self.springs and self.rising and not self.linear:
             points = [f"{number(v)}" for xy in zip(self.curve.x, self.curve.y, strict=True) for v in xy]
             constants = [points[i : i + 6] for i in range(0, len(points), 6)]
-            lines += self._element("COMBIN39", [(3, dof)], constants, f"elastic {words.moment}")
+            lines += self.one("COMBIN39", [(3, dof)], constants, f"elastic {words.moment}")
         k2 = sum(t.coefficient for t in self.springs) if self.linear else 0.0
         if self.friction or self.parts.viscous or self.linear:
             k1 = self.friction / self.stick if self.friction else 0.0
@@ -162,7 +171,7 @@ class _Elements:
             if not k1 and not k2:
                 k2 = 1e-9 * abs(self.parts.damping)
             values = [k1, self.parts.damping, 0.0, 0.0, self.friction, k2]
-            lines += self._element(
+            lines += self.one(
                 "COMBIN40", [(3, dof)], [[number(v) for v in values]], "friction and viscous damping"
             )
         for power in self.powers:
@@ -170,10 +179,10 @@ class _Elements:
         if self.preload:
             # STIF, DAMP, MASJ, ONVAL, OFFVAL, AFORCE
             values = [0.0, 0.0, 0.0, 0.0, 0.0, self.preload]
-            lines += self._element(
+            lines += self.one(
                 "COMBIN37", [(3, dof)], [[number(v) for v in values]], f"constant {words.moment}"
             )
-        return "\n".join(lines) + "\n"
+        return lines
 
     def _combin37(self, power: _Power, dof: int) -> list[str]:
         slides = power.constant == 8
@@ -185,16 +194,18 @@ class _Elements:
         if slides:
             # FSLIDE itself: nearly all of it comes from C1 and C2, but zero would take the slider away.
             rows.append([number(1e-6 * stiffness * self.stick)])
-        return self._element("COMBIN37", keys, rows, power.term.id, control=True)
+        return self.one("COMBIN37", keys, rows, power.term.id, control=True)
 
-    def _element(
+    def one(
         self,
         kind: str,
         keys: list[tuple[int, int]],
         constants: list[list[str]],
         what: str,
         control: bool = False,
+        nodes: str = "JNTI,JNTJ",
     ) -> list[str]:
+        """Return the commands of one element."""
         rows = [f"R,JNT_R,{','.join(constants[0])}", *(f"RMORE,{','.join(row)}" for row in constants[1:])]
         return [
             comment([what], "!").rstrip(),
@@ -205,8 +216,43 @@ class _Elements:
             *rows,
             "TYPE,JNT_T",
             "REAL,JNT_R",
-            "E,JNTI,JNTJ,JNTI,JNTJ" if control else "E,JNTI,JNTJ",
+            f"E,{nodes},JNTI,JNTJ" if control else f"E,{nodes}",
         ]
+
+
+class _Hysteresis:
+    """Elements with internal states: pairs of spring and slider, and Maxwell branches."""
+
+    def __init__(self, model: JointModel, cycles: Cycles):
+        self.rows: dict[str, Represented] = {}
+        self.pairs: list[tuple[str, Slider]] = []
+        self.branches: list[tuple[str, Maxwell]] = []
+        for element in model.elements:
+            kind = kind_of(element, cycles)
+            if isinstance(kind, Maxwell) and kind.stiffness > 0:
+                self.branches.append((element.id, kind))
+                self.rows[element.id] = Represented("2 x COMBIN14, a node between", cycles.element(element))
+                continue
+            pairs = pairs_of(element, kind, cycles)
+            self.pairs += [(element.id, slider) for slider in (pairs.sliders if pairs else ())]
+            self.rows[element.id] = represented(pairs, "COMBIN40, K1 and FSLIDE")
+
+    def lines(self, elements: _Elements) -> list[str]:
+        """Return the commands."""
+        lines = []
+        for what, slider in self.pairs:
+            limit = slider.stiffness * slider.deflection
+            numbers = [number(v) for v in (slider.stiffness, 0.0, 0.0, 0.0, limit, 0.0)]
+            lines += elements.one("COMBIN40", [(3, elements.dof)], [numbers], what)
+        for what, branch in self.branches:
+            lines += ["*GET,JNT_N,NODE,0,NUM,MAX", "JNT_N=JNT_N+1", "N,JNT_N,NX(JNTI),NY(JNTI),NZ(JNTI)"]
+            for values, nodes in (
+                ((branch.stiffness, 0.0), "JNTI,JNT_N"),
+                ((0.0, branch.stiffness * branch.time), "JNT_N,JNTJ"),
+            ):
+                numbers = [number(v) for v in values]
+                lines += elements.one("COMBIN14", [(2, elements.dof)], [numbers], what, nodes=nodes)
+        return lines
 
 
 def _powers(parts: Parts) -> tuple[tuple[_Power, ...], tuple[ModelTerm, ...]]:

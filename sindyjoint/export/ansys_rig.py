@@ -25,13 +25,13 @@ DENSITY = 2700.0
 
 @dataclass(frozen=True)
 class _AtRest:
-    """The model as a law without friction, for the natural frequency that damping is set by."""
+    """The terms of the model as a law without friction, for the natural frequency that damping is set by."""
 
     model: JointModel
     n_states: int = 0
 
     def moment(self, angle: Any, rate: Any, direction: Any, state: Any = None) -> Any:
-        return self.model.moment(angle, 0.0)
+        return self.model.without_elements().moment(angle, 0.0)
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,7 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
     if not any(isinstance(item, Hinge) for item in items):
         raise InputError(f"rig {given.name!r} has no joint; there is nothing to export the model into")
     structure = assemble(items, given.clamp_stiffness)
+    at_rest = "the stiffness of the terms at standstill" if model.elements else "the stiffness at standstill"
     # A joint without stiffness, a drive say, makes a mechanism: its beams then have the damping of the locked rig.
     locked = not bool(np.all(structure.tangent_stiffness() > 0))
     frequency = float(structure.frequencies(1, locked=locked)[0])
@@ -97,7 +98,7 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
         [
             *heading(model, "ANSYS Mechanical APDL"), "", f"Rig: {name}. {ascii_line(given.description)}",
             f"{sum(isinstance(i, Hinge) for i in items)} joint(s), each with the law of joint.inp next to this file; "
-            f"first frequency with {'locked joints' if locked else 'the stiffness at standstill'} "
+            f"first frequency with {'locked joints' if locked else at_rest} "
             f"{frequency:.4f} Hz.",
             "Plane motion in x and y. Beams have their bending stiffness and mass per length as a section of "
             f"E = {YOUNGS_MODULUS:g} Pa, shear is made stiff as in Euler-Bernoulli beams; material loss is damping in "

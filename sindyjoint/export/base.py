@@ -1,7 +1,7 @@
 """The contract of all targets: files, and a fidelity table that says what they carry and how well.
 
-An exporter says of every term how it is represented and what moment the represented form gives over a set of test
-cycles; the table compares that with the model.
+An exporter says of every term and every element how it is represented and what moment the represented form gives over
+a set of test cycles; the table compares that with the model.
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ from sindyjoint.files.atomic import output_folder, write_bytes
 from sindyjoint.states.policy import POLICY as STATES
 
 if TYPE_CHECKING:
+    from sindyjoint.equation.element import JointElement
     from sindyjoint.equation.model import JointModel, ModelTerm
 
 Array = NDArray[np.float64]
 ALL_TERMS = "all terms"
 LEVELS, PHASES = 10, 720
+# A cycle is gone through so often, or until its internal states repeat.
+ROUNDS = 50
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,9 @@ class Fidelity:
     Parameters
     ----------
     term, symbol : str
-        Id of the term and symbol of its coefficient; the last row is :data:`ALL_TERMS`.
+        Id of the term or element and symbol of its coefficient; the last row is :data:`ALL_TERMS`.
     representation : str
-        How the target represents the term; for a term left out, "not carried" and why.
+        How the target represents it; for what is left out, "not carried" and why.
     carried : bool
     error, largest_error : float
         RMS and largest deviation from the term of the model over the tested range, as shares of the RMS moment of the
@@ -101,10 +104,13 @@ class Cycles:
     ----------
     angle, rate : ndarray, shape (levels, phases)
         One whole cycle per row, rad and rad/s, from a tenth of the tested range to all of it. No rate is zero.
+    step : float
+        s between phases.
     """
 
     angle: Array
     rate: Array
+    step: float
 
     @property
     def moving(self) -> NDArray[np.bool_]:
@@ -116,7 +122,9 @@ class Cycles:
         """Return the cycles up to the largest angle and rate of the test of the model."""
         level = np.linspace(1 / LEVELS, 1, LEVELS)[:, None]
         phase = (np.arange(PHASES) + 0.5) * 2 * np.pi / PHASES
-        return cls(level * model.fitted.angle * np.sin(phase), level * model.fitted.rate * np.cos(phase))
+        fitted = model.fitted
+        step = 2 * np.pi * fitted.angle / fitted.rate / PHASES
+        return cls(level * fitted.angle * np.sin(phase), level * fitted.rate * np.cos(phase), step)
 
     def term(self, term: ModelTerm) -> Array:
         """Moment of one term over the cycles; zero for a term in the acceleration, which no cycle defines."""
@@ -125,6 +133,25 @@ class Cycles:
         if variable_symbols()[2] in term.expression.free_symbols:
             return np.zeros(self.angle.shape)
         return contribution(term, self.angle, self.rate)
+
+    def states(self, element: JointElement) -> Array:
+        """Internal states of an element over the cycles once they repeat, shape (n_states, levels, phases)."""
+        from sindyjoint.equation.internal_states import integrate_states
+
+        form, values = element.form, np.array(element.values)
+        found = np.zeros((len(form.states), *self.angle.shape))
+        integrate: Any = integrate_states
+        if form.states:
+            limits, program = form.limits(values), form.state_program
+            for level, (angle, rate) in enumerate(zip(self.angle, self.rate, strict=True)):
+                one = np.empty((len(form.states), angle.size))
+                integrate(one, angle, rate, self.step, ROUNDS, 4, values, limits, *program)
+                found[:, level] = one
+        return found
+
+    def element(self, element: JointElement) -> Array:
+        """Moment of an element over the cycles once they repeat."""
+        return column_moments(element, self.angle, self.rate, self.states(element)) @ element.coefficients
 
     def slider(self, limit: Array, stiffness: float) -> Array:
         """Moment of a spring-slider (Jenkins) friction element over the cycles once they repeat.
@@ -138,7 +165,7 @@ class Cycles:
         """
         moment = np.zeros(self.angle.shape)
         step = stiffness * np.diff(self.angle, axis=1, prepend=self.angle[:, -1:])
-        last = np.zeros(len(self.angle))
+        last = np.clip(stiffness * self.angle[:, -1], -limit[:, -1], limit[:, -1])
         for _ in range(2):  # the first round forgets the start
             for i in range(self.angle.shape[1]):
                 last = np.clip(last + step[:, i], -limit[:, i], limit[:, i])
@@ -146,16 +173,28 @@ class Cycles:
         return moment
 
 
+def column_moments(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
+    """Return the columns of an element at states, shape (..., n_columns)."""
+    from sindyjoint.equation.formula import compile_terms
+
+    form = element.form
+    arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
+    columns = compile_terms([column.expression for column in form.columns], arguments)
+    flat = [angle.ravel(), rate.ravel(), *(state.ravel() for state in states)]
+    values = [float(value) for value in element.values]
+    return np.asarray(columns(*flat, *values)).reshape(*angle.shape, len(form.columns))
+
+
 @dataclass(frozen=True, eq=False)
 class Represented:
-    """What a target does with one term.
+    """What a target does with one term or element.
 
     Parameters
     ----------
     how : str
         For the table.
     moment : ndarray, shape (levels, phases), or None
-        Represented moment over the cycles; ``None`` for a term that is not carried.
+        Represented moment over the cycles; ``None`` for what is not carried.
     """
 
     how: str
@@ -168,9 +207,9 @@ def check_exportable(model: JointModel) -> None:
     Raises
     ------
     InputError
-        For a model without terms, numbers that are not finite, or no tested range.
+        For a model without terms and elements, numbers that are not finite, or no tested range.
     """
-    if not model.terms:
+    if not model.terms and not model.elements:
         raise InputError("the model has no terms: nothing was found, so there is nothing to export")
     for term in model.terms:
         numbers = {
@@ -189,10 +228,24 @@ def check_exportable(model: JointModel) -> None:
                 raise InputError(
                     f"term {term.id!r} of the model: {name} is no text; expected one, as discover writes it"
                 )
-    if len(set(model.ids)) < len(model.ids):
-        raise InputError(
-            f"the model has a term twice: {', '.join(map(repr, model.ids))}; expected each one once"
-        )
+    for element in model.elements:
+        form = element.form
+        known = {"theta", "omega", *form.names, *(state.name for state in form.states)}
+        others = sorted({symbol.name for symbol in form.symbols} - known)
+        if others:
+            raise InputError(
+                f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate and "
+                "its own states, which are all that the targets know"
+            )
+        for number in element.numbers:
+            if not _is_finite(number.value):
+                raise InputError(
+                    f"element {element.id!r} of the model: {number.name} is {number.value!r}; expected a finite "
+                    "number, as diagnose writes it"
+                )
+    ids = [*model.ids, *(element.id for element in model.elements)]
+    if len(set(ids)) < len(ids):
+        raise InputError(f"the model has a term twice: {', '.join(map(repr, ids))}; expected each one once")
     for name in ("angle", "rate", "moment_rms"):
         value = getattr(model.fitted, name)
         if not (_is_finite(value) and value > 0):
@@ -217,14 +270,15 @@ def fidelity_table(
     model : JointModel
     cycles : Cycles
     represented : mapping of str to Represented
-        By id of the term; every term must be there.
+        By id; every term and every element must be there.
     total : ndarray, shape (levels, phases), optional
         Moment of the exported form as written, rounding included; otherwise the sum over the terms.
     """
     rows, moving = [], cycles.moving
     exact, carried = np.zeros(cycles.angle.shape), np.zeros(cycles.angle.shape)
-    for term in model.terms:
-        item, moment = represented[term.id], cycles.term(term)
+    parts: list[tuple[ModelTerm | JointElement, Array]] = [(term, cycles.term(term)) for term in model.terms]
+    for term, moment in [*parts, *((each, cycles.element(each)) for each in model.elements)]:
+        item = represented[term.id]
         given = np.zeros_like(moment) if item.moment is None else item.moment
         exact, carried = exact + moment, carried + given
         rows.append(
@@ -252,7 +306,7 @@ def _shares(difference: Array, reference: float) -> tuple[float, float]:
 
 
 def not_carried(rows: Sequence[Fidelity]) -> tuple[str, ...]:
-    """Return a sentence for each term that a table does not carry."""
+    """Return a sentence for each term or element that a table does not carry."""
     load = "force" if any(row.term == ALL_TERMS and row.symbol == "F" for row in rows) else "moment"
     return tuple(
         f"{row.term} ({row.symbol}): {row.representation.removeprefix('not carried: ')}; "

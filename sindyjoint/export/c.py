@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
-from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.equation.model import JointModel
 from sindyjoint.export.base import Export
-from sindyjoint.export.code import CPrinter, code_notes, exact_rows, filled
-from sindyjoint.export.text import ascii_line, comment, number, one_line, preamble
+from sindyjoint.export.code import CPrinter, code_notes, exact_rows, filled, law_of, written
+from sindyjoint.export.text import comment, number, one_line, preamble
 
 
 def export(model: JointModel) -> Export:
     """Write ``joint.h``."""
     rows, notes = exact_rows(model, "C expression"), code_notes(model)
+    law, printer = law_of(model), CPrinter()
+    stateful = bool(law.states)
+    limits = ", ".join(written(limit, "HUGE_VAL") for limit in law.limits)
     text = filled(
         "joint.h.txt",
         model,
-        CPrinter(),
+        printer,
         "HUGE_VAL",
-        _coefficient,
+        law,
         comment=block_comment(comment(preamble(model, "C", rows, notes), "")),
         name=string_literal(one_line(model.joint.name)),
+        coefficients="\n".join(
+            f"static const double {name} = {number(value)}; {block_comment(what)}" for name, value, what in law.numbers
+        ),
+        count=str(len(law.states)),
+        names=", ".join([*(string_literal(one_line(state)) for state in law.states), "0"]),
+        limits=", ".join([limits, "0"] if stateful else ["0"]),
+        rates="\n".join(f"    out[{j}] = {printer.doprint(rate)};" for j, rate in enumerate(law.rates)),
+        read=", const double *z" if stateful else "",
+        write=", double *z" if stateful else "",
+        give=", z" if stateful else "",
+        z="z" if stateful else "0",
     )
     return Export("c", {"joint.h": text}, rows, notes)
-
-
-def _coefficient(name: str, term: ModelTerm) -> str:
-    meaning = block_comment(f"{ascii_line(term.unit)}, {ascii_line(term.name)}")
-    return f"static const double {name} = {number(term.coefficient)}; {meaning}"
 
 
 def block_comment(text: str) -> str:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from string import Template
 from typing import Any
@@ -17,13 +18,16 @@ from sympy.printing.c import C99CodePrinter
 from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from sindyjoint.equation.formula import variable_symbols
-from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.formula import parameter_symbol, state_symbol, variable_symbols
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.export.base import Cycles, Fidelity, Represented, fidelity_table
+from sindyjoint.export.elements import speeds
 from sindyjoint.export.parts import Parts, softening_limits, steepness
-from sindyjoint.export.text import number, words_of
+from sindyjoint.export.text import ascii_line, number, one_line, words_of
 
 DIRECTION = sympy.Symbol("direction", real=True)
+# A step of the integration as a share of the fastest time constant: sliders yield inside steps, which costs an order.
+SHARE, SHARE_OF_SLIDERS = 0.1, 0.02
 
 
 class CPrinter(C99CodePrinter):
@@ -67,13 +71,68 @@ def at_slip(expression: sympy.Expr) -> sympy.Expr:
     return sympy.expand_mul(expression.xreplace({sympy.sign(omega): DIRECTION}))
 
 
+@dataclass(frozen=True)
+class Law:
+    """A model in sympy, with the names that its numbers and states have in code.
+
+    Parameters
+    ----------
+    numbers : tuple of (str, float, str)
+        Name, value and meaning of each constant.
+    moment : sympy.Expr
+    states : tuple of str
+        What each internal state is, element.state.
+    rates : tuple of sympy.Expr
+    limits : tuple of float
+        Infinite where a state has none.
+    """
+
+    numbers: tuple[tuple[str, float, str], ...]
+    moment: sympy.Expr
+    states: tuple[str, ...]
+    rates: tuple[sympy.Expr, ...]
+    limits: tuple[float, ...]
+
+
+def law_of(model: JointModel) -> Law:
+    """Return a model as expressions of ``theta``, ``omega``, ``direction`` and the states ``z[0]``, ``z[1]``, …"""
+    parts = Parts.of(model)
+    terms = (*parts.elastic, *parts.rate, *parts.coupled)
+    inner = [(element, number) for element in model.elements for number in element.numbers]
+    names = identifiers([term.symbol for term in terms] + [number.name for _, number in inner])
+    meanings = [(t.coefficient, t.unit, t.name) for t in terms]
+    meanings += [(number.value, number.unit, f"{number.name} of {element.id}") for element, number in inner]
+    numbers = tuple(
+        (name, value, f"{ascii_line(unit)}, {ascii_line(what)}".removeprefix(", "))
+        for name, (value, unit, what) in zip(names, meanings, strict=True)
+    )
+    moment = sum(
+        (sympy.Symbol(name) * at_slip(term.expression) for name, term in zip(names, terms, strict=False)),
+        sympy.Integer(0),
+    )
+    states, rates, limits = [], [], []
+    rest = iter(names[len(terms) :])
+    for element in model.elements:
+        form = element.form
+        coefficients = [sympy.Symbol(next(rest)) for _ in form.columns]
+        here = {parameter_symbol(name): sympy.Symbol(next(rest), positive=True) for name in form.names}
+        for state in form.states:
+            here[state_symbol(state.name)] = sympy.Symbol(f"z[{len(states)}]", real=True)
+            states.append(one_line(f"{element.id}.{state.name}"))
+        for coefficient, column in zip(coefficients, form.columns, strict=True):
+            moment += coefficient * at_slip(column.expression.xreplace(here))
+        rates += [at_slip(state.rate.xreplace(here)) for state in form.states]
+        limits += [float(limit) for limit in form.limits(element.values)]
+    return Law(numbers, moment, tuple(states), tuple(rates), tuple(limits))
+
+
+def law_of_elements(model: JointModel) -> Law:
+    """Return the elements of a model alone."""
+    return law_of(replace(model, terms=(), covariance=()))
+
+
 def filled(
-    file: str,
-    model: JointModel,
-    printer: CodePrinter,
-    infinity: str,
-    coefficient: Callable[[str, ModelTerm], str],
-    **own: str,
+    file: str, model: JointModel, printer: CodePrinter, infinity: str, law: Law, **own: str
 ) -> str:
     """Return the text of a template of code with the numbers and the law of a model.
 
@@ -86,37 +145,35 @@ def filled(
         Of the language.
     infinity : str
         As the language writes it.
-    coefficient : callable
-        From the identifier of a coefficient and its term to the line that declares it.
+    law : Law
+        Of the model.
     **own : str
         What only this template holds.
     """
-    parts = Parts.of(model)
-    terms = (*parts.elastic, *parts.rate, *parts.coupled)
-    names = identifiers([term.symbol for term in terms])
-    law = sum(
-        (sympy.Symbol(name) * at_slip(term.expression) for name, term in zip(names, terms, strict=True)),
-        sympy.Integer(0),
-    )
-    low, high = (
-        number(value) if math.isfinite(value) else ("" if value > 0 else "-") + infinity
-        for value in softening_limits(model)
-    )
+    low, high = (written(value, infinity) for value in softening_limits(model))
     stiffness, damping = steepness(model)
+    cycles = Cycles.of(model)
+    fast = [speeds(element, cycles) for element in model.elements]
     return template(file).substitute(
         inertia=number(model.inertia),
         inertia_unit=words_of(model).inertia_unit,
         low=low,
         high=high,
-        stiffness=number(stiffness),
+        stiffness=number(stiffness + sum(k for k, _ in fast)),
         damping=number(damping),
-        coefficients="\n".join(map(coefficient, names, terms)),
-        law=printer.doprint(law),
+        relaxation=number(max((decay for _, decay in fast), default=0.0)),
+        share=number(SHARE_OF_SLIDERS if any(map(math.isfinite, law.limits)) else SHARE),
+        law=printer.doprint(law.moment),
         **own,
     )
 
 
-def identifiers(symbols: list[str]) -> list[str]:
+def written(value: float, infinity: str) -> str:
+    """Return a number that may be infinite."""
+    return number(value) if math.isfinite(value) else ("" if value > 0 else "-") + infinity
+
+
+def identifiers(symbols: Sequence[str]) -> list[str]:
     """Return a separate identifier for each symbol, valid in C and Python.
 
     Examples
@@ -136,7 +193,12 @@ def identifiers(symbols: list[str]) -> list[str]:
     return taken
 
 
-_RESERVED = {"JOINT_" + name for name in ("H", "NAME", "INERTIA", "LOW", "HIGH", "STIFFNESS", "DAMPING")}
+_RESERVED = {
+    "JOINT_" + name
+    for name in (
+        "H", "NAME", "INERTIA", "LOW", "HIGH", "STIFFNESS", "DAMPING", "RELAXATION", "STATES", "STATE_NAMES", "LIMITS",
+    )
+}  # fmt: skip
 
 
 def template(name: str) -> Template:
@@ -158,6 +220,7 @@ def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
     """Return the fidelity table of a target that computes the formulas themselves."""
     cycles, inertial = Cycles.of(model), Parts.of(model).inertial
     represented = {term.id: Represented(how, cycles.term(term)) for term in model.terms}
+    represented |= {e.id: Represented(f"{how}, internal states", cycles.element(e)) for e in model.elements}
     for term in inertial:
         if term.id == INERTIA:
             represented[term.id] = Represented("the number INERTIA, used in steps", cycles.term(term))
@@ -171,4 +234,9 @@ def code_notes(model: JointModel) -> tuple[str, ...]:
     notes = [bounds(model)]
     if model.inertia == 0:
         notes.append("the moving inertia is not known: give one to step()")
+    states = law_of(model).states
+    if states:
+        notes.append(
+            f"internal states, zero at the start: {', '.join(states)}; steps of the integration divide those of the caller"
+        )
     return tuple(notes)

@@ -14,7 +14,7 @@ from pathlib import Path
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import MissingExtraError
 from sindyjoint.export.base import Export, not_carried
-from sindyjoint.export.code import bounds, exact_rows, template
+from sindyjoint.export.code import bounds, exact_rows, identifiers, law_of, template
 from sindyjoint.export.python import source
 from sindyjoint.export.text import fidelity_lines, one_line, words_of
 
@@ -41,13 +41,22 @@ def export(model: JointModel) -> Export:
         f"{bounds(model)}: the unit then refuses the step",
         "the unit runs Python inside (binaries for Linux and Windows, 64 bit): the machine that runs it needs Python 3",
     ]
+    if model.elements:
+        notes.append(
+            "internal states are local variables, zero at the start: " + ", ".join(law_of(model).states)
+        )
     if model.inertia == 0:
         notes.append("the moving inertia is not known: set the parameter inertia")
     # Two units in one process share Python's table of modules: a name made of the content keeps them apart.
     digest = hashlib.sha256(model.to_json().encode("utf-8", "backslashreplace")).hexdigest()
     module = f"joint_{digest[:12]}"
     words = words_of(model)
+    states = law_of(model).states
+    names = identifiers(states)
     text = template("joint_fmu.py.txt").substitute(
+        states=ascii([name.replace("JOINT_", "state_", 1) for name in names]),
+        given=", self._states" if states else "",
+        call=", None, self._states" if states else "",
         law=source(model, rows, "FMI 2.0"),
         description=ascii(one_line(model.joint.name)),
         guid=ascii(digest[:32]),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 
-from sindyjoint.equation.equation_text import latex_symbol
+from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.equation_text import latex_symbol, numbered, renamed
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.text import comment, one_line, preamble, words_of
@@ -22,6 +23,7 @@ def export(model: JointModel) -> Export:
     """Write ``joint.tex``, to be input into a document."""
     cycles = Cycles.of(model)
     represented = {term.id: Represented("formula and coefficient", cycles.term(term)) for term in model.terms}
+    represented |= {e.id: Represented("formulas and numbers", cycles.element(e)) for e in model.elements}
     rows = fidelity_table(model, cycles, represented)
     notes = ("needs the packages booktabs and amsmath; coefficients are rounded to their standard errors",)
     rotation, words = model.joint.motion == "rotation", words_of(model)
@@ -48,6 +50,7 @@ def export(model: JointModel) -> Export:
             r"    Term & Symbol & Coefficient & Unit \\",
             r"    \midrule",
             *(f"    {_row(term)}" for term in model.terms),
+            *(f"    {line}" for element in model.elements for line in _element_rows(element)),
             r"    \bottomrule",
             r"  \end{tabular}",
             r"\end{table}",
@@ -61,15 +64,26 @@ def equation(model: JointModel) -> str:
     """Return what ``model.latex()`` does, with symbols that are no plain names set as text."""
     from sindyjoint.equation.formula import formula_latex
 
-    if all(_PLAIN.fullmatch(term.symbol) for term in model.terms):
+    symbols = [term.symbol for term in model.terms] + [c.name for e in model.elements for c in e.columns]
+    if all(_PLAIN.fullmatch(symbol) for symbol in symbols):
         return model.latex()
+    motion = model.joint.motion
     rotation = model.joint.motion == "rotation"
     parts = [r"I\,\ddot{\theta}" if rotation else r"m\,\ddot{x}"] if model.joint.inertia is not None else []
     parts += [
         rf"{_symbol(term.symbol)}\,\left({formula_latex(term.expression, model.joint.motion)}\right)"
         for term in model.terms
     ]
-    return ("M = " if rotation else "F = ") + " + ".join(parts)
+    rates = []
+    for element, names in zip(model.elements, numbered(model.elements), strict=True):
+        columns, states = renamed(element, names)
+        parts += [
+            rf"{_symbol(c.symbol)}\,\left({formula_latex(c.expression, motion)}\right)" for c in columns
+        ]
+        for name, rate, limit in states:
+            bound = "" if limit is None else rf",\ |{_symbol(name)}| \leq {formula_latex(limit, motion)}"
+            rates.append(rf"\dot{{{_symbol(name)}}} = {formula_latex(rate, motion)}{bound}")
+    return r",\quad ".join([("M = " if rotation else "F = ") + " + ".join(parts), *rates])
 
 
 def escape(text: str) -> str:
@@ -91,6 +105,14 @@ def _row(term: ModelTerm) -> str:
         rf"{escape(term.name)}{parameters} & $ {_symbol(term.symbol)} $ & "
         rf"$ {with_error(term.coefficient, term.standard_error)} $ & {_unit(term.unit)} \\"
     )
+
+
+def _element_rows(element: JointElement) -> list[str]:
+    return [
+        rf"{escape(element.name)} & $ {_symbol(number.name)} $ & "
+        rf"$ {with_error(number.value, number.standard_error)} $ & {_unit(number.unit)} \\"
+        for number in element.numbers
+    ]
 
 
 def _symbol(symbol: str) -> str:

@@ -1,7 +1,9 @@
 """Nastran: CBUSH with PBUSH and PBUSHT for a rotational joint, CBUSH1D with PBUSH1D for a translational one.
 
 A CBUSH has no tabulated force of the rate. What depends on the rate beyond viscous damping is, for a rotational joint,
-a CBUSH1D between two additional grid points, whose distance is tied to the relative rotation (MPC).
+a CBUSH1D between two additional grid points, whose distance is tied to the relative rotation (MPC). Springs in series
+with sliders are rods of an elastic-plastic material, tied in the same way; a Maxwell branch is a spring and a damper
+with a scalar point between (CELAS2, CDAMP2).
 """
 
 from __future__ import annotations
@@ -11,12 +13,14 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.elements import Maxwell, Slider, kind_of
 from sindyjoint.export.parts import Curve, Parts, total
+from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, preamble, words_of
 
 POINTS = 41
 # Numbers that a model rarely uses; the notes say to change them where they are taken.
-ELEMENT, DAMPER, TABLE_ELASTIC, TABLE_RATE, STILL, RELATIVE, SET = range(900001, 900008)
+ELEMENT, DAMPER, TABLE_ELASTIC, TABLE_RATE, STILL, RELATIVE, SET, FAR, FIRST = range(900001, 900010)
 NODES = (1, 2)
 
 
@@ -32,7 +36,9 @@ def export(model: JointModel) -> Export:
     words = words_of(model)
     spring = f"{'PBUSHT KN' if rotation else 'PBUSH1D SPRING'} table of {POINTS} points"
     damper = f"PBUSH1D DAMPER table of {rates.x.size} points"
+    added = _Hysteresis(model, cycles)
     carried: dict[str, Represented] = {
+        **added.rows,
         **lumped.elastic_rows(parts, cycles, curve.x, spring),
         **lumped.viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
         **lumped.rate_rows(parts, tabulated, cycles, rates.x, damper),
@@ -43,6 +49,8 @@ def export(model: JointModel) -> Export:
         **lumped.inertial_rows(parts),
     }
     total = _total(parts, cycles, curve, rates if tabulated else None)
+    total = total + sum(r.moment for r in added.rows.values() if r.moment is not None)
+    tied = rotation and bool(tabulated) or bool(added.pairs)
     rows = fidelity_table(model, cycles, carried, total)
     notes = (
         f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
@@ -52,16 +60,17 @@ def export(model: JointModel) -> Export:
         *(
             (
                 f"case control: MPC = {SET}; it makes the x displacement of grid point {RELATIVE} the relative "
-                "rotation, 1 m for 1 rad",
+                + ("rotation, 1 m for 1 rad" if rotation else "displacement"),
             )
-            if rotation and tabulated
+            if tied
             else ()
         ),
         lumped.range_note(model, "they go on with the last slope"),
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "Nastran", rows, notes), "$", width=72)
-    text += _deck(rotation, parts, curve, rates if tabulated else None)
+    text += _deck(rotation, parts, curve, rates if tabulated else None, tied)
+    text += "".join(f"{card}\n" for card in added.cards(rotation))
     return Export("nastran", {"joint.bdf": text}, rows, notes)
 
 
@@ -127,7 +136,49 @@ def _table(number: int, curve: Curve) -> str:
     return _card("TABLED1", number, *[None] * 7, *pairs, "ENDT")
 
 
-def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None) -> str:
+class _Hysteresis:
+    """Elements with internal states: pairs of spring and slider, and Maxwell branches."""
+
+    def __init__(self, model: JointModel, cycles: Cycles):
+        self.rows: dict[str, Represented] = {}
+        self.pairs: list[Slider] = []
+        self.branches: list[Maxwell] = []
+        for element in model.elements:
+            kind = kind_of(element, cycles)
+            if isinstance(kind, Maxwell) and kind.stiffness > 0:
+                self.branches.append(kind)
+                how = "CELAS2 and CDAMP2, a scalar point between"
+                self.rows[element.id] = Represented(how, cycles.element(element))
+                continue
+            pairs = pairs_of(element, kind, cycles)
+            self.pairs += pairs.sliders if pairs else ()
+            self.rows[element.id] = represented(pairs, "CROD, MATS1 without hardening")
+
+    def cards(self, rotation: bool) -> list[str]:
+        component = 6 if rotation else 1
+        count = iter(range(FIRST, 10**8))
+        # A rod of length and area 1: its strain is the relative motion, its stress the moment.
+        cards = [_card("GRID", FAR, None, -1.0, 0.0, 0.0, None, 123456)] if self.pairs else []
+        for slider in self.pairs:
+            one = next(count)
+            limit = slider.stiffness * slider.deflection
+            cards += [
+                _card("CROD", one, one, FAR, RELATIVE),
+                _card("PROD", one, one, 1.0),
+                _card("MAT1", one, slider.stiffness, None, 0.3),
+                _card("MATS1", one, None, "PLASTIC", 0.0, 1, 1, limit),
+            ]
+        for branch in self.branches:
+            point, spring, damper = next(count), next(count), next(count)
+            cards += [
+                _card("SPOINT", point),
+                _card("CELAS2", spring, branch.stiffness, NODES[0], component, point),
+                _card("CDAMP2", damper, branch.stiffness * branch.time, point, None, NODES[1], component),
+            ]
+        return cards
+
+
+def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None, tied: bool) -> str:
     step = 1e-6 * parts.model.fitted.angle
     low, high = total(parts.elastic, np.array([-step, step]), 0.0)
     stiffness = float(high - low) / (2 * step)
@@ -140,9 +191,6 @@ def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None) -> st
         cards.append(_card("PBUSHT", ELEMENT, "KN", *[None] * 5, TABLE_ELASTIC))
         if rates is not None:
             cards.append(_card("GRID", STILL, None, 0.0, 0.0, 0.0, None, 123456))
-            cards.append(_card("GRID", RELATIVE, None, 0.0, 0.0, 0.0, None, 23456))
-            # Far side minus base's side: a force on it is a pair of moments on the two sides.
-            cards.append(_card("MPC", SET, RELATIVE, 1, 1.0, NODES[1], 6, -1.0, None, None, NODES[0], 6, 1.0))
             cards.append(_card("CBUSH1D", DAMPER, DAMPER, STILL, RELATIVE, 0))
             cards.append(_card("PBUSH1D", DAMPER, 0.0, *[None] * 6, "DAMPER", "TABLE", TABLE_RATE))
     else:
@@ -155,6 +203,11 @@ def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None) -> st
                 *[None] * 5, *tail,
             )
         )  # fmt: skip
+    if tied:
+        dof = 6 if rotation else 1
+        cards.append(_card("GRID", RELATIVE, None, 0.0, 0.0, 0.0, None, 23456))
+        # Far side minus base's side: a force on it is a pair of moments on the two sides.
+        cards.append(_card("MPC", SET, RELATIVE, 1, 1.0, NODES[1], dof, -1.0, None, None, NODES[0], dof, 1.0))
     cards.append(_table(TABLE_ELASTIC, curve))
     if rates is not None:
         cards.append(_table(TABLE_RATE, rates))

@@ -180,7 +180,7 @@ def softening_limits(model: JointModel) -> tuple[float, float]:
 def steepness(model: JointModel) -> tuple[float, float]:
     """Return the largest |∂M/∂θ|, N·m/rad, and |∂M/∂θ̇| away from zero rate, N·m·s/rad, over the tested range.
 
-    They bound the step of an explicit integration of the joint.
+    They bound the step of an explicit integration of the joint's terms.
     """
     parts = Parts.of(model)
     terms = (*parts.elastic, *parts.rate, *parts.coupled)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export.base import Export, Fidelity
-from sindyjoint.export.code import PythonPrinter, code_notes, exact_rows, filled
-from sindyjoint.export.text import ascii_line, comment, number, one_line, preamble
+from sindyjoint.export.code import PythonPrinter, code_notes, exact_rows, filled, law_of, written
+from sindyjoint.export.text import comment, number, one_line, preamble
 
 
 def export(model: JointModel) -> Export:
@@ -16,15 +16,35 @@ def export(model: JointModel) -> Export:
 
 def source(model: JointModel, rows: tuple[Fidelity, ...], target: str) -> str:
     """Return the text of the module."""
+    law = law_of(model)
+    printer = PythonPrinter({"fully_qualified_modules": True})
+    rates = ", ".join(printer.doprint(rate) for rate in law.rates)
+    limits = ", ".join(written(limit, "math.inf") for limit in law.limits)
+    given = dict.fromkeys(("argument", "document", "start", "keep", "inside", "states_inside", "begin"), "")
+    given["state"] = "()"
+    if law.states:
+        given = {
+            "argument": ", state",
+            "state": "state",
+            "document": "\n\n    state is the list of the internal states in the order of STATES; without it they are zero.",
+            "start": ", state=None",
+            "keep": "    if state is not None:\n        state[:] = z\n",
+            "inside": ", z",
+            "states_inside": ", states",
+            "begin": "    state = [0.0] * len(STATES) if state is None else state\n",
+        }
     return filled(
         "joint.py.txt",
         model,
-        PythonPrinter({"fully_qualified_modules": True}),
+        printer,
         "math.inf",
-        lambda name, term: (
-            f"{name} = {number(term.coefficient)}  # {ascii_line(term.unit)}, {ascii_line(term.name)}"
-        ),
+        law,
+        coefficients="\n".join(f"{name} = {number(value)}  # {what}" for name, value, what in law.numbers),
         comment=comment(preamble(model, target, rows, code_notes(model)), "#"),
         name=ascii(one_line(model.joint.name)),
         motion=ascii(model.joint.motion),
+        states=ascii([one_line(name) for name in law.states]),
+        limits=f"[{limits}]",
+        rates=f"[{rates}]",
+        **given,
     )

@@ -1,4 +1,7 @@
-"""Simscape: a MATLAB script with the parameters of a spring, a damper and a friction block in parallel."""
+"""Simscape: a MATLAB script with the parameters of a spring, a damper and a friction block in parallel.
+
+Elements with internal states are a custom component beside them, in a file of its own.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,11 @@ from sindyjoint.export.parts import RAMP, Curve, Parts
 from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
 
 POINTS = 41
+NAME = "sindyjoint_elements"
 
 
 def export(model: JointModel) -> Export:
-    """Write ``joint.m``."""
+    """Write ``joint.m`` and, for a model with elements, ``sindyjoint_elements.ssc``."""
     parts, cycles = Parts.of(model), Cycles.of(model)
     curve = lumped.elastic_curve(parts, POINTS)
     rates = lumped.rate_curve(parts, parts.other_rate)
@@ -34,11 +38,20 @@ def export(model: JointModel) -> Export:
                 parts.coupled, f"these blocks have no {words.moment} of {words.angle} and {words.rate} together"
             ),
             **lumped.inertial_rows(parts),
+            **{e.id: Represented(f"component {NAME}", cycles.element(e)) for e in model.elements},
         },
     )  # fmt: skip
     notes = (
         f"put the blocks in parallel: Nonlinear {kind} Spring and Damper (Simscape Driveline, by table lookup, linear "
         f"interpolation) and {kind} Friction (Foundation Library)",
+        *(
+            (
+                f"elements are the custom component {NAME} in {NAME}.ssc, in parallel to the blocks; its internal states "
+                "are variables, and its ports are R and C as those of the blocks",
+            )
+            if model.elements
+            else ()
+        ),
         *(
             (
                 f"the friction block is a smooth curve, tanh({words.rate}/{threshold:.4g}): it creeps instead of "
@@ -52,7 +65,13 @@ def export(model: JointModel) -> Export:
     )
     text = comment(preamble(model, "Simscape", rows, notes), "%")
     text += _script(model, parts, curve, rates if parts.other_rate else None, threshold)
-    return Export("simscape", {"joint.m": text}, rows, notes)
+    files: dict[str, str | bytes] = {"joint.m": text}
+    if model.elements:
+        # sympy is imported for code alone.
+        from sindyjoint.export.simscape_component import component
+
+        files[f"{NAME}.ssc"] = component(model, comment(preamble(model, "Simscape", rows, notes), "%"))
+    return Export("simscape", files, rows, notes)
 
 
 def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) -> dict[str, Represented]:

@@ -92,6 +92,7 @@ def heading(model: JointModel, target: str) -> list[str]:
 
 def equation(model: JointModel) -> str:
     """Return the equation in ASCII, with the syntax of the catalogues for formulas."""
+    from sindyjoint.equation.equation_text import numbered, renamed
     from sindyjoint.equation.formula import formula_text
 
     motion = model.joint.motion
@@ -101,7 +102,16 @@ def equation(model: JointModel) -> str:
         bracketed = f"({formula})" if term.expression.is_Add or formula.startswith("-") else formula
         symbol = ascii_line(term.symbol)
         parts.append(symbol if formula == "1" else f"{symbol}*{bracketed}")
-    return ("M = " if motion == "rotation" else "F = ") + " + ".join(parts)
+    rates = []
+    for element, names in zip(model.elements, numbered(model.elements), strict=True):
+        columns, states = renamed(element, names)
+        for column in columns:
+            formula = formula_text(column.expression, motion)
+            parts.append(f"{ascii_line(column.symbol)}*{formula if formula.isalnum() else f'({formula})'}")
+        for name, rate, bound in states:
+            limit = "" if bound is None else f" with |{name}| <= {formula_text(bound, motion)}"
+            rates.append(f"d{name}/dt = {formula_text(rate, motion)}{limit}")
+    return "; ".join([("M = " if motion == "rotation" else "F = ") + " + ".join(parts), *rates])
 
 
 def fidelity_lines(rows: Sequence[Fidelity]) -> list[str]:

@@ -104,11 +104,11 @@ def test_a_mistake_is_one_line_and_status_2(run, model_file, arguments, message,
     ("content", "message"),
     [
         (b"{", "is not JSON"),
-        (b"[1]", "not a joint model: expected 'schema' and 'terms'"),
+        (b"[1]", "not a joint model: expected 'schema': 2 (or 1) and 'terms'"),
         (b"\xff\xfe\x00", "is not UTF-8 text"),
         (b"[" * 100_000, "is nested too deeply"),
-        (b'{"schema": 1, "terms": [{"id": 3}]}', "term 1: 'id' is 3; expected a text"),
-        (b'{"schema": 1, "terms": []}', "not a joint model: KeyError: 'fitted'"),
+        (b'{"schema": 1, "terms": [{"id": 3}]}', "not a joint model: joint is missing"),
+        (b'{"schema": 1, "terms": []}', "not a joint model: joint is missing"),
     ],
 )
 def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
@@ -123,11 +123,11 @@ def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("coefficient", "large", "'coefficient' is 'large'; expected a finite number"),
-        ("coefficient", float("nan"), "'coefficient' is nan; expected a finite number"),
-        ("symbol", None, "'symbol' is None; expected a text"),
+        ("coefficient", "large", "terms.1.coefficient is 'large'; expected a"),
+        ("coefficient", float("nan"), "terms.1.coefficient is 'nan'; expected a"),
+        ("symbol", None, "terms.1.symbol is 'None'; expected a"),
         ("formula", "__import__('os')", "is not allowed"),
-        ("formula", 7, "'formula' is 7; expected a text"),
+        ("formula", 7, "terms.1.formula is '7'; expected a"),
         ("coefficient", 10**400, "holds an integer of"),
     ],
 )

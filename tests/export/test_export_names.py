@@ -9,6 +9,8 @@ from dataclasses import replace
 
 import pytest
 
+from conftest import ELEMENTS
+
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import TARGETS, export_model, read_model, write_export
 
@@ -21,7 +23,10 @@ HOSTILE = (
 @pytest.fixture(scope="module")
 def hostile_model(make_model):
     """A model whose joint, term names, symbols and units are all hostile."""
-    model = make_model(name=HOSTILE)
+    element = ELEMENTS["jenkins_element"]
+    column = replace(element.columns[0], name=HOSTILE, unit=HOSTILE)
+    element = replace(element, id=HOSTILE, effect=HOSTILE, symbol=HOSTILE, name=HOSTILE, columns=(column,))
+    model = make_model(name=HOSTILE, elements=[element])
     terms = (replace(model.terms[0], name=HOSTILE, symbol=HOSTILE, unit=HOSTILE), *model.terms[1:])
     return replace(model, terms=terms)
 
@@ -30,16 +35,18 @@ def hostile_model(make_model):
     ("target", "mark", "allowed"),
     [
         ("ansys", "!", r"[A-Z/*!]"),
-        ("abaqus", "**", r"\*|[-\d]|HINGE,|SINDYJOINT_AXES,"),
+        ("abaqus", "**", r"\*|[-\d]|HINGE,|CARDAN,|SINDYJOINT_AXES,"),
         ("nastran", "$", r"[A-Z1]+\*|\*|\$"),
         ("simscape", "%", r"joint|    [-\d]|%"),
         ("latex", "%", r"\\|%| "),
         ("python", "#", r""),
+        ("opensees", "#", r""),
     ],
 )
 def test_a_hostile_name_never_begins_a_line(hostile_model, make_model, target, mark, allowed):
     hostile, plain = (
-        next(iter(export_model(m, target).files.values())) for m in (hostile_model, make_model())
+        next(iter(export_model(m, target).files.values()))
+        for m in (hostile_model, make_model(elements=[ELEMENTS["jenkins_element"]]))
     )
     for line in re.split(r"[\n\r\v\f\x1c-\x1e\x85\u2028\u2029]", hostile):
         assert not line.lstrip().startswith(("*STEP", "/EXIT", "ENDDATA")), line
@@ -62,6 +69,32 @@ def test_a_hostile_name_is_text_in_python(hostile_model):
     }
     name = ast.literal_eval(values["NAME"])
     assert name.startswith('evil */ int x; /* "q"') and "\n" not in name
+
+
+def test_a_hostile_name_is_text_in_every_python_script(hostile_model):
+    tree = ast.parse(export_model(hostile_model, "opensees").files["joint_opensees.py"])
+    calls = {node.func.attr for node in ast.walk(tree) if isinstance(node, ast.Call) and hasattr(node.func, "attr")}
+    assert calls <= {"uniaxialMaterial", "element", "node", "nodeCoord", "nodeDisp", "equalDOF"}
+
+
+def test_a_hostile_name_is_text_in_mjcf(hostile_model, make_model):
+    from xml.etree import ElementTree
+
+    hostile, plain = (
+        ElementTree.fromstring(export_model(m, "mujoco").files["joint.xml"])
+        for m in (hostile_model, make_model(elements=[ELEMENTS["jenkins_element"]]))
+    )
+    assert hostile.get("model").startswith('evil */ int x; /* "q"')
+    assert [(node.tag, len(node.attrib)) for node in hostile.iter()] == [
+        (node.tag, len(node.attrib)) for node in plain.iter()
+    ]
+
+
+def test_a_hostile_name_is_comment_in_a_component(hostile_model):
+    lines = export_model(hostile_model, "simscape").files["sindyjoint_elements.ssc"].splitlines()
+    code = [line.split("%")[0] for line in lines]
+    assert not any(word in line for line in code for word in ("evil", "STEP", "system", "ENDDATA") if "JOINT_" not in line)
+    assert all(line.isascii() for line in lines)
 
 
 def test_a_hostile_name_is_text_in_c(hostile_model, tmp_path):

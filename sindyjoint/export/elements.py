@@ -1,0 +1,230 @@
+"""What kind of element a part with internal states is, whatever its effect is called: spring and slider, Maxwell, …
+
+Elements come from catalogues that people edit, so they are known by what their formulas do, not by name: rates and
+moments are evaluated at a few states and compared with those of the kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.formula import compile_terms
+from sindyjoint.export.base import Cycles, column_moments
+
+Array = NDArray[np.float64]
+# Two numbers are one where they differ by less.
+SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A spring in series with a slider (Jenkins): it slides where its spring is deflected by ``deflection``."""
+
+    stiffness: float
+    deflection: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A spring that acts beyond a gap, in series with a slider of the limit ``moment``."""
+
+    moment: float
+    gap: float
+    ramp: float
+
+
+@dataclass(frozen=True)
+class Maxwell:
+    """A spring in series with a dashpot: its moment decays in ``time``, s."""
+
+    stiffness: float
+    time: float
+
+
+@dataclass(frozen=True)
+class BoucWen:
+    """ż = θ̇·(1 − |z|ⁿ·(β·sign(z·θ̇) + γ)); Dahl's law has n = 1 and γ = 0."""
+
+    stiffness: float
+    n: float
+    beta: float
+    gamma: float
+
+    @property
+    def deflection(self) -> float:
+        """The scale of its state; the value that it comes to at a steady rate where γ is zero."""
+        return float(self.beta ** (-1 / self.n))
+
+
+@dataclass(frozen=True)
+class LuGre:
+    """ż = θ̇ − |θ̇|·z/(y·(1 + rise·exp(−(θ̇/rate)²)))."""
+
+    stiffness: float
+    deflection: float
+    rise: float
+    rate: float
+
+
+Kind = Slider | Gap | Maxwell | BoucWen | LuGre
+
+
+def kind_of(element: JointElement, cycles: Cycles) -> Kind | None:
+    """Return what an element is made of; None for what is none of these.
+
+    Parameters
+    ----------
+    element : JointElement
+    cycles : Cycles
+        Of its model: they say how large angle and rate are.
+    """
+    form = element.form
+    if len(form.states) != 1 or len(form.columns) != 1:
+        return None
+    if not form.uses <= {form.states[0].name, *form.names}:
+        return None
+    angle, rate = float(np.abs(cycles.angle).max()), float(np.abs(cycles.rate).max())
+    limit = float(form.limits(element.values)[0])
+    if np.isfinite(limit):
+        return _neat(_slider(element, limit, rate)) if limit > 0 else None
+    stiffness = _proportion(element, angle)
+    if stiffness is None:
+        return None
+    found = (recognise(element, stiffness, angle, rate) for recognise in (_maxwell, _bouc_wen, _lugre))
+    return _neat(next((kind for kind in found if kind is not None), None))
+
+
+def _neat(kind: Kind | None) -> Kind | None:
+    """Return a kind with its numbers free of the rounding of their recognition."""
+    if kind is None:
+        return None
+    return type(kind)(*(float(f"{number:.12g}") for number in vars(kind).values()))
+
+
+def state_rates(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
+    """Return the rates of the internal states, shape (n_states, ...), without their limits."""
+    form = element.form
+    arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
+    function = compile_terms([state.rate for state in form.states], arguments)
+    angle, rate, *inner = np.broadcast_arrays(angle, rate, *states)
+    flat = [np.ascontiguousarray(x, dtype=np.float64).ravel() for x in (angle, rate, *inner)]
+    found = np.asarray(function(*flat, *map(float, element.values)))
+    return np.moveaxis(found.reshape(*angle.shape, len(form.states)), -1, 0)
+
+
+def speeds(element: JointElement, cycles: Cycles) -> tuple[float, float]:
+    """Return the largest |∂M/∂z·∂ż/∂θ̇|, N·m/rad, and |∂ż/∂z|, 1/s, over the cycles: they bound a step's length."""
+    states = cycles.states(element)
+    angle, rate = cycles.angle, cycles.rate
+    faster = state_rates(element, angle, 1.001 * rate, states) - state_rates(element, angle, 0.999 * rate, states)
+    stiffness, relaxation = np.zeros(angle.shape), 0.0
+    for j in range(len(states)):
+        step = np.zeros(states.shape)
+        step[j] = 1e-4 * max(float(np.abs(states[j]).max()), 1e-300)
+        change = column_moments(element, angle, rate, states + step) - column_moments(
+            element, angle, rate, states - step
+        )
+        slope = change @ element.coefficients / (2 * step[j])
+        stiffness += np.abs(slope * faster[j] / (0.002 * rate))
+        decay = state_rates(element, angle, rate, states + step) - state_rates(element, angle, rate, states - step)
+        relaxation = max(relaxation, float(np.abs(decay[j] / (2 * step[j])).max()))
+    # Rates and amplitudes somewhat beyond the tested ones are integrated well, too.
+    return float(stiffness.max(initial=0.0)), 1.2 * relaxation
+
+
+def _moment(element: JointElement, z: Array) -> Array:
+    zero = np.zeros(z.shape)
+    return np.asarray(column_moments(element, zero, zero, z[None]) @ element.coefficients)
+
+
+def _rate(element: JointElement, rate: Array, z: Array) -> Array:
+    return state_rates(element, np.zeros(rate.shape), rate, z[None])[0]
+
+
+def _same(a: Array, b: Array | float) -> bool:
+    scale = float(np.abs(a).max(initial=0.0)) or 1.0
+    return bool(np.all(np.isfinite(a))) and bool(np.all(np.abs(a - b) <= SAME * scale))
+
+
+def _proportion(element: JointElement, angle: float) -> float | None:
+    """Stiffness where the moment is in proportion to the state."""
+    z = angle * np.array([-1.0, -0.1, 0.02, 0.3, 1.0])
+    slope = _moment(element, z) / z
+    return float(slope[0]) if _same(slope, slope[0]) else None
+
+
+def _slider(element: JointElement, limit: float, rate: float) -> Slider | Gap | None:
+    z = limit * np.linspace(-1, 1, 4001)
+    omega = rate * np.linspace(-1, 1, z.size)
+    if not _same(_rate(element, omega, z), omega):
+        return None
+    moment = _moment(element, z)
+    top = float(moment[-1])
+    if _same(moment, top / limit * z):
+        return Slider(top / limit, limit)
+    inside = np.abs(z[np.abs(moment) <= 0.5 * abs(top)]).max()
+    # The upper half of the ramp says where it began: |M| = top·(|z| − gap)/ramp.
+    low, high = (_moment(element, np.array([share * inside + (1 - share) * limit]))[0] for share in (0.5, 0.0))
+    if not high > low:
+        return None
+    ramp = top * 0.5 * (limit - inside) / (high - low)
+    gap = limit - ramp
+    expected = top * np.sign(z) * np.clip((np.abs(z) - gap) / ramp, 0, 1)
+    return Gap(top, float(gap), float(ramp)) if 0 <= gap < limit and _same(moment, expected) else None
+
+
+def _maxwell(element: JointElement, stiffness: float, angle: float, rate: float) -> Maxwell | None:
+    z = angle * np.array([0.1, -0.5, 1.0, 0.7])
+    omega = rate * np.array([1.0, -0.3, 0.0, 0.2])
+    decay = (omega - _rate(element, omega, z)) / z
+    return Maxwell(stiffness, 1 / float(decay[0])) if _same(decay, decay[0]) and decay[0] > 0 else None
+
+
+def _bouc_wen(element: JointElement, stiffness: float, angle: float, rate: float) -> BoucWen | None:
+    z = angle * np.array([0.5, 1.0, 0.25, 0.8])
+
+    def defect(sense: float) -> Array:
+        return 1 - _rate(element, sense * rate * np.array([1.0, 0.3, 0.1, 0.05]), z) / (
+            sense * rate * np.array([1.0, 0.3, 0.1, 0.05])
+        )
+
+    ahead, back = defect(1.0), defect(-1.0)
+    beta, gamma = (ahead - back) / 2, (ahead + back) / 2
+    gamma = np.where(np.abs(gamma) < SAME * np.abs(beta), 0.0, gamma)
+    if not beta[1] > 0:
+        return None
+    n = round(float(np.log(beta[1] / beta[0]) / np.log(2)), 9)
+    power = (z / angle) ** n
+    fits = _same(ahead, ahead[1] * power) and _same(back, back[1] * power)
+    other = 1 - _rate(element, np.array([rate, -rate]), np.array([-angle, -angle])) / np.array([rate, -rate])
+    if not fits or n <= 0 or not _same(other, np.array([back[1], ahead[1]])):
+        return None
+    return BoucWen(stiffness, n, float(beta[1]) / angle**n, float(gamma[1]) / angle**n)
+
+
+def _lugre(element: JointElement, stiffness: float, angle: float, rate: float) -> LuGre | None:
+    def level(omega: Array, z: float) -> Array:
+        deflection = np.full(omega.shape, z)
+        decay = omega - _rate(element, omega, deflection)
+        # Where nothing decays the division is of no use, and the answer is none.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.abs(omega) * deflection / decay
+
+    slow, fast = level(np.array([1e-9, 1e6]) * rate, angle)
+    rise = float(slow / fast) - 1
+    if not (np.isfinite(rise) and fast > 0 and rise > 0):
+        return None
+    omega = rate * np.geomspace(1e-3, 3, 60)
+    excess = (level(omega, angle) / fast - 1) / rise
+    near = int(np.argmin(np.abs(excess - 0.5)))
+    if not 0 < excess[near] < 1:
+        return None
+    width = float(omega[near] / np.sqrt(-np.log(excess[near])))
+    samples = np.concatenate([-omega[::7], omega])
+    expected = fast * (1 + rise * np.exp(-((samples / width) ** 2)))
+    same = [np.allclose(level(samples, z), expected, rtol=1e-6) for z in (angle, -0.3 * angle)]
+    return LuGre(stiffness, float(fast), rise, width) if all(same) else None

@@ -1,0 +1,270 @@
+"""MuJoCo: a model (MJCF) of one hinge or slide joint that holds the law.
+
+A joint of MuJoCo 3.7 has polynomials k1·θ + k2·θ² + k3·θ³ and c1·θ̇ + c2·θ̇·|θ̇| + c3·θ̇³, and friction as a
+constraint, which creeps. Springs that yield are those of fixed tendons (4.0); a DC motor that is shorted is a Maxwell
+branch, K²/L stiff and L/R slow, and one without a magnet holds LuGre's friction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.export import lumped
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, kind_of, speeds
+from sindyjoint.export.parts import Parts, steepness
+from sindyjoint.export.sliders import pairs_of, represented
+from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
+
+Array = NDArray[np.float64]
+# Largest impedance of a constraint that MuJoCo allows (mjMAXIMP): the closer to one, the less friction creeps.
+IMPEDANCE = 0.9999
+# A step as a share of the fastest time constant, and the longest one, s.
+STEP, LONGEST = 0.1, 1e-3
+# A polynomial that misses more of a term than this stands for nothing.
+WORST_FIT = 0.5
+NEEDED = {"joint": "3.7", "tendon": "4.0"}
+
+
+def export(model: JointModel) -> Export:
+    """Write ``joint.xml``."""
+    parts, cycles = Parts.of(model), Cycles.of(model)
+    words = words_of(model)
+    inertia = model.inertia or 1.0
+    stiffness, _ = steepness(model)
+    fast = [speeds(element, cycles) for element in model.elements]
+    fastest = sqrt((stiffness + sum(k for k, _ in fast)) / inertia) + max((d for _, d in fast), default=0.0)
+    step = float(f"{min(STEP / fastest if fastest else LONGEST, LONGEST):.1g}")
+    elastic = _Polynomial.of(parts.elastic, cycles, "angle")
+    rates = _Polynomial.of(parts.rate, cycles, "rate")
+    creep = (1 - IMPEDANCE) * step * max(rates.jump, 0.0) / inertia
+    rows = {
+        **elastic.rows(cycles, "joint, stiffness", words.angle),
+        **rates.rows(cycles, "joint, damping", words.rate, creep),
+        **lumped.left_out(
+            parts.coupled, f"a joint of MuJoCo has no {words.moment} of {words.angle} and {words.rate} together"
+        ),
+        **lumped.inertial_rows(parts),
+    }
+    devices = _Devices()
+    for element in model.elements:
+        rows[element.id] = devices.element(element, kind_of(element, cycles), cycles)
+    table = fidelity_table(model, cycles, rows)
+    version = NEEDED["tendon" if devices.tendons else "joint"]
+    notes = [
+        f"needs MuJoCo {version} or later; the {words.moment} on the joint is minus the one of the equation, as a "
+        "passive force",
+        f"step and integrator are as tested: {step:g} s, implicitfast; friction and sliders are of first order in it",
+    ]
+    if rates.jump > 0:
+        notes.append(
+            f"friction is a constraint and creeps instead of sticking: {creep:.3g} {words.angle_unit}/s under a "
+            f"{words.moment} just below it, less in proportion, and with the step"
+        )
+    if not model.inertia:
+        notes.append(f"the moving inertia is not known: replace 1 {words.inertia_unit} by that of the body")
+    else:
+        notes.append(
+            f"the body has the moving inertia of the test, {model.inertia:.6g} {words.inertia_unit}: in a structure, take "
+            "joint, tendons and actuators alone"
+        )
+    notes.append("nothing bounds the angle: beyond the tested range the polynomials go on, and may turn over")
+    text = _document(model, table, notes, step, inertia, elastic, rates, devices)
+    return Export("mujoco", {"joint.xml": text}, table, tuple(notes))
+
+
+@dataclass(frozen=True, eq=False)
+class _Polynomial:
+    """Terms of one variable as a polynomial of MuJoCo: [jump or constant, a, b, c], and what each term gives to it."""
+
+    variable: str
+    shares: dict[str, Array]
+    exact: frozenset[str]
+    missing: tuple[ModelTerm, ...]
+
+    @classmethod
+    def of(cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str) -> _Polynomial:
+        """Fit the terms; what is a power already stays exactly that."""
+        found = cls._fitted(terms, cycles, variable, 4)
+        if variable == "rate" and found.jump < 0:  # no negative friction: without the jumps, then
+            return cls._fitted(terms, cycles, variable, 3)
+        return found
+
+    @classmethod
+    def _fitted(cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str, powers: int) -> _Polynomial:
+        shares, exact, missing = {}, set(), []
+        basis = _basis(variable, getattr(cycles, variable))[4 - powers :]
+        columns = basis[:, cycles.moving].T
+        size = np.sqrt(np.mean(columns**2, axis=0))
+        for term in terms:
+            power = _power(term, variable)
+            if power is not None and power[0] >= 4 - powers:
+                shares[term.id] = power[1] * np.eye(4)[power[0]]
+                exact.add(term.id)
+                continue
+            wanted = cycles.term(term)[cycles.moving]
+            fit = np.linalg.lstsq(columns / size, wanted, rcond=None)[0] / size
+            if np.mean((columns @ fit - wanted) ** 2) < WORST_FIT**2 * np.mean(wanted**2):
+                shares[term.id] = np.concatenate([np.zeros(4 - powers), fit])
+            else:
+                missing.append(term)
+        return cls(variable, shares, frozenset(exact), tuple(missing))
+
+    @property
+    def whole(self) -> Array:
+        """The polynomial, shape (4,)."""
+        return sum(self.shares.values(), np.zeros(4))
+
+    @property
+    def jump(self) -> float:
+        """Friction, or the constant moment."""
+        return float(self.whole[0])
+
+    def rows(self, cycles: Cycles, where: str, variable: str, creep: float = 0.0) -> dict[str, Represented]:
+        basis = _basis(self.variable, getattr(cycles, self.variable))
+        if creep:
+            basis[0] = np.clip(cycles.rate / creep, -1.0, 1.0)
+        rows = lumped.left_out(self.missing, f"no cubic polynomial of the {variable} is near it")
+        for name, share in self.shares.items():
+            if np.count_nonzero(share) == 1 and share[0]:
+                how = "joint, frictionloss; creeps instead of sticking" if self.variable == "rate" else "actuator, bias"
+            else:
+                how = f"{where} polynomial"
+            if name not in self.exact:
+                how += " fitted over the tested range"
+            rows[name] = Represented(how, np.tensordot(share, basis, 1))
+        return rows
+
+
+def _basis(variable: str, x: Array) -> Array:
+    """Constant, a, b and c of a stiffness; jump, a, b and c of a damping, whose even power is antisymmetric."""
+    if variable == "angle":
+        return np.array([np.ones(x.shape), x, x**2, x**3])
+    return np.array([np.sign(x), x, x * np.abs(x), x**3])
+
+
+def _power(term: ModelTerm, variable: str) -> tuple[int, float] | None:
+    """Which of the four columns a term is, and how often."""
+    import sympy
+
+    from sindyjoint.equation.formula import variable_symbols
+
+    theta, omega, _ = variable_symbols()
+    powers = (sympy.Integer(1), theta, theta**2, theta**3)
+    if variable == "rate":
+        powers = (sympy.sign(omega), omega, omega * sympy.Abs(omega), omega**3)
+    factor, rest = term.expression.as_coeff_Mul()
+    return (powers.index(rest), term.coefficient * float(factor)) if rest in powers else None
+
+
+class _Devices:
+    """Tendons and actuators that hold the elements."""
+
+    def __init__(self) -> None:
+        self.tendons: list[str] = []
+        self.actuators: list[str] = []
+
+    def element(self, element: JointElement, kind: Kind | None, cycles: Cycles) -> Represented:
+        """Add an element, and say how it is represented."""
+        exact = cycles.element(element)
+        if isinstance(kind, Gap) and kind.moment > 0:
+            self._tendon(kind.moment / kind.ramp, f"{number(-kind.gap)} {number(kind.gap)}", kind.ramp)
+            return Represented("fixed tendon with a dead band, springyield", exact)
+        if isinstance(kind, Maxwell) and kind.stiffness > 0:
+            constant = number(sqrt(kind.stiffness))
+            self._motor(f'motorconst="{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"')
+            return Represented("dcmotor, shorted: its inductance is the spring", exact)
+        if isinstance(kind, LuGre) and kind.stiffness > 0:
+            self._lugre(kind.stiffness, kind.deflection, 1 + kind.rise, kind.rate)
+            return Represented("dcmotor, lugre", exact)
+        if isinstance(kind, BoucWen) and kind.stiffness > 0 and kind.n == 1 and not kind.gamma:
+            self._lugre(kind.stiffness, kind.deflection, 1.0, 1.0)
+            return Represented("dcmotor, lugre without its rise", exact)
+        pairs = pairs_of(element, kind, cycles)
+        for slider in pairs.sliders if pairs else ():
+            self._tendon(slider.stiffness, "0.0", slider.deflection)
+        return represented(pairs, "fixed tendon, springyield")
+
+    def _tendon(self, stiffness: float, length: str, deflection: float) -> None:
+        self.tendons += [
+            f'    <fixed stiffness="{number(stiffness)}" springlength="{length}" springyield="{number(deflection)}">',
+            '      <joint joint="joint" coef="1"/>',
+            "    </fixed>",
+        ]
+
+    def _motor(self, attributes: str) -> None:
+        self.actuators.append(f'    <dcmotor joint="joint" input="none" {attributes}/>')
+
+    def _lugre(self, stiffness: float, deflection: float, rise: float, rate: float) -> None:
+        slip = stiffness * deflection
+        numbers = " ".join(map(number, (stiffness, 0.0, slip, slip * rise, rate)))
+        self._motor(f'motorconst="0" resistance="1" lugre="{numbers}"')
+
+
+def _document(
+    model: JointModel, rows, notes, step: float, inertia: float, elastic: _Polynomial, rates: _Polynomial,
+    devices: _Devices,
+) -> str:  # fmt: skip
+    rotation = model.joint.motion == "rotation"
+    kind, axis = ("hinge", "0 0 1") if rotation else ("slide", "1 0 0")
+    body = (
+        f'mass="1" diaginertia="{" ".join([number(inertia)] * 3)}"'
+        if rotation
+        else f'mass="{number(inertia)}" diaginertia="1 1 1"'
+    )
+    polynomials = [
+        f'{name}="{" ".join(map(number, each.whole[1:]))}"'
+        for name, each in (("stiffness", elastic), ("damping", rates))
+    ]
+    friction = ""
+    if rates.jump > 0:
+        friction = (
+            f' frictionloss="{number(rates.jump)}" solreffriction="{number(2 * step)} 1"'
+            f' solimpfriction="{IMPEDANCE} {IMPEDANCE} 0.001"'
+        )
+    actuators = list(devices.actuators)
+    if elastic.jump:
+        bias = number(-elastic.jump)
+        actuators.append(f'    <general joint="joint" gainprm="0" biastype="affine" biasprm="{bias} 0 0"/>')
+    head = _xml_comment(comment(preamble(model, "MuJoCo", rows, notes), ""))
+    lines = [
+        f"<mujoco model={_attribute(model.joint.name)}>",
+        head,
+        '  <compiler angle="radian"/>',
+        f'  <option timestep="{number(step)}" integrator="implicitfast" gravity="0 0 0"/>',
+        "  <worldbody>",
+        '    <body name="far_side">',
+        f'      <inertial pos="0 0 0" {body}/>',
+        f'      <joint name="joint" type="{kind}" axis="{axis}" {" ".join(polynomials)}{friction}/>',
+        "    </body>",
+        "  </worldbody>",
+        *(["  <tendon>", *devices.tendons, "  </tendon>"] if devices.tendons else []),
+        *(["  <actuator>", *actuators, "  </actuator>"] if actuators else []),
+        "</mujoco>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _xml_comment(text: str) -> str:
+    """Return text as a comment of XML that nothing inside can end.
+
+    Examples
+    --------
+    >>> _xml_comment("a --> b")
+    '<!--\\na - -> b\\n-->'
+    """
+    while "--" in text:
+        text = text.replace("--", "- -")
+    return f"<!--\n{text.strip()}\n-->"
+
+
+def _attribute(text: str) -> str:
+    from xml.sax.saxutils import quoteattr
+
+    return quoteattr(ascii_line(text))
