@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -307,3 +307,34 @@ class SumLaw(_CallbackLaw):
         from sindyjoint.mechanics.kernels import compile_sum
 
         return compile_sum(as_compiled(self.first), as_compiled(self.second))
+
+
+@dataclass(frozen=True, eq=False)
+class LawWithNumbers(_CallbackLaw):
+    """A law with other parameters of its compiled form, and another inertia; nothing is compiled anew.
+
+    Parameters
+    ----------
+    law : Law
+    parameters : ndarray
+    inertia : float
+        kg·m² (kg).
+    """
+
+    law: Any
+    parameters: Array
+    inertia: float
+
+    @property
+    def n_states(self) -> int:  # type: ignore[override]
+        """Number of internal states."""
+        return self.law.n_states
+
+    @property
+    def softening_limit(self) -> tuple[float, float]:
+        """Softening limit of the law as it was."""
+        return softening_limit(self.law)
+
+    def compiled(self) -> CompiledLaw:
+        """Compiled form, that of the law."""
+        return replace(as_compiled(self.law), parameters=np.array(self.parameters, dtype=np.float64))
