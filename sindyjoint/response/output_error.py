@@ -260,13 +260,23 @@ class OutputError:
         initial = np.tile([record.states.angle[0], record.states.rate[0]], (len(sets), 1))
         if record.starts:
             initial = sets[:, record.initial_indices.start : record.initial_indices.stop]
+        cycle, rate = record.cycle, record.run.sample_rate
+        duration = record.moment.size / rate if cycle is None else cycle.duration
         many = simulate_many(
-            record.law, [record.excitation], record.moment.size / record.run.sample_rate, record.run.sample_rate,
+            record.law, [record.excitation], duration, rate if cycle is None else cycle.sample_rate,
             parameters=self._law_parameters(record, sets),
             beam_inertia=self._inertia(record, sets) - record.law.inertia,
             initial=initial, limits=record.limits, rtol=RTOL,
         )  # fmt: skip
-        return many.angle, many.rate, many.acceleration
+        angle, rates, acceleration = many.angle, many.rate, many.acceleration
+        if cycle is None:
+            return angle, rates, acceleration
+        # An acceleration jumps where the joint sticks: between samples it is taken as it is before.
+        return (
+            cycle.at_samples(angle, rates),
+            cycle.at_samples(rates, acceleration),
+            acceleration[:, -cycle.nodes :][:, cycle.left],
+        )
 
     def _simulate_segments(self, record: Record, x: Array) -> Motion:
         """Return the motion of one set by multiple shooting; internal states start as along the measured motion."""

@@ -33,6 +33,63 @@ from sindyjoint.states.broadband import smoothing_kernels
 
 Array = NDArray[np.float64]
 
+# Periods that are simulated, and not compared, of a run that repeats; and from how many on one is simulated for all.
+SETTLED = 3
+MANY = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """How the compared samples of a run that repeats are read off one simulated period.
+
+    Parameters
+    ----------
+    frequency : float
+        Hz.
+    nodes : int
+        Simulated samples of a period.
+    left : ndarray of int, shape (n,)
+        The simulated sample before each compared one.
+    share : ndarray, shape (n,)
+        How far between that and the next.
+    """
+
+    frequency: float
+    nodes: int
+    left: NDArray[np.intp]
+    share: Array
+
+    @classmethod
+    def of(cls, states: ForceStates, skip: int) -> Cycle:
+        """Return the cycle of periodic states, compared from sample ``skip`` on."""
+        assert states.frequency is not None
+        per = states.sample_rate / states.frequency
+        nodes = round(per)
+        place = np.arange(skip, states.n_samples) / per % 1.0 * nodes
+        left = np.floor(place).astype(np.intp)
+        return cls(states.frequency, nodes, left % nodes, place - left)
+
+    @property
+    def sample_rate(self) -> float:
+        """Of the simulation, Hz."""
+        return self.nodes * self.frequency
+
+    @property
+    def duration(self) -> float:
+        """What is simulated, s: periods in which a wrong initial state dies out, and the one that is used."""
+        return (SETTLED + 1) / self.frequency
+
+    def at_samples(self, values: Array, slopes: Array) -> Array:
+        """Return a simulated signal at the compared samples, by cubic Hermite interpolation, shape (sets, n)."""
+        values, slopes = values[:, -self.nodes :], slopes[:, -self.nodes :] / self.sample_rate
+        u, right = self.share, (self.left + 1) % self.nodes
+        return (
+            (1 + 2 * u) * (1 - u) ** 2 * values[:, self.left]
+            + u * (1 - u) ** 2 * slopes[:, self.left]
+            + u**2 * (3 - 2 * u) * values[:, right]
+            + u**2 * (u - 1) * slopes[:, right]
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -49,7 +106,9 @@ class Record:
     sigma : float
         Its noise.
     skip : int
-        Simulated samples before the compared ones.
+        Simulated samples before the compared ones; none where a period is simulated for all.
+    cycle : Cycle, optional
+        Where one period is simulated for all that the run repeats.
     columns : ndarray, shape (n_simulated, n_terms), or None
         Of a prescribed motion: the terms along it.
     added : ndarray, shape (n_simulated,), or None
@@ -73,6 +132,7 @@ class Record:
     limits: tuple[float, float]
     starts: tuple[int, ...]
     initial: int
+    cycle: Cycle | None = None
     columns: Array | None = None
     added: Array | None = None
 
@@ -165,7 +225,7 @@ def record_of(
 ) -> Record:
     """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
 
-    A motion that was prescribed is the drive. Where the states are a mean period, a law with internal states runs
+    Of a run that repeats often one period is simulated, after some in which it becomes steady. A motion that was prescribed is the drive. Where the states are a mean period, a law with internal states runs
     through it twice: these are not known at its start.
     """
     first = round(states.time[0] * run.sample_rate)
@@ -183,6 +243,8 @@ def record_of(
         moment, skip = np.tile(states.moment, 2), states.n_samples
     elif drive == "moment" and states.method != "periodic":
         starts = (0,)
+    many = states.frequency is not None and states.n_samples >= MANY * states.sample_rate / states.frequency
+    steady = drive == "moment" and states.method == "periodic" and many
     added = test.added(states) if drive == "motion" else None
     return Record(
         run=run,
@@ -192,11 +254,12 @@ def record_of(
         moment=moment,
         measured=measured,
         sigma=max(noise, POLICY.least_noise * float(np.std(measured))),
-        skip=skip,
+        skip=0 if steady else skip,
         excitation=excitation,
         limits=angle_limits(law, states, drive),
         starts=starts,
         initial=index,
+        cycle=Cycle.of(states, skip) if steady else None,
         columns=term_columns(model, states) if drive == "motion" else None,
         added=None
         if added is None
