@@ -16,7 +16,6 @@ import argparse
 import os
 import sys
 import time
-from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,11 +23,10 @@ from pathlib import Path
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, commands, done_in  # noqa: E402
 from sindyjoint.record import Campaign  # noqa: E402
 
 
@@ -121,7 +119,9 @@ def run(args: argparse.Namespace) -> None:
         for name in args.names or TRUTH
         if (name, seed, args.size, args.noise, args.refine, args.all) not in done
     ]
-    for record in Parallel(n_jobs=args.jobs, return_as="generator_unordered")(delayed(one)(*t) for t in tasks):
+    for record in Parallel(n_jobs=args.jobs, return_as="generator_unordered")(
+        delayed(one)(*t) for t in tasks
+    ):
         append(args.out, record)
 
 

@@ -63,6 +63,13 @@ def diagnose(
             help="Whether to seek runs that would tell rivals apart; often the longest part.",
         ),
     ] = True,
+    refine: Annotated[
+        bool,
+        typer.Option(
+            "--refine",
+            help="Fit terms and elements of the repaired model to the simulated response in the end.",
+        ),
+    ] = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
     ] = None,
@@ -96,6 +103,7 @@ def diagnose(
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
+            refine=refine,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
@@ -125,6 +133,10 @@ def _diagnosed(
         raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
     if options.pop("align"):
         raise InputError(f"--align is for campaigns, which have two channels; {campaign} is a rig")
+    if options.pop("refine"):
+        raise InputError(
+            f"--refine is for campaigns; {campaign} is a rig, whose numbers are fitted to its response already"
+        )
     if base:
         raise InputError(
             f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"

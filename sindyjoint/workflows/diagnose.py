@@ -47,6 +47,7 @@ def diagnose(
     max_effects: int = CAMPAIGN.most_effects,
     hold_out: Sequence[str] = (),
     advise: bool = True,
+    refine: bool = False,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -81,6 +82,9 @@ def diagnose(
         Names of runs that are kept out of the fit, as if marked ``use = "validate"``.
     advise : bool
         Whether runs are sought that would tell rivals apart; often the longest part.
+    refine : bool
+        Fit terms and elements of the whole model to the simulated response in the end, unless the response gap would
+        grow by it.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -124,6 +128,10 @@ def diagnose(
             usable = without_delay(usable, delay)
         problem = CampaignProblem.build(usable, model, base, known, policy)
         result = _of_campaign(explain_gap(problem, max_effects, say, advise), campaign, delay)
+        if refine:
+            from sindyjoint.workflows.refine import refined_diagnosis
+
+            result = refined_diagnosis(result, checked.usable, say)
         return replace(_limit(result, checked), hidden=hidden)
 
 
