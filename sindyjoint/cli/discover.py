@@ -51,8 +51,8 @@ def discover(
     model: Annotated[
         Path | None,
         typer.Option(
-            help="With --refine: model.json, or a folder with one, whose terms and elements are refined on the campaign "
-            "instead of discovering any."
+            help="With --refine: model.json, or a folder with one; its terms and elements are refined on the campaign, "
+            "and no others are sought."
         ),
     ] = None,
     nuisance: Annotated[

@@ -37,6 +37,8 @@ RTOL = 1e-7
 STEP = 2e-4
 # Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
 FAR_OFF = 10.0
+# Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
+WITHOUT_EFFECT = 1e-4
 # Simulations per run from which the effect of the moment's noise is estimated.
 DRIVE_DRAWS = 4
 
@@ -153,11 +155,11 @@ class OutputError:
     def covariance(self, x: Array) -> Array:
         """Covariance of the parameters that all runs share, robust against errors correlated within a block of time.
 
-        H⁻¹ (Σ g_b g_bᵀ) H⁻¹ with H = JᵀJ and g_b the part of Jᵀr that block b has (White, Econometrica 48(4), 1980),
-        or s²H⁻¹ where there are not twice as many blocks as parameters. J is what the initial states of the runs
-        cannot do (Frisch and Waugh, Econometrica 1(4), 1933). What the noise of the drive (the measured moment, or a
-        prescribed motion) does through the simulation is added: all blocks of a run share it. Directions without any effect get a standard error of a
-        hundred times their size.
+        H⁻¹ (Σ g_b g_bᵀ) H⁻¹ with H = JᵀJ and g_b the part of Jᵀr that block b has (White, Econometrica 48(4),
+        1980), or s²H⁻¹ where there are not twice as many blocks as parameters. J is what the initial states of the
+        runs cannot do (Frisch and Waugh, Econometrica 1(4), 1933). What the noise of the drive (the measured
+        moment, or a prescribed motion) does through the simulation is added: all blocks of a run share it.
+        Directions without any effect get a standard error of a hundred times their size.
         """
         jacobian, residual = self.jacobian(x), self.residual(x)
         count = self.n_shared
@@ -167,7 +169,8 @@ class OutputError:
             scaled = scaled - initial @ np.linalg.lstsq(initial, scaled, rcond=None)[0]
         scale = scale[:count]
         values, vectors = np.linalg.eigh(scaled.T @ scaled)
-        inverse = (vectors / np.maximum(values, 1e-4)) @ vectors.T
+        inverse = (vectors / np.maximum(values, WITHOUT_EFFECT)) @ vectors.T
+        nowhere = vectors[:, values < WITHOUT_EFFECT]
         labels = np.concatenate(
             [i * 100_000 + r.states.block[-r.measured.size :] for i, r in enumerate(self.runs)]
         )
@@ -182,6 +185,8 @@ class OutputError:
             result = inverse @ middle @ inverse
         else:
             result = inverse * float(residual @ residual) / max(residual.size - x.size, 1)
+        # Such a direction has no part of the residual either, and the products above hold none of it.
+        result += nowhere @ nowhere.T / WITHOUT_EFFECT
         result += inverse @ self._estimate_drive_scatter(x, scaled, residual) @ inverse
         return (result + result.T) / 2 * np.outer(scale, scale)
 
@@ -266,7 +271,7 @@ class OutputError:
             record.law, [record.excitation], duration, rate if cycle is None else cycle.sample_rate,
             parameters=self._law_parameters(record, sets),
             beam_inertia=self._inertia(record, sets) - record.law.inertia,
-            initial=initial, limits=record.limits, rtol=RTOL,
+            initial=initial, initial_state=record.inner, limits=record.limits, rtol=RTOL,
         )  # fmt: skip
         angle, rates, acceleration = many.angle, many.rate, many.acceleration
         if cycle is None:

@@ -107,6 +107,8 @@ class Record:
         Its noise.
     skip : int
         Simulated samples before the compared ones; none where a period is simulated for all.
+    inner : ndarray, shape (n_states,), optional
+        Internal states that a simulation starts from: those of a joint brought from standstill to the first angle.
     cycle : Cycle, optional
         Where one period is simulated for all that the run repeats.
     columns : ndarray, shape (n_simulated, n_terms), or None
@@ -132,6 +134,7 @@ class Record:
     limits: tuple[float, float]
     starts: tuple[int, ...]
     initial: int
+    inner: Array | None = None
     cycle: Cycle | None = None
     columns: Array | None = None
     added: Array | None = None
@@ -225,8 +228,9 @@ def record_of(
 ) -> Record:
     """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
 
-    Of a run that repeats often one period is simulated, after some in which it becomes steady. A motion that was prescribed is the drive. Where the states are a mean period, a law with internal states runs
-    through it twice: these are not known at its start.
+    Of a run that repeats often one period is simulated, after some in which it becomes steady. A motion that was
+    prescribed is the drive. Where the states are a mean period, a law with internal states runs through it twice:
+    these are not known at its start.
     """
     first = round(states.time[0] * run.sample_rate)
     span = slice(first, first + states.n_samples)
@@ -259,6 +263,9 @@ def record_of(
         limits=angle_limits(law, states, drive),
         starts=starts,
         initial=index,
+        inner=None
+        if drive != "moment" or test.moments
+        else transfer_moment(law, states.angle, states.rate, run.sample_rate)[1][:, 0],
         cycle=Cycle.of(states, skip) if steady else None,
         columns=term_columns(model, states) if drive == "motion" else None,
         added=None

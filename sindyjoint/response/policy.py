@@ -52,7 +52,7 @@ class ResponsePolicy:
         "a coefficient of an element may be refined up to so many times itself, and down to that part of it",
     )
     nonlinear_range: float = limit(
-        8.0,
+        10.0,
         "the same of a nonlinear parameter of an element that is an angle, a rate or a time: where it starts wrong "
         "its coefficient does, too",
     )

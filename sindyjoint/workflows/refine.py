@@ -1,4 +1,4 @@
-"""A whole model fitted again to the simulated response of a campaign: terms, elements and chosen errors of the channels."""
+"""A whole model fitted again to the simulated response of a campaign: terms, elements, chosen errors of channels."""
 
 from __future__ import annotations
 
@@ -228,8 +228,8 @@ def refined_diagnosis(
     before, after = (simulated_gap(model, campaign, test) for model in (whole, refinement.model))
     if not after <= before:
         note = (
-            f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % where "
-            f"it is {100 * before:.3f} %"
+            f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % "
+            f"where it is {100 * before:.3f} %"
         )
         return replace(result, warnings=(*result.warnings, note))
     note = "the numbers of the steps are those of the regression; model.json holds the refined ones"
