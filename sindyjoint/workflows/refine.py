@@ -183,8 +183,8 @@ def tested_on(model: JointModel, states: Sequence[ForceStates], campaign: Campai
         moving_fraction=moments.size / sum(s.n_samples for s in states),
         samples=moments.size,
         runs=len(states),
-        angle=float(max(np.abs(s.angle[s.moving]).max() for s in states)),
-        rate=float(max(np.abs(s.rate[s.moving]).max() for s in states)),
+        angle=float(max(np.abs(s.angle).max() for s in states)),
+        rate=float(max(np.abs(s.rate).max() for s in states)),
         frequencies=tuple(sorted({r.frequency for r in campaign.identification_runs if r.frequency})),
         simulated=campaign.simulated,
     )

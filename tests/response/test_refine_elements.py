@@ -69,7 +69,9 @@ def model_with(element, scale=1.0, **options):
 
 def campaign(hidden, drive="moment", noise=0.01, **options):
     plan = dict(frequencies=[3.0, 5.0], levels=[1.0, 0.5], duration=3.0, sample_rate=1000.0, random_state=4)
-    return virtual_campaign(LAW, drive=drive, noise=noise, hidden=hidden, angle_limit=6e-4, **(plan | options))
+    return virtual_campaign(
+        LAW, drive=drive, noise=noise, hidden=hidden, angle_limit=6e-4, **(plan | options)
+    )
 
 
 SLIDER = FunctionLaw(_jenkins, (STIFFNESS, YIELD), 1)
@@ -152,7 +154,7 @@ def test_a_slider_that_never_slips_has_no_yield_angle():
     found = refine(model_with(jenkins(angle=2e-3)), made)
     said = " ".join(found.undetermined)
     assert "theta_y of jenkins_element" in said
-    assert "k_t of jenkins_element" in said and "linear_stiffness" in said
+    assert "k_t of jenkins_element is not determined" in said
     # A slider that slips says nothing of the kind.
     assert refine(model_with(jenkins()), campaign(SLIDER)).undetermined == ()
 
