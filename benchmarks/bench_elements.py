@@ -16,6 +16,7 @@ import argparse
 import os
 import sys
 import time
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,9 +25,11 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
 
+import numpy as np  # noqa: E402
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in  # noqa: E402
+from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
 from sindyjoint.record import Campaign  # noqa: E402
 
 
@@ -45,9 +48,10 @@ TRUTH: dict[str, Callable[[tuple[float, ...]], dict[str, float]]] = {
     "maxwell_branch": lambda p: {"k_m": p[0], "tau": p[1]},
     "backlash_play": lambda p: {"M_g": p[0], "gap": p[1], "ramp": p[2]},
 }
-# The referee integrates sharp corners in steps of its samples: it makes many, of which every eighth is measured.
-TEST = dict(sample_rate=4000.0, duration=4.0)
-EVERY = 8
+# What is measured: 4 s at 500 Hz. The referee stops sliders in steps of its samples, so that it makes more of them.
+TEST = dict(duration=4.0)
+SAMPLE_RATE = 500.0
+FINER = {"moment": 8, "displacement": 32}
 
 
 def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bool) -> dict:
@@ -57,7 +61,8 @@ def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bo
 
     record = dict(name=name, seed=seed, size=size, noise=noise, refine=refine, every=every)
     try:
-        hidden = hide(name, seed, size, noise, **TEST)
+        finer = FINER["displacement" if seed % 2 else "moment"]
+        hidden = hide(name, seed, size, noise, sample_rate=finer * SAMPLE_RATE, **TEST)
         truth = TRUTH[name](hidden.parameters)
         record |= dict(drive=hidden.plan.drive, parameters=list(hidden.parameters), truth=truth)
         if not truth:
@@ -65,7 +70,7 @@ def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bo
         known = load_effects()
         start = time.process_time()
         result = diagnose(
-            _thinned(hidden.campaign),
+            _thinned(hidden.campaign, finer),
             effects=known if every else select_effects(known, [name]),
             advise=False,
             **({"refine": True} if refine else {}),
@@ -87,10 +92,10 @@ def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bo
     return record
 
 
-def _thinned(campaign: Campaign) -> Campaign:
+def _thinned(campaign: Campaign, finer: int) -> Campaign:
     """Return a campaign with every so-manieth sample; its noise is white, with and without."""
     runs = [
-        replace(r, moment=r.moment[::EVERY], angle=r.angle[::EVERY], sample_rate=r.sample_rate / EVERY)
+        replace(r, moment=r.moment[::finer], angle=r.angle[::finer], sample_rate=r.sample_rate / finer)
         for r in campaign.runs
     ]
     return campaign.with_runs(tuple(runs))
@@ -126,7 +131,38 @@ def run(args: argparse.Namespace) -> None:
 
 
 def show(args: argparse.Namespace) -> None:
-    print(__doc__)
+    records = records_in(args.paths)
+    counts: dict[tuple[str, ...], Counter] = defaultdict(Counter)
+    held: dict[tuple[str, ...], list[tuple[bool, float, float]]] = defaultdict(list)
+    for r in records:
+        key = (r["name"], r.get("drive", "?"))
+        state = "error" if "error" in r else "no truth" if not r["truth"] else "counted"
+        if state == "counted" and not as_hidden(r):
+            state = "other form" if r["numbers"] else "not found"
+        counts[key][state] += 1
+        for number, truth in r["truth"].items() if state == "counted" else ():
+            value, error, low, high = r["numbers"][number]
+            held[*key, number].append((low <= truth <= high, (value - truth) / error, error / abs(truth)))
+    for key, count in sorted(counts.items()):
+        print(f"{' '.join(key):34s}", ", ".join(f"{what} {n}" for what, n in count.most_common()))
+    print(f"\n{'number':44s} intervals hold   median error, spread (standard errors)   standard error")
+    for key, rows in sorted(held.items()):
+        print(_line(" ".join(key), rows))
+    for drive in ("moment", "displacement"):
+        print(_line(f"all, {drive}", [row for key, rows in held.items() if key[1] == drive for row in rows]))
+    print(_line("all", [row for rows in held.values() for row in rows]))
+
+
+def _line(name: str, rows: list[tuple[bool, float, float]]) -> str:
+    if not rows:
+        return f"{name:44s} none"
+    inside, errors, sizes = map(np.array, zip(*rows, strict=True))
+    middle = np.median(errors)
+    spread = 1.4826 * np.median(np.abs(errors - middle))
+    return (
+        f"{name:44s} {inside.sum():4d}/{inside.size:<4d} {inside.mean():6.1%}   {middle:+6.2f} {spread:6.2f}"
+        f"{'':26s}{np.median(sizes):8.2%}"
+    )
 
 
 if __name__ == "__main__":
