@@ -46,6 +46,8 @@ class Refinement:
         Value and standard error of delay (s), gain and offset, as asked for.
     undetermined : tuple of str
         Directions that the runs do not determine, in words.
+    misfit : float
+        Sum of squares of the residual, in units of noise; NaN if the refinement did not succeed.
     """
 
     model: JointModel
@@ -55,6 +57,7 @@ class Refinement:
     after: dict[str, float]
     nuisance: dict[str, tuple[float, float]]
     undetermined: tuple[str, ...]
+    misfit: float = float("nan")
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -226,6 +229,7 @@ def _summarise_refinement(
         after=after,
         nuisance=values,
         undetermined=undetermined_directions(lasting, covariance),
+        misfit=float(np.sum(problem.residual(found) ** 2)),
     )
 
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.equation.element import Value
+from sindyjoint.equation.element import JointElement, Value
+from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError
@@ -28,6 +29,7 @@ from sindyjoint.workflows.policy import POLICY
 from sindyjoint.workflows.verify import CampaignVerification, put_right
 
 if TYPE_CHECKING:
+    from sindyjoint.diagnosis.effects.fitted import FittedEffect
     from sindyjoint.diagnosis.result import Diagnosis
 
 # What the estimated errors of the channels are in test.json; a gain has no place there.
@@ -208,6 +210,9 @@ def refined_diagnosis(
 ) -> Diagnosis:
     """Return a diagnosis whose whole model is fitted to the simulated response, unless the response gap grew by it.
 
+    Where the catalogue has further forms of an element, as of Bouc and Wen's law or of a gap, the one with the least
+    misfit of the response is used.
+
     Parameters
     ----------
     result : Diagnosis
@@ -222,7 +227,12 @@ def refined_diagnosis(
     (progress or (lambda stage: None))("refining on the simulated response")
     campaign = test.corrected(usable)
     states = one_after_another(campaign, campaign_states(campaign))
-    refinement = refine_response(whole, campaign, states=states, test=test)
+    tried = [
+        refine_response(model, campaign, states=states, test=test)
+        for model in (whole, *other_forms(whole, result.effects))
+    ]
+    # One that did not succeed has no misfit.
+    refinement = min(tried, key=lambda each: each.misfit if each.refined else np.inf)
     if not refinement.refined:
         return replace(result, warnings=(*result.warnings, *refinement.notes))
     before, after = (simulated_gap(model, campaign, test) for model in (whole, refinement.model))
@@ -232,12 +242,66 @@ def refined_diagnosis(
             f"where it is {100 * before:.3f} %"
         )
         return replace(result, warnings=(*result.warnings, note))
-    note = "the numbers of the steps are those of the regression; model.json holds the refined ones"
+    notes = [*refinement.notes]
+    if result.effects:
+        notes.append(
+            "the numbers of the steps are those of the regression; model.json holds the refined ones"
+        )
+    if refinement is not tried[0]:
+        notes.append(
+            "the simulated response is better with another form of an element than the regression chose: "
+            f"{refinement.model.equation()}"
+        )
     return replace(
         result,
         whole=refinement.model,
         final=replace(result.final, response=after),
-        warnings=(*result.warnings, *refinement.notes, *((note,) if result.effects else ())),
+        warnings=(*result.warnings, *notes),
+    )
+
+
+def other_forms(model: JointModel, effects: Sequence[FittedEffect]) -> list[JointModel]:
+    """Return a model with one element in another form that the catalogue has of its effect, numbers as they are.
+
+    Forms with other numbers than the element has are left out.
+    """
+    models = []
+    for effect in effects:
+        place = next((i for i, each in enumerate(model.elements) if each.id == effect.name), None)
+        if place is None:
+            continue
+        known = model.elements[place]
+        seen = {_form(known)}
+        for variant in effect.effect.variants:
+            if variant.names != effect.variant.names or len(variant.columns) != len(known.columns):
+                continue
+            if [state.name for state in variant.states] != [state.name for state in known.states]:
+                continue
+            columns = tuple(
+                replace(value, formula=formula_text(column.expression))
+                for value, column in zip(known.columns, variant.columns, strict=True)
+            )
+            states = tuple(
+                replace(
+                    old,
+                    rate=formula_text(new.rate),
+                    limit=None if new.limit is None else formula_text(new.limit),
+                )
+                for old, new in zip(known.states, variant.states, strict=True)
+            )
+            other = replace(known, columns=columns, states=states)
+            if _form(other) not in seen:
+                seen.add(_form(other))
+                elements = (*model.elements[:place], other, *model.elements[place + 1 :])
+                models.append(replace(model, elements=elements))
+    return models
+
+
+def _form(element: JointElement) -> tuple[str, ...]:
+    """Return the formulas of an element."""
+    return (
+        *(column.formula for column in element.columns),
+        *(f"{state.rate}, {state.limit}" for state in element.states),
     )
 
 
