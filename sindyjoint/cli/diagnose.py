@@ -64,6 +64,13 @@ def diagnose(
             "the diagnosis is written before.",
         ),
     ] = True,
+    refine: Annotated[
+        bool,
+        typer.Option(
+            "--refine",
+            help="Fit terms and elements of the repaired model to the simulated response in the end.",
+        ),
+    ] = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for diagnosis.json, model.json and figures.")
     ] = None,
@@ -98,6 +105,7 @@ def diagnose(
             hold_out=tuple(hold_out or ()),
             advise=advise,
             before_advice=lambda result: write(result, out, progress, random_state, files),
+            refine=refine,
             random_state=random_state,
             progress=progress.say,
             jobs=jobs,
@@ -128,6 +136,10 @@ def _diagnosed(
         raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
     if options.pop("align"):
         raise InputError(f"--align is for campaigns, which have two channels; {campaign} is a rig")
+    if options.pop("refine"):
+        raise InputError(
+            f"--refine is for campaigns; {campaign} is a rig, whose numbers are fitted to its response already"
+        )
     if base:
         raise InputError(
             f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,6 +25,7 @@ from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.discovery import Discovery
+    from sindyjoint.workflows.refine import RefinedModel
 
 
 @takes_finding
@@ -47,6 +48,13 @@ def discover(
     refine: Annotated[
         bool, typer.Option("--refine", help="Refine the coefficients on the simulated response of the runs.")
     ] = False,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --refine: model.json, or a folder with one; its terms and elements are refined on the campaign, "
+            "and no others are sought."
+        ),
+    ] = None,
     nuisance: Annotated[
         list[Nuisance] | None,
         typer.Option(
@@ -65,6 +73,9 @@ def discover(
 ) -> None:
     """Find which terms the joint's equation has, with coefficients and evidence.
 
+    With --refine --model no terms are sought: the numbers of that model, elements among them, are fitted to the
+    simulated response, and the result stands beside the measured one. A test.json beside it is applied to its campaign.
+
     Exit status 0: a model was found; 1: none was, or the data are unsound, and the
     reason is printed; 2: the input is at fault.
 
@@ -74,6 +85,31 @@ def discover(
         raise typer.BadParameter(
             "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
         )
+
+    kinds: Any = tuple(dict.fromkeys(kind.value for kind in nuisance or ()))
+    if model is not None:
+        if not refine:
+            raise typer.BadParameter(
+                "belongs to --refine; add --refine, or leave it out", param_hint="--model"
+            )
+        given_model: Path = model
+
+        def find_refined(progress: Progress) -> RefinedModel:
+            from sindyjoint.workflows.refine import refine as run
+
+            return run(
+                given_model,
+                campaign,
+                nuisance=kinds,
+                accept=tuple(accept or ()),
+                align=finding.align,
+                random_state=random_state,
+                progress=progress.say,
+            )
+
+        files = [path for path in (model, campaign) if path is not None and path.exists()]
+        answered = answer(find_refined, out, as_json, Progress(quiet, verbose), random_state, files)
+        raise typer.Exit(0 if answered.refined else 1)
 
     def find(progress: Progress) -> Discovery:
         from sindyjoint.workflows.discover import discover as run
@@ -95,7 +131,7 @@ def discover(
             from sindyjoint.workflows.discover import refined
 
             progress.say("refining on the simulated response")
-            result = refined(result, tuple(dict.fromkeys(kind.value for kind in nuisance or ())))
+            result = refined(result, kinds)
         return result
 
     result = answer(find, out, as_json, Progress(quiet, verbose))

@@ -239,12 +239,16 @@ class JointElement:
         step : float
             s between samples.
         """
+        return np.asarray(self.columns_along(angle, rate, step) @ self.coefficients)
+
+    def columns_along(self, angle: ArrayLike, rate: ArrayLike, step: float) -> Array:
+        """Return its columns without their coefficients along such a motion, shape (n, n_columns)."""
         theta, omega = (np.asarray(x, dtype=np.float64) for x in (angle, rate))
         form, values = self.form, self.values
         states = states_along(form, values, theta, omega, step)
         arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
         columns = compile_terms([c.expression for c in form.columns], arguments)
-        return np.asarray(columns(theta, omega, *states, *map(float, values)) @ self.coefficients)
+        return np.asarray(columns(theta, omega, *states, *map(float, values)))
 
 
 def states_along(form: Form, values: Array, angle: Array, rate: Array, step: float) -> Array:

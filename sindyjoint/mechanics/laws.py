@@ -337,3 +337,37 @@ class SumLaw(_CallbackLaw):
         from sindyjoint.mechanics.kernels import sum_of
 
         return sum_of(as_compiled(self.first), as_compiled(self.second))
+
+
+@dataclass(frozen=True, eq=False)
+class LawWithNumbers(_CallbackLaw):
+    """A law with other parameters of its compiled form, and another inertia; nothing is compiled anew.
+
+    Parameters
+    ----------
+    law : Law
+    parameters : ndarray
+    inertia : float
+        kg·m² (kg).
+    """
+
+    law: Any
+    parameters: Array
+    inertia: float
+
+    @property
+    def n_states(self) -> int:  # type: ignore[override]
+        """Number of internal states."""
+        return self.law.n_states
+
+    @property
+    def softening_limit(self) -> tuple[float, float]:
+        """Softening limit of the law as it was."""
+        return softening_limit(self.law)
+
+    def compiled(self) -> CompiledLaw:
+        """Compiled form, that of the law."""
+        form = as_compiled(self.law)
+        numbers = form.numbers.copy()
+        numbers[form.places] = self.parameters
+        return replace(form, numbers=numbers)

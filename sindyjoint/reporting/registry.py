@@ -18,7 +18,7 @@ from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.results.reproduction import ReproductionView
 from sindyjoint.reporting.results.rig import RigView
-from sindyjoint.reporting.results.verification import VerificationView
+from sindyjoint.reporting.results.verification import RefinementView, VerificationView
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 VIEWS: tuple[View[Any, Any], ...] = (
     DiscoveryView(),
+    # Before that of a verification, as which it is saved.
+    RefinementView(),
     VerificationView(),
     DiagnosisView(),
     BatchView(),

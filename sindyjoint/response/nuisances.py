@@ -29,7 +29,7 @@ from sindyjoint.equation.model_record import (
     validated,
 )
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import Law, SumLaw
+from sindyjoint.mechanics.laws import FormulaLaw, Law, SumLaw
 from sindyjoint.record import Campaign, Joint, Run, aligned_run, content_hash
 from sindyjoint.response.element_law import TEST_SIGNALS, Instant, parts_of, sum_law
 from sindyjoint.response.model_law import model_law
@@ -142,9 +142,12 @@ class TestNuisances:
 
     def law(self, model: JointModel, states: ForceStates) -> Law:
         """Return the law of a model in one run of this test."""
-        law = model_law(replace(model, joint=self.joint_of(model.joint)))
-        added = sum_law(parts_of(self.moments), states.frequency or 0.0, Instant.of(states))
+        law, added = model_law(replace(model, joint=self.joint_of(model.joint))), self.added(states)
         return law if added is None else SumLaw(law, added)
+
+    def added(self, states: ForceStates) -> FormulaLaw | None:
+        """Return the moments that the test adds in one of its runs; None where it adds none."""
+        return sum_law(parts_of(self.moments), states.frequency or 0.0, Instant.of(states))
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``test.json`` holds."""

@@ -1,4 +1,4 @@
-"""The output-error problem: residuals of simulated responses as a function of coefficients and nuisance parameters."""
+"""The output-error problem: residuals of simulated responses as a function of a model's numbers and nuisances."""
 
 from __future__ import annotations
 
@@ -8,24 +8,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw
+from sindyjoint.mechanics.laws import LawWithNumbers, PaperLaw, as_compiled
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import Motion, simulate_many, transfer_moment
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Run
+from sindyjoint.response.element_law import number_names, parts_of, sum_law
 from sindyjoint.response.model_law import law_terms, model_law, with_coefficients
+from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import (
     NUISANCE,
     Nuisance,
     Parameter,
-    Record,
     coefficient,
-    initial_parameters,
+    element_parameters,
     nuisance_parameter,
-    record_of,
 )
+from sindyjoint.response.output_error_runs import Record, initial_parameters, record_of
 from sindyjoint.response.run import rms
 from sindyjoint.states import ForceStates
 
@@ -35,6 +37,8 @@ RTOL = 1e-7
 STEP = 2e-4
 # Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
 FAR_OFF = 10.0
+# Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
+WITHOUT_EFFECT = 1e-4
 # Simulations per run from which the effect of the moment's noise is estimated.
 DRIVE_DRAWS = 4
 
@@ -45,21 +49,23 @@ class OutputError:
 
     Parameters
     ----------
-    law : Law
-    runs : tuple
+    model : JointModel
+        With the numbers to start from.
+    runs : tuple of Record
     parameters : tuple of Parameter
-    indices : ndarray of int
-        Indices of the coefficients among the compiled law's parameters.
+        Coefficients of the terms, the inertia where it is one, numbers of the elements, nuisances, initial states.
+    places : ndarray of int
+        Of the coefficients, then of the numbers of the elements, among a compiled law's parameters.
     inertia_index : int or None
         Of the inertia among the parameters, where it is one.
     window : float
         Length of a multiple-shooting segment, s.
     """
 
-    law: Law
+    model: JointModel
     runs: tuple[Record, ...]
     parameters: tuple[Parameter, ...]
-    indices: NDArray[np.intp]
+    places: NDArray[np.intp]
     inertia_index: int | None
     window: float
 
@@ -71,27 +77,30 @@ class OutputError:
         states: Sequence[ForceStates],
         nuisance: Sequence[Nuisance],
         window: float,
+        test: TestNuisances | None = None,
     ) -> OutputError:
         """Collect the parameters of a model and those of the runs; negative friction starts at zero."""
+        test = test or TestNuisances("")
         simulable = without_negative_friction(model)
-        law = model_law(simulable)
-        names = [term.id for term in law_terms(model)]
-        order = list(PAPER_PARAMETERS) if isinstance(law, PaperLaw) else names
-        most = rms(np.concatenate([s.transfer_moment(model.inertia) for s in states]))
-        parameters = [coefficient(model, name, most) for name in names]
+        inertia = test.joint_of(model.joint).inertia or model.inertia
+        most = rms(np.concatenate([s.transfer_moment(inertia) for s in states]))
+        parameters = [coefficient(model, term.id, most) for term in law_terms(model)]
         inertia_index = None
         if INERTIA in model:
             inertia_index = len(parameters)
             parameters.append(coefficient(model, INERTIA, most))
+        parameters += element_parameters(model.elements)
         size = rms(np.concatenate([s.angle - np.mean(s.angle) for s in states]))
         fastest = max(rms(s.rate) / max(rms(s.angle - np.mean(s.angle)), 1e-300) for s in states)
         parameters += [nuisance_parameter(name, size, 2 * np.pi / fastest) for name in nuisance]
         records = []
         for run, state in zip(runs, states, strict=True):
-            records.append(record_of(law, run, state, len(parameters), window))
+            law = test.law(simulable, state)
+            records.append(record_of(law, simulable, run, state, test, len(parameters), window))
             parameters += initial_parameters(records[-1], model.joint.motion)
-        indices = np.array([order.index(name) for name in names], dtype=np.intp)
-        return cls(law, tuple(records), tuple(parameters), indices, inertia_index, window)
+        return cls(
+            simulable, tuple(records), tuple(parameters), number_places(simulable), inertia_index, window
+        )
 
     def drop_failing_runs(self) -> tuple[OutputError, tuple[str, ...]]:
         """Return the problem without the runs whose simulation fails at the start, and why each fails."""
@@ -146,11 +155,11 @@ class OutputError:
     def covariance(self, x: Array) -> Array:
         """Covariance of the parameters that all runs share, robust against errors correlated within a block of time.
 
-        H⁻¹ (Σ g_b g_bᵀ) H⁻¹ with H = JᵀJ and g_b the part of Jᵀr that block b has (White, Econometrica 48(4), 1980),
-        or s²H⁻¹ where there are not twice as many blocks as parameters. J is what the initial states of the runs
-        cannot do (Frisch and Waugh, Econometrica 1(4), 1933). What the noise of the measured moment does through the
-        simulation is added: all blocks of a run share it. Directions without any effect get a standard error of a
-        hundred times their size.
+        H⁻¹ (Σ g_b g_bᵀ) H⁻¹ with H = JᵀJ and g_b the part of Jᵀr that block b has (White, Econometrica 48(4),
+        1980), or s²H⁻¹ where there are not twice as many blocks as parameters. J is what the initial states of the
+        runs cannot do (Frisch and Waugh, Econometrica 1(4), 1933). What the noise of the drive (the measured
+        moment, or a prescribed motion) does through the simulation is added: all blocks of a run share it.
+        Directions without any effect get a standard error of a hundred times their size.
         """
         jacobian, residual = self.jacobian(x), self.residual(x)
         count = self.n_shared
@@ -160,8 +169,11 @@ class OutputError:
             scaled = scaled - initial @ np.linalg.lstsq(initial, scaled, rcond=None)[0]
         scale = scale[:count]
         values, vectors = np.linalg.eigh(scaled.T @ scaled)
-        inverse = (vectors / np.maximum(values, 1e-4)) @ vectors.T
-        labels = np.concatenate([i * 100_000 + r.states.block[r.skip :] for i, r in enumerate(self.runs)])
+        inverse = (vectors / np.maximum(values, WITHOUT_EFFECT)) @ vectors.T
+        nowhere = vectors[:, values < WITHOUT_EFFECT]
+        labels = np.concatenate(
+            [i * 100_000 + r.states.block[-r.measured.size :] for i, r in enumerate(self.runs)]
+        )
         blocks = np.unique(labels, return_inverse=True)[1]
         count, p = int(blocks.max()) + 1, scale.size
         if count > 2 * p:
@@ -173,20 +185,20 @@ class OutputError:
             result = inverse @ middle @ inverse
         else:
             result = inverse * float(residual @ residual) / max(residual.size - x.size, 1)
+        # Such a direction has no part of the residual either, and the products above hold none of it.
+        result += nowhere @ nowhere.T / WITHOUT_EFFECT
         result += inverse @ self._estimate_drive_scatter(x, scaled, residual) @ inverse
         return (result + result.T) / 2 * np.outer(scale, scale)
 
     def _estimate_drive_scatter(self, x: Array, jacobian: Array, residual: Array) -> Array:
-        """Covariance of Jᵀr that the noise of the measured moment causes through the simulation, shape (p, p)."""
+        """Covariance of Jᵀr that the noise of the drive causes through the simulation, shape (p, p)."""
         total, first = np.zeros((jacobian.shape[1],) * 2), 0
         for index, record in enumerate(self.runs):
             rows = slice(first, first + record.measured.size)
             first = rows.stop
-            if record.drive == "motion":
-                continue
             generator = np.random.default_rng(index)
             for _ in range(DRIVE_DRAWS):
-                noisy = record.with_drive_noise(generator)
+                noisy = record.with_drive_noise(generator, self.model)
                 change = self._weigh_residual(noisy, x[None])[0] - residual[rows]
                 if np.abs(change).max() < FAR_OFF * float(np.std(record.measured)) / record.sigma:
                     score = jacobian[rows].T @ change
@@ -227,7 +239,7 @@ class OutputError:
         """Response of one run for each set of parameters, shape (sets, n)."""
         gain, delay, offset = (self._get_value(name, sets) for name in ("gain", "delay", "offset"))
         if record.drive == "motion":
-            signals = np.array([self._predict_moment(record, law) for law in self._build_laws(sets)])
+            signals = np.array([self._predict_moment(record, x) for x in sets])
             slope = np.gradient(signals, 1 / record.run.sample_rate, axis=1)
             shifted = signals - delay * slope
         else:
@@ -245,26 +257,7 @@ class OutputError:
     def _simulate_motion(self, record: Record, sets: Array) -> tuple[Array, Array, Array]:
         """Angle, rate and acceleration for each set, each of shape (sets, n)."""
         if record.drive == "windows":
-            starts = np.zeros((record.moment.size, 2))
-            motions: list[Motion] = []
-            for law, states in zip(
-                self._build_laws(sets),
-                sets[:, record.initial_indices.start : record.initial_indices.stop],
-                strict=True,
-            ):
-                starts[list(record.starts)] = states.reshape(-1, 2)
-                motions.append(
-                    simulate_segments(
-                        law,
-                        record.moment,
-                        record.run.sample_rate,
-                        self.window,
-                        starts,
-                        interpolation="cubic",
-                        limits=record.limits,
-                        rtol=RTOL,
-                    )  # fmt: skip
-                )
+            motions = [self._simulate_segments(record, x) for x in sets]
             return tuple(
                 np.array([getattr(m, name) for m in motions]) for name in ("angle", "rate", "acceleration")
             )  # type: ignore[return-value]
@@ -272,42 +265,98 @@ class OutputError:
         initial = np.tile([record.states.angle[0], record.states.rate[0]], (len(sets), 1))
         if record.starts:
             initial = sets[:, record.initial_indices.start : record.initial_indices.stop]
+        cycle, rate = record.cycle, record.run.sample_rate
+        duration = record.moment.size / rate if cycle is None else cycle.duration
         many = simulate_many(
-            self.law, [record.excitation], record.moment.size / record.run.sample_rate, record.run.sample_rate,
-            parameters=self._law_parameters(sets), beam_inertia=self._inertia(sets) - self.law.inertia,
-            initial=initial, limits=record.limits, rtol=RTOL,
+            record.law, [record.excitation], duration, rate if cycle is None else cycle.sample_rate,
+            parameters=self._law_parameters(record, sets),
+            beam_inertia=self._inertia(record, sets) - record.law.inertia,
+            initial=initial, initial_state=record.inner, limits=record.limits, rtol=RTOL,
         )  # fmt: skip
-        return many.angle, many.rate, many.acceleration
+        angle, rates, acceleration = many.angle, many.rate, many.acceleration
+        if cycle is None:
+            return angle, rates, acceleration
+        # An acceleration jumps where the joint sticks: between samples it is taken as it is before.
+        return (
+            cycle.at_samples(angle, rates),
+            cycle.at_samples(rates, acceleration),
+            acceleration[:, -cycle.nodes :][:, cycle.left],
+        )
 
-    def _predict_moment(self, record: Record, law: Law) -> Array:
+    def _simulate_segments(self, record: Record, x: Array) -> Motion:
+        """Return the motion of one set by multiple shooting; internal states start as along the measured motion."""
+        law = LawWithNumbers(
+            record.law,
+            self._law_parameters(record, x[None])[0],
+            float(self._inertia(record, x[None])[0]),
+        )
+        s, rate = record.states, record.run.sample_rate
+        inner = transfer_moment(law, s.angle, s.rate, rate)[1] if law.n_states else None
+        starts = np.zeros((record.moment.size, 2))
+        first = record.initial_indices
+        starts[list(record.starts)] = x[first.start : first.stop].reshape(-1, 2)
+        return simulate_segments(
+            law, record.moment, rate, self.window, starts, interpolation="cubic", initial_state=inner,
+            limits=record.limits, rtol=RTOL,
+        )  # fmt: skip
+
+    def _predict_moment(self, record: Record, x: Array) -> Array:
+        """Moment at the sensor of a prescribed motion; sliders stop at their limits exactly, between steps too."""
         s = record.states
-        return transfer_moment(law, s.angle, s.rate, record.run.sample_rate, acceleration=s.acceleration)[0]
+        assert record.columns is not None
+        total = record.columns @ x[: record.columns.shape[1]]
+        total = total + self._inertia(record, x[None])[0] * s.acceleration
+        for element in self.elements(x):
+            total = total + element.along(s.angle, s.rate, 1 / record.run.sample_rate)
+        return total if record.added is None else total + record.added
 
-    def _law_parameters(self, sets: Array) -> Array:
-        base = np.asarray(self.law.compiled().parameters)  # type: ignore[union-attr]
-        values = np.tile(base, (len(sets), 1))
-        values[:, self.indices] = sets[:, : self.indices.size]
+    @property
+    def number_indices(self) -> NDArray[np.intp]:
+        """Indices of the model's numbers, in its order, among the parameters."""
+        names = [parameter.name for parameter in self.parameters]
+        terms = [names.index(term.id) for term in self.model.terms]
+        inner = self._element_slice
+        return np.array([*terms, *range(inner.start, inner.stop)], dtype=np.intp)
+
+    def start_of(self, model: JointModel) -> Array:
+        """Return parameters with the numbers of another model; nuisances and initial states as they start."""
+        x = np.array([parameter.start for parameter in self.parameters])
+        x[self.number_indices] = model.numbers
+        return x
+
+    def elements(self, x: Array) -> tuple[JointElement, ...]:
+        """Return the elements with the numbers of a set."""
+        return self.model.with_numbers(x[self.number_indices]).elements if self.model.elements else ()
+
+    @property
+    def _element_slice(self) -> slice:
+        first = len(self.model.terms)
+        return slice(first, first + sum(len(each.numbers) for each in self.model.elements))
+
+    def _law_parameters(self, record: Record, sets: Array) -> Array:
+        values = np.tile(as_compiled(record.law).parameters, (len(sets), 1))
+        values[:, self.places] = np.hstack(
+            [sets[:, : len(law_terms(self.model))], sets[:, self._element_slice]]
+        )
         return values
 
-    def _inertia(self, sets: Array) -> Array:
+    def _inertia(self, record: Record, sets: Array) -> Array:
         if self.inertia_index is None:
-            return np.full(len(sets), self.law.inertia)
+            return np.full(len(sets), record.law.inertia)
         return sets[:, self.inertia_index]
 
-    def _build_laws(self, sets: Array) -> list[Law]:
-        laws: list[Law] = []
-        for values, inertia in zip(self._law_parameters(sets), self._inertia(sets), strict=True):
-            if isinstance(self.law, PaperLaw):
-                laws.append(
-                    replace(
-                        self.law, **dict(zip(PAPER_PARAMETERS.values(), values, strict=True)), inertia=inertia
-                    )
-                )
-            else:
-                assert isinstance(self.law, FormulaLaw)
-                named = dict(zip(self.law.parameters, values, strict=True))
-                laws.append(replace(self.law, parameters=named, inertia=inertia))
-        return laws
+
+def number_places(model: JointModel) -> NDArray[np.intp]:
+    """Return where the numbers of terms, then of elements, stand among the parameters of a model's compiled law."""
+    terms = model_law(replace(model, elements=()))
+    names = [term.id for term in law_terms(model)]
+    order = list(PAPER_PARAMETERS) if isinstance(terms, PaperLaw) else names
+    first = as_compiled(terms).parameters.size
+    elements = sum_law(parts_of(model.elements))
+    inner = [] if elements is None else list(elements.parameters)
+    places = [order.index(name) for name in names]
+    places += [first + inner.index(name) for name in number_names(model.elements)]
+    return np.array(places, dtype=np.intp)
 
 
 def without_negative_friction(model: JointModel) -> JointModel:

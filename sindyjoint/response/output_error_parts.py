@@ -1,24 +1,15 @@
-"""Parts of the output-error problem: its parameters, and the runs as it uses them."""
+"""The parameters of the output-error problem: where they start, their scales, and how far they may move."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
-from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
-from sindyjoint.mechanics.laws import Law
-from sindyjoint.mechanics.segments import segment_starts
-from sindyjoint.record import Motion, Run
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import Drive, angle_limits, choose_drive, measured_drive, rms, settling
-from sindyjoint.states import ForceStates
 
-Array = NDArray[np.float64]
 Nuisance = Literal["delay", "gain", "offset"]
 
 
@@ -43,7 +34,7 @@ class Parameter:
     Parameters
     ----------
     name : str
-    kind : {"coefficient", "nuisance", "initial"}
+    kind : {"coefficient", "element", "nuisance", "initial"}
     start, scale, low, high : float
         In the parameter's unit.
     """
@@ -54,55 +45,6 @@ class Parameter:
     scale: float
     low: float
     high: float
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """A run as the problem uses it.
-
-    Parameters
-    ----------
-    starts : tuple of int
-        Samples at which the simulation starts and is restarted from states that are estimated; none for a run that
-        repeats, and for one whose motion is prescribed.
-    initial : int
-        Index of the first of these states among the parameters: angle and rate of one start after the other.
-    """
-
-    run: Run
-    states: ForceStates
-    drive: Drive
-    moment: Array
-    measured: Array
-    sigma: float
-    skip: int
-    excitation: Excitation | None
-    limits: tuple[float, float]
-    starts: tuple[int, ...]
-    initial: int
-
-    @property
-    def initial_indices(self) -> range:
-        """Indices of its initial states among the parameters."""
-        return range(self.initial, self.initial + 2 * len(self.starts))
-
-    def rows(self, start: int) -> slice:
-        """Return the compared samples that the simulation from one of the starts gives."""
-        ends = [*self.starts[1:], self.moment.size]
-        return slice(max(self.starts[start] - self.skip, 0), max(ends[start] - self.skip, 0))
-
-    def with_drive_noise(self, generator: np.random.Generator) -> Record:
-        """Return the record with another noise draw on the moment channel."""
-        level = self.states.noise.moment
-        moment = self.moment + level * generator.standard_normal(self.moment.size)
-        if self.excitation is None:
-            return replace(self, moment=moment)
-        if not self.excitation.periodic:
-            return replace(self, moment=moment, excitation=sampled(moment, self.run.sample_rate))
-        mean = self.excitation.pieces[:, 0]
-        periods = self.moment.size / mean.size
-        noisy = mean + level / np.sqrt(periods) * generator.standard_normal(mean.size)
-        return replace(self, excitation=repeated(noisy, self.excitation.step * mean.size))
 
 
 def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
@@ -128,6 +70,21 @@ def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
     return Parameter(name, "coefficient", value, scale, low, high)
 
 
+def element_parameters(elements: Iterable[JointElement]) -> Iterable[Parameter]:
+    """Yield the numbers of elements as parameters, in the order of a model's numbers; each keeps its sign."""
+    for element in elements:
+        coefficients = {column.name for column in element.columns}
+        for number in element.numbers:
+            if number.name in coefficients:
+                reach = POLICY.element_range
+            else:
+                reach = POLICY.shape_range if number.unit in ("", "1") else POLICY.nonlinear_range
+            value = number.value
+            scale = abs(value) if value != 0 else max(number.standard_error, 1e-12)
+            ends = sorted((value / reach, value * reach)) if value != 0 else (-reach * scale, reach * scale)
+            yield Parameter(f"{number.name} of {element.id}", "element", value, scale, *ends)
+
+
 def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     """Return a nuisance parameter for a response of this RMS whose fastest motion has this period, s."""
     start = NUISANCE[name].start
@@ -139,50 +96,3 @@ def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     # A gain is one of one, a delay and an offset are small: their scale is a hundredth of the motion's.
     scale = {"delay": 0.01 * period, "gain": 1.0, "offset": 0.01 * size}[name]
     return Parameter(name, "nuisance", start, scale, start - reach, start + reach)
-
-
-def initial_parameters(record: Record, motion: Motion) -> Iterable[Parameter]:
-    """Angle and rate of a run where its simulation starts, and where it is restarted."""
-    names = ("angle", "rate") if motion == "rotation" else ("displacement", "velocity")
-    signals = tuple(zip(names, (record.states.angle, record.states.rate), strict=True))
-    for number, first in enumerate(record.starts, 1):
-        for name, signal in signals:
-            value, size = float(signal[first]), rms(signal - np.mean(signal))
-            segment = f", segment {number}" if len(record.starts) > 1 else ""
-            yield Parameter(
-                f"initial {name} of {record.run.name}{segment}",
-                "initial",
-                value,
-                size,
-                value - size,
-                value + size,
-            )
-
-
-def record_of(law: Law, run: Run, states: ForceStates, index: int, window: float) -> Record:
-    """Return a run as the problem uses it; `index` is the next free one among the parameters."""
-    first = round(states.time[0] * run.sample_rate)
-    span = slice(first, first + states.n_samples)
-    drive = choose_drive(law, states)
-    skip = settling(states)
-    moment = run.moment[span]
-    measured = (moment if drive == "motion" else run.angle[span])[skip:]
-    noise = states.noise.moment if drive == "motion" else states.noise.angle
-    starts: tuple[int, ...] = ()
-    if drive == "windows":
-        starts = tuple(segment_starts(states.n_samples, run.sample_rate, window))
-    elif drive == "moment" and states.method != "periodic":
-        starts = (0,)
-    return Record(
-        run=run,
-        states=states,
-        drive=drive,
-        moment=moment,
-        measured=measured,
-        sigma=max(noise, POLICY.least_noise * float(np.std(measured))),
-        skip=skip,
-        excitation=measured_drive(run, states) if drive == "moment" else None,
-        limits=angle_limits(law, states, drive),
-        starts=starts,
-        initial=index,
-    )

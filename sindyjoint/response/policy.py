@@ -57,6 +57,28 @@ class ResponsePolicy:
     range_moment: float = limit(
         0.1, "... or until its term carries this much more of the moment, whichever is most"
     )
+    element_range: float = limit(
+        20.0,
+        "a coefficient of an element may be refined up to so many times itself, and down to that part of it",
+    )
+    nonlinear_range: float = limit(
+        10.0,
+        "the same of a nonlinear parameter of an element that is an angle, a rate or a time: where it starts wrong "
+        "its coefficient does, too",
+    )
+    shape_range: float = limit(2.0, "the same of a nonlinear parameter without a unit")
+    start_spread: float = limit(
+        2.5,
+        "factor by which nonlinear parameters of elements are changed for the other starts of a refinement",
+    )
+    shape_spread: float = limit(1.4, "the same of nonlinear parameters without a unit")
+    coarse_lag: float = limit(
+        0.2,
+        "share by which another start may fit worse than the best end, after its first steps, to be followed",
+    )
+    least_lead: float = limit(
+        0.01, "share by which another start must fit better than the given one before its end is used"
+    )
     gain_range: float = limit(0.25, "widest error of gain that is searched")
     delay_range: float = limit(0.1, "widest delay that is searched", unit="periods of the fastest motion")
     offset_range: float = limit(0.5, "widest offset that is searched, as a share of the response's RMS")

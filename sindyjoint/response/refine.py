@@ -1,4 +1,4 @@
-"""Output-error refinement: coefficients that make the simulated response, not the moment, fit best."""
+"""Output-error refinement: numbers of a model that make the simulated response, not the moment, fit best."""
 
 from __future__ import annotations
 
@@ -10,16 +10,22 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
 from sindyjoint.response.policy import POLICY
+from sindyjoint.response.refine_starts import spread_starts
 from sindyjoint.states import ForceStates, campaign_states
 
 Array = NDArray[np.float64]
 
 MOST_EVALUATIONS = 40
+# Of another start, before it is followed or left.
+FIRST_EVALUATIONS = 8
+# Two ends whose numbers differ by less than this share of their scales are one.
+SAME_END = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +35,8 @@ class Refinement:
     Parameters
     ----------
     model : JointModel
-        With refined coefficients and their covariance; the given one if the refinement did not succeed.
+        With refined numbers of terms and elements and their covariance; the given one if the refinement did not
+        succeed.
     refined : bool
     reason : str
         One sentence.
@@ -39,6 +46,8 @@ class Refinement:
         Value and standard error of delay (s), gain and offset, as asked for.
     undetermined : tuple of str
         Directions that the runs do not determine, in words.
+    misfit : float
+        Sum of squares of the residual, in units of noise; NaN if the refinement did not succeed.
     """
 
     model: JointModel
@@ -48,6 +57,7 @@ class Refinement:
     after: dict[str, float]
     nuisance: dict[str, tuple[float, float]]
     undetermined: tuple[str, ...]
+    misfit: float = float("nan")
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -66,15 +76,18 @@ def refine(
     *,
     states: Sequence[ForceStates] | None = None,
     nuisance: Sequence[Nuisance] = (),
+    test: TestNuisances | None = None,
     window: float = 1.0,
     progress: Callable[[str], None] | None = None,
 ) -> Refinement:
-    """Refine the coefficients of known terms by bounded least squares on the simulated response.
+    """Refine the numbers of a model's terms and elements by bounded least squares on the simulated response.
 
     The runs that may be used for identification are simulated (see
     :func:`~sindyjoint.response.run.choose_drive`) and compared with the measured response in units of its
     noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
-    restoring moment is simulated by multiple shooting, those of every segment.
+    restoring moment is simulated by multiple shooting, those of every segment. Where the motion was prescribed it is
+    the drive, and the moment the response. A model with elements is fitted from two more starts, see
+    :func:`~sindyjoint.response.refine_starts.spread_starts`; the best end is used.
 
     Parameters
     ----------
@@ -85,6 +98,8 @@ def refine(
     nuisance : sequence of {"delay", "gain", "offset"}
         What to estimate with the coefficients: the time by which the moment lags the response, s; the factor by which
         the response channel reads too high; its zero error, rad (m).
+    test : TestNuisances, optional
+        Moments and error of the inertia of this test; ``campaign`` and ``states`` have its channels put right already.
     window : float
         Length of a multiple-shooting segment, s, for joints without a restoring moment.
     progress : callable, optional
@@ -96,59 +111,93 @@ def refine(
     Raises
     ------
     InputError, UnknownNameError
-        For a model without terms or an unknown nuisance parameter.
+        For a model without terms and elements or an unknown nuisance parameter.
     """
-    from scipy.optimize import least_squares
-
     unknown = [name for name in nuisance if name not in NUISANCE]
     if unknown:
         raise UnknownNameError(
             f"nuisance parameter {unknown[0]!r} is not known; expected one of {', '.join(NUISANCE)}"
         )
-    if not model.terms:
+    if not (model.terms or model.elements):
         raise InputError("the model has no terms: there is nothing to refine; run discover first")
     states = campaign_states(campaign) if states is None else states
-    problem = OutputError.of(
-        model, campaign.identification_runs, states, tuple(dict.fromkeys(nuisance)), window
-    )
+    kinds = tuple(dict.fromkeys(nuisance))
+    runs = campaign.identification_runs
+    problem = OutputError.of(model, runs, states, kinds, window, test)
     problem, left_out = problem.drop_failing_runs()
     if not problem.runs:
         return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())
     start = np.array([parameter.start for parameter in problem.parameters])
     before = problem.nrmse(start)
-    scale = np.array([parameter.scale for parameter in problem.parameters])
-    bounds = np.array([(parameter.low, parameter.high) for parameter in problem.parameters]).T
     if progress is not None:
         progress("fitting the simulated response")
+    others = [problem.start_of(other) for other in spread_starts(problem.model, states)]
+    found = _best_end(problem, start, others)
+    return _summarise_refinement(model, problem, found, before, states, left_out, test)
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where a fit came to: parameters, and half the sum of squares."""
+
+    x: Array
+    cost: float
+
+
+def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Array:
+    """Return the parameters of the best end over all starts; the others are followed where they come near it."""
+    scale = np.array([parameter.scale for parameter in problem.parameters])
+    shared = slice(problem.n_shared)
+    best = _fit(problem, start, MOST_EVALUATIONS)
+    for other in others:
+        trial = _fit(problem, other, FIRST_EVALUATIONS)
+        apart = np.abs((trial.x - best.x) / scale)[shared].max()
+        if trial.cost > (1 + POLICY.coarse_lag) * best.cost or apart < SAME_END:
+            continue
+        end = _fit(problem, trial.x, MOST_EVALUATIONS)
+        if end.cost < (1 - POLICY.least_lead) * best.cost:
+            best = end
+    return best.x
+
+
+def _fit(problem: OutputError, start: Array, most: int) -> _End:
+    """Fit from one start, with at most so many evaluations."""
+    from scipy.optimize import least_squares
+
+    scale = np.array([parameter.scale for parameter in problem.parameters])
+    low, high = np.array([(parameter.low, parameter.high) for parameter in problem.parameters]).T
     solution = least_squares(
-        lambda x: problem.residual(x * scale), start / scale, lambda x: problem.jacobian(x * scale) * scale,
-        bounds=bounds / scale, method="trf", x_scale=1.0, ftol=1e-7, xtol=1e-6, gtol=1e-8,
-        max_nfev=MOST_EVALUATIONS,
-    )  # fmt: skip
-    found = solution.x * scale
-    lasting = scale[: problem.n_shared]
-    covariance = problem.covariance(found) / np.outer(lasting, lasting)
-    return _summarise_refinement(model, problem, found, covariance, scale, before, states, left_out)
+        lambda x: problem.residual(x * scale),
+        np.clip(start, low, high) / scale,
+        lambda x: problem.jacobian(x * scale) * scale,
+        bounds=(low / scale, high / scale),
+        method="trf",
+        x_scale=1.0,
+        ftol=1e-7,
+        xtol=1e-6,
+        gtol=1e-8,
+        max_nfev=most,
+    )
+    return _End(solution.x * scale, float(solution.cost))
 
 
 def _summarise_refinement(
     model: JointModel,
     problem: OutputError,
     found: Array,
-    covariance: Array,
-    scale: Array,
     before: dict[str, float],
     states: Sequence[ForceStates],
     left_out: Sequence[str],
+    test: TestNuisances | None,
 ) -> Refinement:
     after = problem.nrmse(found)
-    names = [parameter.name for parameter in problem.parameters]
-    indices = [names.index(term.id) for term in model.terms]
     lasting = problem.parameters[: problem.n_shared]
-    scale = scale[: problem.n_shared]
-    errors = np.sqrt(np.diag(covariance)) * scale
-    physical = covariance * np.outer(scale, scale)
-    new = with_coefficients(model, found[indices], physical[np.ix_(indices, indices)])
+    scale = np.array([parameter.scale for parameter in lasting])
+    physical = problem.covariance(found)
+    covariance = physical / np.outer(scale, scale)
+    errors = np.sqrt(np.diag(physical))
+    indices = problem.number_indices
+    new = model.with_numbers(found[indices], physical[np.ix_(indices, indices)])
     values = {
         parameter.name: (float(found[i]), float(errors[i]))
         for i, parameter in enumerate(lasting)
@@ -161,8 +210,9 @@ def _summarise_refinement(
         and not (parameter.name == "coulomb_friction" and value < 1e-6 * parameter.scale)
     ]
     count = len(problem.runs)
+    what = "coefficients and elements" if model.elements else "coefficients"
     reason = (
-        f"coefficients refined on the simulated response of {count} run(s): NRMSE "
+        f"{what} refined on the simulated response of {count} run(s): NRMSE "
         f"{100 * _pool_nrmse(before):.3f} % before, {100 * _pool_nrmse(after):.3f} % after"
     )
     if without_negative_friction(model) is not model:
@@ -172,13 +222,14 @@ def _summarise_refinement(
     if left_out:
         reason += f"; left out, since the model to start from does not reach their end: {'; '.join(left_out)}"
     return Refinement(
-        model=_update_residual(new, states),
+        model=_update_residual(_without_stale(model, new), states, test),
         refined=True,
         reason=reason,
         before=before,
         after=after,
         nuisance=values,
         undetermined=undetermined_directions(lasting, covariance),
+        misfit=float(np.sum(problem.residual(found) ** 2)),
     )
 
 
@@ -186,14 +237,30 @@ def _pool_nrmse(values: dict[str, float]) -> float:
     return float(np.sqrt(np.mean(np.square(list(values.values())))))
 
 
-def _update_residual(model: JointModel, states: Sequence[ForceStates]) -> JointModel:
-    """Return the model with the residual of the moment under its new coefficients."""
+def _without_stale(before: JointModel, after: JointModel) -> JointModel:
+    """Return a refined model whose terms have the share of the moment that goes with their new coefficients."""
+    terms = tuple(
+        replace(new, unique_share=old.unique_share * abs(new.coefficient / old.coefficient))
+        if old.coefficient
+        else new
+        for old, new in zip(before.terms, after.terms, strict=True)
+    )
+    return replace(after, terms=terms)
+
+
+def _update_residual(
+    model: JointModel, states: Sequence[ForceStates], test: TestNuisances | None
+) -> JointModel:
+    """Return the model with the residual of the moment under its new numbers."""
+    inertia = (test.joint_of(model.joint).inertia if test is not None else None) or model.inertia
     squares, count = 0.0, 0
     for state in states:
         keep = state.moving
-        residual = state.transfer_moment(model.inertia)[keep] - model.moment(
-            state.angle[keep], state.rate[keep]
-        )
+        modelled = model.moment(state.angle, state.rate, 1 / state.sample_rate)
+        added = None if test is None else test.added(state)
+        if added is not None:
+            modelled = modelled + transfer_moment(added, state.angle, state.rate, state.sample_rate)[0]
+        residual = (state.transfer_moment(inertia) - modelled)[keep]
         squares, count = squares + float(residual @ residual), count + residual.size
     return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))
 

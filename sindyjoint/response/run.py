@@ -230,10 +230,13 @@ def simulate_run(
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
-        moment, _ = transfer_moment(
+        moment, inner = transfer_moment(
             law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
         )
         if drive != "motion":
+            if drive == "windows":
+                # Where a segment starts the internal states are as along the measured motion.
+                options = {"initial_state": inner, **options}
             motion = _simulate_motion(law, run, states, span, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:

@@ -50,6 +50,7 @@ def diagnose(
     hold_out: Sequence[str] = (),
     advise: bool = True,
     before_advice: Callable[[Diagnosis], None] | None = None,
+    refine: bool = False,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
@@ -86,8 +87,11 @@ def diagnose(
         Whether runs are sought that would tell rivals apart; ``policy.advice_work`` and ``policy.advice_seconds`` end
         that early.
     before_advice : callable, optional
-        Called with the diagnosis, complete but for advice, before runs are sought; an interruption of that search
-        then takes nothing with it.
+        Called with the diagnosis, complete but for advice and refinement, before runs are sought; an interruption of
+        that search then takes nothing with it.
+    refine : bool
+        Fit terms and elements of the whole model to the simulated response in the end, unless the response gap would
+        grow by it.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -132,10 +136,20 @@ def diagnose(
         problem = CampaignProblem.build(usable, model, base, known, policy)
 
         def limited(result: Diagnosis) -> Diagnosis:
-            return replace(_limit(_of_campaign(result, campaign, delay), checked), hidden=hidden)
+            return replace(_limit(result, checked), hidden=hidden)
+
+        def known_campaign(result: Diagnosis) -> Diagnosis:
+            return _of_campaign(result, campaign, delay)
 
         keep = before_advice or (lambda result: None)
-        result = explain_gap(problem, max_effects, say, advise, lambda result: keep(limited(result)))
+        result = explain_gap(
+            problem, max_effects, say, advise, lambda result: keep(limited(known_campaign(result)))
+        )
+        result = known_campaign(result)
+        if refine:
+            from sindyjoint.workflows.refine import refined_diagnosis
+
+            result = refined_diagnosis(result, checked.usable, say)
         return limited(result)
 
 

@@ -220,7 +220,13 @@ def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: obj
         **options,  # type: ignore[arg-type]
     )
     apart = _warn_of_disagreement(result.model, refinement.model) if refinement.refined else ()
-    return replace(result, model=refinement.model, warnings=(*result.warnings, *refinement.notes, *apart))
+    return replace(
+        result,
+        model=refinement.model,
+        warnings=(*result.warnings, *refinement.notes, *apart),
+        # What was taken out of the coefficients of the regression says nothing of these.
+        bias=None if refinement.refined else result.bias,
+    )
 
 
 def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, ...]:

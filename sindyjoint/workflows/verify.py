@@ -130,7 +130,7 @@ def verify(
             )
         say("checking the data")
         checked = require_sound(check_campaign(against, accept))
-        usable, applied, note = _put_right(checked.usable, against, test)
+        usable, applied, note = put_right(checked.usable, against, test)
         usable = align_channels(usable) if align else usable
         result = verify_campaign(model, usable, tolerance, draws, window, generator, say, applied, free_run)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
@@ -149,7 +149,7 @@ def verify(
     return verify_rig(model, against, tolerance, draws, truth, generator, say)
 
 
-def _put_right(
+def put_right(
     usable: Campaign, given: Campaign, test: TestNuisances | None
 ) -> tuple[Campaign, TestNuisances | None, tuple[str, ...]]:
     """Return a campaign with the nuisances of its test put right, these, and what is said of it.

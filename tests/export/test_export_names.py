@@ -8,7 +8,6 @@ import subprocess
 from dataclasses import replace
 
 import pytest
-
 from conftest import ELEMENTS
 
 from sindyjoint.equation.model import JointModel

@@ -23,12 +23,15 @@ from sindyjoint.reporting.text_table import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
+from sindyjoint.response.nuisances import FILE
 from sindyjoint.response.verification import RunVerification, Verification
-from sindyjoint.text import in_words_of_origin, percent, quantities
+from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
+from sindyjoint.workflows.refine import RefinedModel, number_labels
 
 # Units that take a prefix; others ("mm", "kip", "inch") are printed as the campaign declares them.
 PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
 # Of each run, as it is.
+NUMBERS = "Numbers of the model before and after the refinement, with one standard error."
 PRINTED = ("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference")
 
 
@@ -201,3 +204,44 @@ class VerificationView(View[Verification, Verification]):
                 )
             )
         yield from aligned(rows)
+
+
+class RefinementView(VerificationView):
+    """A model refined on a campaign: its numbers before and after, and what a verification shows."""
+
+    results = (RefinedModel,)
+
+    def tables(self, result: Verification) -> tuple[TextTable, ...]:
+        """Return the numbers before and after in addition to runs and terms."""
+        tables = super().tables(result)
+        if not isinstance(result, RefinedModel) or result.before is None:
+            return tables
+        old, new = result.before, result.model
+        rows = tuple(
+            (spelled(name), rounded(a, b), rounded(c, d), pretty_unit(unit))
+            for (name, unit), a, b, c, d in zip(
+                number_labels(new),
+                old.numbers,
+                old.number_errors,
+                new.numbers,
+                new.number_errors,
+                strict=True,
+            )
+        )
+        return *tables, TextTable("numbers", NUMBERS, ("Number", "Before", "After", "Unit"), rows)
+
+    def files(self, result: Verification, data: Verification) -> dict[str, str]:
+        """Return the model, and what belongs to the test."""
+        texts = super().files(result, data)
+        test = result.test if isinstance(result, RefinedModel) else None
+        return texts if test is None else {**texts, FILE: test.to_json() + "\n"}
+
+    def show(self, result: Verification) -> None:
+        """Print the numbers before and after, then what a verification prints."""
+        console = terminal()
+        print_whole(
+            terminal_table(("number", "before", "after", "unit"), self.tables(result)[-1].rows, "lrrl"),
+            console,
+        )
+        console.print("")
+        super().show(result)

@@ -1,0 +1,274 @@
+"""The runs of the output-error problem: what drives each, what is compared, and where its simulation starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.segments import segment_starts
+from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
+from sindyjoint.record import Motion, Run
+from sindyjoint.response.model_law import law_terms
+from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.output_error_parts import Parameter
+from sindyjoint.response.policy import POLICY
+from sindyjoint.response.run import (
+    Drive,
+    angle_limits,
+    choose_drive,
+    measured_drive,
+    prescribed,
+    rms,
+    settling,
+)
+from sindyjoint.states import ForceStates
+from sindyjoint.states.broadband import smoothing_kernels
+
+Array = NDArray[np.float64]
+
+# Periods that are simulated, and not compared, of a run that repeats; and from how many on one is simulated for all.
+SETTLED = 3
+MANY = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """How the compared samples of a run that repeats are read off one simulated period.
+
+    Parameters
+    ----------
+    frequency : float
+        Hz.
+    nodes : int
+        Simulated samples of a period.
+    left : ndarray of int, shape (n,)
+        The simulated sample before each compared one.
+    share : ndarray, shape (n,)
+        How far between that and the next.
+    """
+
+    frequency: float
+    nodes: int
+    left: NDArray[np.intp]
+    share: Array
+
+    @classmethod
+    def of(cls, states: ForceStates, skip: int) -> Cycle:
+        """Return the cycle of periodic states, compared from sample ``skip`` on."""
+        assert states.frequency is not None
+        per = states.sample_rate / states.frequency
+        nodes = round(per)
+        place = np.arange(skip, states.n_samples) / per % 1.0 * nodes
+        left = np.floor(place).astype(np.intp)
+        return cls(states.frequency, nodes, left % nodes, place - left)
+
+    @property
+    def sample_rate(self) -> float:
+        """Of the simulation, Hz."""
+        return self.nodes * self.frequency
+
+    @property
+    def duration(self) -> float:
+        """What is simulated, s: periods in which a wrong initial state dies out, and the one that is used."""
+        return (SETTLED + 1) / self.frequency
+
+    def at_samples(self, values: Array, slopes: Array) -> Array:
+        """Return a simulated signal at the compared samples, by cubic Hermite interpolation, shape (sets, n)."""
+        values, slopes = values[:, -self.nodes :], slopes[:, -self.nodes :] / self.sample_rate
+        u, right = self.share, (self.left + 1) % self.nodes
+        return (
+            (1 + 2 * u) * (1 - u) ** 2 * values[:, self.left]
+            + u * (1 - u) ** 2 * slopes[:, self.left]
+            + u**2 * (3 - 2 * u) * values[:, right]
+            + u**2 * (u - 1) * slopes[:, right]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run as the problem uses it.
+
+    Parameters
+    ----------
+    law : Law
+        Of the joint in this run, with the numbers that the problem starts from.
+    moment : ndarray
+        At the sensor over the simulated samples, N·m.
+    measured : ndarray, shape (n,)
+        The response that is compared: the last n of the simulated samples.
+    sigma : float
+        Its noise.
+    skip : int
+        Simulated samples before the compared ones; none where a period is simulated for all.
+    inner : ndarray, shape (n_states,), optional
+        Internal states that a simulation starts from: those of a joint brought from standstill to the first angle.
+    cycle : Cycle, optional
+        Where one period is simulated for all that the run repeats.
+    columns : ndarray, shape (n_simulated, n_terms), or None
+        Of a prescribed motion: the terms along it.
+    added : ndarray, shape (n_simulated,), or None
+        Moments of the test along it.
+    starts : tuple of int
+        Samples at which the simulation starts and is restarted from states that are estimated; none for a run that
+        repeats, and for one whose motion is prescribed.
+    initial : int
+        Index of the first of these states among the parameters: angle and rate of one start after the other.
+    """
+
+    run: Run
+    states: ForceStates
+    law: Law
+    drive: Drive
+    moment: Array
+    measured: Array
+    sigma: float
+    skip: int
+    excitation: Excitation | None
+    limits: tuple[float, float]
+    starts: tuple[int, ...]
+    initial: int
+    inner: Array | None = None
+    cycle: Cycle | None = None
+    columns: Array | None = None
+    added: Array | None = None
+
+    @property
+    def initial_indices(self) -> range:
+        """Indices of its initial states among the parameters."""
+        return range(self.initial, self.initial + 2 * len(self.starts))
+
+    def rows(self, start: int) -> slice:
+        """Return the compared samples that the simulation from one of the starts gives."""
+        ends = [*self.starts[1:], self.moment.size]
+        return slice(max(self.starts[start] - self.skip, 0), max(ends[start] - self.skip, 0))
+
+    def with_drive_noise(self, generator: np.random.Generator, model: JointModel) -> Record:
+        """Return the record with another noise draw on the channel that drives: the moment, or the motion."""
+        if self.drive == "motion":
+            states = noisy_motion(self.states, generator)
+            return replace(self, states=states, columns=term_columns(model, states))
+        level = self.states.noise.moment
+        moment = self.moment + level * generator.standard_normal(self.moment.size)
+        if self.excitation is None:
+            return replace(self, moment=moment)
+        if not self.excitation.periodic:
+            return replace(self, moment=moment, excitation=sampled(moment, self.run.sample_rate))
+        mean = self.excitation.pieces[:, 0]
+        periods = self.moment.size / mean.size
+        noisy = mean + level / np.sqrt(periods) * generator.standard_normal(mean.size)
+        return replace(self, excitation=repeated(noisy, self.excitation.step * mean.size))
+
+
+def initial_parameters(record: Record, motion: Motion) -> Iterable[Parameter]:
+    """Angle and rate of a run where its simulation starts, and where it is restarted."""
+    names = ("angle", "rate") if motion == "rotation" else ("displacement", "velocity")
+    signals = tuple(zip(names, (record.states.angle, record.states.rate), strict=True))
+    for number, first in enumerate(record.starts, 1):
+        for name, signal in signals:
+            value, size = float(signal[first]), rms(signal - np.mean(signal))
+            segment = f", segment {number}" if len(record.starts) > 1 else ""
+            yield Parameter(
+                f"initial {name} of {record.run.name}{segment}",
+                "initial",
+                value,
+                size,
+                value - size,
+                value + size,
+            )
+
+
+def term_columns(model: JointModel, states: ForceStates) -> Array:
+    """Return a model's terms of angle and rate along a motion, shape (n, n_terms)."""
+    terms = law_terms(model)
+    if not terms:
+        return np.empty((states.n_samples, 0))
+    # At standstill friction keeps the side of the motion before.
+    rate = np.where(states.rate == 0, 1e-300 * slip_direction(states.rate), states.rate)
+    return compile_terms([term.expression for term in terms])(states.angle, rate, states.acceleration)
+
+
+def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceStates:
+    """Return states whose motion has another draw of the noise that its estimate has.
+
+    That of a series is in the coefficients of its harmonics, √(2/n)·σ each; elsewhere white noise went through the
+    smoothing kernels.
+    """
+    n, level = states.n_samples, states.noise.angle
+    if states.method == "periodic" and states.frequency is not None:
+        orders = np.arange(1, max(1, round(states.bandwidth / states.frequency)) + 1)
+        angular = 2 * np.pi * states.frequency * orders
+        size = level * np.sqrt(2.0 / n)
+        a, b = size * generator.standard_normal((2, orders.size))
+        cosine, sine = (f(np.outer(states.time, angular)) for f in (np.cos, np.sin))
+        angle = cosine @ a + sine @ b
+        rate = cosine @ (angular * b) - sine @ (angular * a)
+        acceleration = -cosine @ (angular**2 * a) - sine @ (angular**2 * b)
+    else:
+        kernels = smoothing_kernels(states.bandwidth, states.sample_rate)
+        white = level * generator.standard_normal(n + kernels[0].size - 1)
+        angle, rate, acceleration = (np.convolve(white, kernel, mode="valid") for kernel in kernels)
+    return replace(
+        states,
+        angle=states.angle + angle,
+        rate=states.rate + rate,
+        acceleration=states.acceleration + acceleration,
+        replicate=None,
+    )
+
+
+def record_of(
+    law: Law, model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float
+) -> Record:
+    """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
+
+    Of a run that repeats often one period is simulated, after some in which it becomes steady. A motion that was
+    prescribed is the drive. Where the states are a mean period, a law with internal states runs through it twice:
+    these are not known at its start.
+    """
+    first = round(states.time[0] * run.sample_rate)
+    span = slice(first, first + states.n_samples)
+    drive = "motion" if prescribed(states) else choose_drive(law, states)
+    skip, moment = settling(states), run.moment[span]
+    measured = (moment if drive == "motion" else run.angle[span])[skip:]
+    noise = states.noise.moment if drive == "motion" else states.noise.angle
+    excitation = measured_drive(run, states) if drive == "moment" else None
+    starts: tuple[int, ...] = ()
+    if drive == "windows":
+        starts = tuple(segment_starts(states.n_samples, run.sample_rate, window))
+    elif drive == "moment" and states.repeated and law.n_states:
+        excitation = repeated(states.moment, states.n_samples / run.sample_rate)
+        moment, skip = np.tile(states.moment, 2), states.n_samples
+    elif drive == "moment" and states.method != "periodic":
+        starts = (0,)
+    many = states.frequency is not None and states.n_samples >= MANY * states.sample_rate / states.frequency
+    steady = drive == "moment" and states.method == "periodic" and many
+    added = test.added(states) if drive == "motion" else None
+    return Record(
+        run=run,
+        states=states,
+        law=law,
+        drive=drive,
+        moment=moment,
+        measured=measured,
+        sigma=max(noise, POLICY.least_noise * float(np.std(measured))),
+        skip=0 if steady else skip,
+        excitation=excitation,
+        limits=angle_limits(law, states, drive),
+        starts=starts,
+        initial=index,
+        inner=None
+        if drive != "moment" or test.moments
+        else transfer_moment(law, states.angle, states.rate, run.sample_rate)[1][:, 0],
+        cycle=Cycle.of(states, skip) if steady else None,
+        columns=term_columns(model, states) if drive == "motion" else None,
+        added=None
+        if added is None
+        else transfer_moment(added, states.angle, states.rate, run.sample_rate)[0],
+    )

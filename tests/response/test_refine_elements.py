@@ -1,0 +1,175 @@
+"""Output-error refinement of models with elements: truth from a law of its own, starts, what is not determined."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.equation.element import ElementState, JointElement, Value
+from sindyjoint.mechanics.laws import FunctionLaw, LawWithNumbers, PaperLaw
+from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.response import refine as refine_module
+from sindyjoint.response.nuisances import Nuisance, TestNuisances
+from sindyjoint.response.output_error import OutputError
+from sindyjoint.response.refine import refine
+from sindyjoint.response.refine_starts import spread_starts
+from sindyjoint.states import campaign_states
+from tests.made_models import model_of, term
+
+LAW = PaperLaw(k1=4000.0, c1=60.0, M_F=0.4, name="joint with a slider")
+STIFFNESS, YIELD = 800.0, 1.5e-4  # N·m/rad, rad
+
+
+def _jenkins(theta, omega, direction, state, p, out):
+    out[0] = p[0] * state[0]
+    stopped = (state[0] >= p[1] and omega > 0) or (state[0] <= -p[1] and omega < 0)
+    out[1] = 0.0 if stopped else omega
+
+
+def _play(theta, omega, direction, state, p, out):
+    z = state[0]
+    out[0] = p[0] * np.sign(z) * min(max((abs(z) - p[1]) / p[2], 0.0), 1.0)
+    end = p[1] + p[2]
+    out[1] = 0.0 if (z >= end and omega > 0) or (z <= -end and omega < 0) else omega
+
+
+def value(name, number, unit, formula="", error=0.01):
+    ends = (number * (1 - 2 * error), number * (1 + 2 * error))
+    return Value(name, number, abs(error * number), ends, unit, formula)
+
+
+def jenkins(stiffness=STIFFNESS, angle=YIELD):
+    return JointElement(
+        "jenkins_element", "jenkins_element", "k_t", "Jenkins element",
+        (value("k_t", stiffness, "N*m/rad", "z"),), (value("theta_y", angle, "rad"),),
+        (ElementState("z", "rad", "omega", "theta_y"),),
+    )  # fmt: skip
+
+
+def play(moment, gap, ramp):
+    formula = "sign(z)*min(max((abs(z) - gap)/ramp, 0), 1)"
+    return JointElement(
+        "backlash_play", "backlash_play", "M_g", "friction in series with a gap",
+        (value("M_g", moment, "N*m", formula),), (value("gap", gap, "rad"), value("ramp", ramp, "rad")),
+        (ElementState("z", "rad", "omega", "gap + ramp"),),
+    )  # fmt: skip
+
+
+def model_with(element, scale=1.0, **options):
+    terms = [
+        term("linear_stiffness", "theta", scale * LAW.k1, 20.0, 0.8),
+        term("linear_damping", "omega", scale * LAW.c1, 1.0, 0.3),
+        term("coulomb_friction", "sign(omega)", LAW.M_F, 0.02, 0.2),
+    ]
+    model = model_of(terms, name=LAW.name, **options)
+    errors = [*(t.standard_error for t in terms), *(n.standard_error for n in element.numbers)]
+    covariance = tuple(map(tuple, np.diag(np.square(errors)).tolist()))
+    return replace(model, elements=(element,), covariance=covariance)
+
+
+def campaign(hidden, drive="moment", noise=0.01, **options):
+    plan = dict(frequencies=[3.0, 5.0], levels=[1.0, 0.5], duration=3.0, sample_rate=1000.0, random_state=4)
+    return virtual_campaign(
+        LAW, drive=drive, noise=noise, hidden=hidden, angle_limit=6e-4, **(plan | options)
+    )
+
+
+SLIDER = FunctionLaw(_jenkins, (STIFFNESS, YIELD), 1)
+TRUTH = np.array([LAW.k1, LAW.c1, LAW.M_F, STIFFNESS, YIELD])
+
+
+@pytest.mark.parametrize("drive", ["moment", "displacement"])
+def test_numbers_of_an_element_come_back_with_those_of_the_terms(drive):
+    found = refine(model_with(jenkins(1.3 * STIFFNESS, 0.75 * YIELD), 1.02), campaign(SLIDER, drive))
+    numbers, errors = found.model.numbers, found.model.number_errors
+    # Seed 4. Within three and a half of its standard errors (five numbers), which are a few per cent at most.
+    assert np.all(np.abs(numbers - TRUTH) < 3.5 * errors)
+    assert np.all(errors / TRUTH < [0.005, 0.005, 0.01, 0.03, 0.03])
+    assert "coefficients and elements refined on the simulated response" in found.reason
+    assert max(found.after.values()) < 0.0105 and max(found.before.values()) > 0.015
+    # One covariance over all numbers: a stiff slider is a soft spring.
+    covariance = found.model.covariance_matrix
+    assert covariance.shape == (5, 5) and np.allclose(np.sqrt(np.diag(covariance)), errors)
+    assert covariance[0, 3] < -0.2 * errors[0] * errors[3]
+
+
+def test_the_law_of_a_set_is_that_of_the_model_with_these_numbers():
+    model = model_with(jenkins())
+    made = campaign(SLIDER, frequencies=[4.0], levels=[1.0])
+    problem = OutputError.of(model, made.runs, campaign_states(made), (), 1.0)
+    numbers = model.numbers * [1.1, 0.9, 1.2, 0.7, 1.4]
+    x = problem.start_of(model.with_numbers(numbers))
+    np.testing.assert_allclose(x[problem.number_indices], numbers)
+    record = problem.runs[0]
+    law = LawWithNumbers(record.law, problem._law_parameters(record, x[None])[0], 0.02)
+    angle, rate, z = np.array([2e-4]), np.array([0.01]), np.array([[1e-4]])
+    k, c, friction, stiffness, limit = numbers
+    expected = k * 2e-4 + c * 0.01 + friction + stiffness * 1e-4
+    assert law.moment(angle, rate, np.ones(1), z) == pytest.approx(expected)
+    assert law.state_rate(angle, rate, np.ones(1), z)[0] == pytest.approx(0.01)
+    assert law.state_rate(angle, rate, np.ones(1), np.array([[limit]]))[0] == pytest.approx(0.0)
+
+
+def test_one_steady_period_stands_for_all():
+    """A run of few periods is simulated as a whole: both ways give the same response and residuals."""
+    model, made = model_with(jenkins()), campaign(SLIDER, frequencies=[5.0], levels=[0.8], noise=0.001)
+    states = campaign_states(made)
+    problem = OutputError.of(model, made.runs, states, (), 1.0)
+    (record,) = problem.runs
+    assert record.cycle is not None
+    skip = states[0].n_samples - record.measured.size
+    whole = replace(problem, runs=(replace(record, cycle=None, skip=skip),))
+    x = problem.start_of(model)
+    size = np.std(record.measured) / record.sigma
+    difference = problem.residual(x) - whole.residual(x)
+    assert np.sqrt(np.mean(difference**2)) < 3e-4 * size
+
+
+def test_a_start_in_another_minimum_is_left_by_the_other_starts(monkeypatch):
+    truth = (0.25, 1.6e-4, 2e-5)
+    made = campaign(FunctionLaw(_play, truth, 1), "displacement")
+    wrong = model_with(play(0.25, 6e-5, 1.5e-4))
+    found = refine(wrong, made)
+    numbers, errors = found.model.numbers[3:], found.model.number_errors[3:]
+    assert np.all(np.abs(numbers - truth) < 4 * errors) and numbers[1] == pytest.approx(1.6e-4, rel=0.03)
+    monkeypatch.setattr(refine_module, "spread_starts", lambda model, states: [])
+    alone = refine(wrong, made)
+    assert sum(found.after.values()) <= sum(alone.after.values()) + 1e-9
+
+
+def test_starts_are_spread_by_turns_and_fitted_to_the_moment():
+    made = campaign(SLIDER, noise=0.001)
+    model = model_with(jenkins())
+    wide, narrow = spread_starts(model, campaign_states(made))
+    assert wide.elements[0].values == pytest.approx([2.5 * YIELD])
+    assert narrow.elements[0].values == pytest.approx([YIELD / 2.5])
+    # A slider that yields later is softer, and the spring takes the rest.
+    assert wide.elements[0].coefficients < model.elements[0].coefficients < narrow.elements[0].coefficients
+    assert spread_starts(replace(model, elements=()), campaign_states(made)) == []
+
+
+def test_a_slider_that_never_slips_has_no_yield_angle():
+    """Where nothing slips the slider is a spring: it is not told from the joint's own, and its yield not at all."""
+    made = campaign(FunctionLaw(_jenkins, (STIFFNESS, 1.0), 1), "displacement")
+    found = refine(model_with(jenkins(angle=2e-3)), made)
+    said = " ".join(found.undetermined)
+    assert "theta_y of jenkins_element" in said
+    assert "k_t of jenkins_element is not determined" in said
+    # A slider that slips says nothing of the kind.
+    assert refine(model_with(jenkins()), campaign(SLIDER)).undetermined == ()
+
+
+def test_what_belongs_to_the_test_is_no_number_of_the_joint():
+    """An inertia that the campaign declares wrong is put right for the simulation, and stays the joint's."""
+    made = campaign(SLIDER)
+    wrong = replace(made, joint=replace(made.joint, inertia=0.12))
+    error = Nuisance("inertia_error", "inertia", value("dI", -0.1, "kg*m^2"))
+    test = TestNuisances("", nuisances=(error,))
+    model = model_with(jenkins(), inertia=0.12)
+    found = refine(model, test.corrected(wrong), test=replace(test, nuisances=()))
+    right = refine(model, wrong, test=test)
+    assert np.all(np.abs(right.model.numbers - TRUTH) < 4 * right.model.number_errors)
+    assert right.model.joint.inertia == 0.12
+    # Without the test the mass that is not there is taken for a stiffer spring, and the response misses.
+    assert found.model.numbers[0] - LAW.k1 > 4 * found.model.number_errors[0]
+    assert max(found.after.values()) > 1.25 * max(right.after.values())
