@@ -23,6 +23,7 @@ KEYS = [
     "noise_floor",
     "amplitude_rms_error",
     "mean_period_difference",
+    "free_run",
     "runs",
     "warnings",
 ]
@@ -173,7 +174,8 @@ def test_the_true_model_passes_on_runs(campaign):
     result = verify(paper_model(), campaign, draws=6)
     record = result.to_dict()
     assert list(record) == [*KEYS, "soundness"] and json.loads(json.dumps(record, allow_nan=False)) == record
-    assert [list(run) for run in record["runs"]] == [["name", "response_nrmse", "moment_nrmse"]] * 4
+    keys = ["name", "response_nrmse", "moment_nrmse", "rmse", "rmse_unit"]
+    assert [list(run) for run in record["runs"]] == [keys] * 4 and record["free_run"] is None
     assert result.verdict == "passed" and result.kind == "campaign"
     assert result.response_nrmse == pytest.approx(0.01, rel=0.1)
     assert result.moment_nrmse == pytest.approx(0.01, rel=0.1)
@@ -204,6 +206,37 @@ def test_a_stricter_tolerance_changes_the_verdict(campaign):
     values = tuple(paper_model().coefficients * [1.01, 1, 1, 1, 1])
     assert verify(paper_model(values=values), campaign, draws=0).passed
     assert not verify(paper_model(values=values), campaign, draws=0, tolerance=0.002).passed
+
+
+def test_a_free_run_has_no_restart_and_an_error_in_the_unit_of_the_file(campaign, tmp_path, sindyjoint):
+    mixed = campaign.with_runs(campaign.runs[:2])
+    write_campaign(mixed, tmp_path)
+    manifest = tmp_path / "campaign.toml"
+    # The same numbers, said to be volts of 2 rad each.
+    declared = 'angle = { column = "angle", unit = "rad" }'
+    assert declared in manifest.read_text()
+    volts = 'angle = { column = "angle", unit = "V", gain = "2 rad/V" }'
+    manifest.write_text(manifest.read_text().replace(declared, volts))
+    folder = tmp_path / "model"
+    folder.mkdir()
+    # A joint that moves by twice as much under the same moment.
+    k1, k2, k3, c1, friction = paper_model().coefficients
+    values = k1 / 2, k2 / 4, k3 / 8, c1 / 2, friction
+    (folder / "model.json").write_text(paper_model(values=values, inertia=0.01).to_json())
+    answer = sindyjoint("verify", folder, manifest, "--draws", 0, "--free-run", 1000, "--json")
+    record = json.loads(answer.stdout)
+    assert record["free_run"] == 1000 and "first 1000 samples" in " ".join(record["warnings"])
+    for run, source in zip(record["runs"], mixed.runs, strict=True):
+        assert run["rmse_unit"] == "V"
+        assert run["rmse"] == pytest.approx(run["response_nrmse"] * np.std(source.angle[1000:]), rel=0.05)
+        assert run["response_nrmse"] < 0.02
+    shown = sindyjoint("verify", folder, manifest, "--draws", 0, "--free-run", 1000).stdout
+    assert "free run" in shown and "µV" in shown
+
+
+def test_a_free_run_belongs_to_a_campaign(sindyjoint, model_file):
+    answer = sindyjoint("verify", model_file, "pulse-rig", "--free-run", 100)
+    assert answer.status == 2 and "free_run is 100: belongs to a campaign" in answer.stderr
 
 
 def test_the_same_seed_gives_the_same_band(campaign):
