@@ -251,15 +251,17 @@ class JointElement:
         return np.asarray(columns(theta, omega, *states, *map(float, values)))
 
 
-def states_along(form: Form, values: Array, angle: Array, rate: Array, step: float) -> Array:
-    """Return the internal states of a form along a motion that runs once, shape (n_states, n)."""
+def states_along(
+    form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1
+) -> Array:
+    """Return the internal states of a form along a motion, in the last of so many passes, shape (n_states, n)."""
     from sindyjoint.equation.internal_states import integrate_runs
 
     if not form.states:
         return np.empty((0, angle.size))
     parameters = np.array(values, dtype=np.float64)
     # Four parts of a step: a reversal within one is then placed well enough.
-    timing = np.array([step]), np.array([1]), np.array([4])
+    timing = np.array([step]), np.array([passes]), np.array([4])
     integrate: Any = integrate_runs
     states: Array = integrate(
         angle, rate, np.array([angle.size]), timing, parameters, form.limits(parameters), form.state_program

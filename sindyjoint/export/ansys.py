@@ -52,8 +52,8 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
     deck = [*elements.deck(), *added.lines(elements)]
     files: dict[str, str | bytes] = {"joint.inp": text + "\n".join(deck) + "\n"}
     if elements.rotation:
-        name, deck = rig_deck(model, rig)
-        files[name] = deck
+        name, structure = rig_deck(model, rig)
+        files[name] = structure
     else:
         notes = (*notes, "no rig is written: its joints turn, and this one slides")
     return Export("ansys", files, rows, notes)

@@ -22,7 +22,7 @@ from sindyjoint.files.atomic import output_folder, write_bytes
 from sindyjoint.states.policy import POLICY as STATES
 
 if TYPE_CHECKING:
-    from sindyjoint.equation.element import JointElement
+    from sindyjoint.equation.element import JointElement, states_along
     from sindyjoint.equation.model import JointModel, ModelTerm
 
 Array = NDArray[np.float64]
@@ -135,19 +135,13 @@ class Cycles:
         return contribution(term, self.angle, self.rate)
 
     def states(self, element: JointElement) -> Array:
-        """Internal states of an element over the cycles once they repeat, shape (n_states, levels, phases)."""
-        from sindyjoint.equation.internal_states import integrate_states
-
-        form, values = element.form, np.array(element.values)
-        found = np.zeros((len(form.states), *self.angle.shape))
-        integrate: Any = integrate_states
-        if form.states:
-            limits, program = form.limits(values), form.state_program
-            for level, (angle, rate) in enumerate(zip(self.angle, self.rate, strict=True)):
-                one = np.empty((len(form.states), angle.size))
-                integrate(one, angle, rate, self.step, ROUNDS, 4, values, limits, *program)
-                found[:, level] = one
-        return found
+        """Return internal states of an element over the cycles once they repeat, shape (n_states, levels, phases)."""
+        form = element.form
+        levels = [
+            states_along(form, element.values, angle, rate, self.step, ROUNDS)
+            for angle, rate in zip(self.angle, self.rate, strict=True)
+        ]
+        return np.stack(levels, axis=1)
 
     def element(self, element: JointElement) -> Array:
         """Moment of an element over the cycles once they repeat."""

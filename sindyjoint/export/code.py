@@ -110,7 +110,9 @@ def law_of(model: JointModel) -> Law:
         (sympy.Symbol(name) * at_slip(term.expression) for name, term in zip(names, terms, strict=False)),
         sympy.Integer(0),
     )
-    states, rates, limits = [], [], []
+    states: list[str] = []
+    rates: list[sympy.Expr] = []
+    limits: list[float] = []
     rest = iter(names[len(terms) :])
     for element in model.elements:
         form = element.form

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +136,7 @@ class Crossing:
         self.events = 0
         # Two samples each of q, v, z, moments and sticking: now, and where a trial ends.
         joints = direction.size
-        self.rows = (
+        self.rows: Any = (
             *(np.zeros((2, *x.shape)) for x in state), np.empty((2, joints, 3)), np.empty((2, joints), np.bool_)
         )  # fmt: skip
         self.forces = np.empty((2, 2))
@@ -148,7 +149,7 @@ class Crossing:
         q[0], v[0], z[0] = self.q, self.v, self.z
         work = np.zeros((2, self.direction.size, 2))
         s, direction = self.stepper, self.direction.copy()
-        _, reason, _ = s.march(0, 1, direction, s.unbounded, tuple(self.forces), self.rows, work, x)
+        _, reason, _ = s.march(0, 1, direction, s.unbounded, (self.forces[0], self.forces[1]), self.rows, work, x)
         if reason == kernel.NOT_CONVERGED:
             raise not_converged(self.time, x)
         return q[1], v[1], z[1], margins(self.direction, moments[1], v[1], self.rate_scale), work[1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +35,10 @@ def spread_starts(model: JointModel, states: Sequence[ForceStates]) -> list[Join
 
 
 def _spread(element: JointElement, index: int, signs: dict[tuple[int, str], int]) -> JointElement:
-    numbers = list(element.numbers)
-    for place, number in enumerate(numbers[len(element.columns) :], len(element.columns)):
+    numbers = [(number.value, number.standard_error) for number in element.numbers]
+    for place, number in enumerate(element.parameters, len(element.columns)):
         factor = POLICY.shape_spread if number.unit in ("", "1") else POLICY.start_spread
-        numbers[place] = replace(number, value=number.value * factor ** signs[index, number.name])
+        numbers[place] = number.value * factor ** signs[index, number.name], number.standard_error
     return element.with_numbers(numbers)
 
 
