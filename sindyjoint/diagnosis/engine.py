@@ -56,9 +56,9 @@ class Explained(Generic[P]):
 def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
-    Where the search from the model as it was given leaves something unexplained, it is made again from the best other
-    start that the problem knows, and where it found a zero error, from the joint's own zero; the best end is used. Unless ``advised``, no runs are sought that would
-    tell rivals apart.
+    Where the search from the model as it was given found a zero error, it is made again from the joint's own zero, and
+    where something is left unexplained, from the best other start that the problem knows; the best end is used. Unless
+    ``advised``, no runs are sought that would tell rivals apart.
     """
     say("the gap")
     straight, steps = first.corrected()

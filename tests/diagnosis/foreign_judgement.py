@@ -37,8 +37,8 @@ def told(result):
 def judge(record):
     """Return ``right``, ``mimicked`` or in a word what is wrong.
 
-    Of a law of no catalogue *unknown*, *partly named* and *undecided* are right, unless what the effects leave is within
-    two floors: then the catalogue explains the campaign. A name above 0.8 is wrong whatever the verdict.
+    Of a law of no catalogue *unknown*, *partly named* and *undecided* are right, unless what the effects leave is
+    within two floors: then the catalogue explains the campaign. A name above 0.8 is wrong whatever the verdict.
     """
     if "error" in record:
         return "error"
