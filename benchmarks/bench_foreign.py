@@ -6,9 +6,9 @@ python benchmarks/bench_foreign.py run --out foreign.jsonl --kind nothing --seed
 python benchmarks/bench_foreign.py show foreign.jsonl
 
 ``run`` appends one line per campaign and skips those that the file holds already, so that it can be stopped and
-resumed. Joints, drives and laws: tests/diagnosis/foreign_joints.py (SciPy) and, where MuJoCo is installed,
-tests/diagnosis/foreign_mujoco.py. A foreign law counts where what the diagnosis leaves is more than two noise floors:
-below, some admissible law of the catalogue explains the campaign, and to name it is no fault.
+resumed. Joints, drives and laws: tests/diagnosis/foreign_joints.py (SciPy) and tests/diagnosis/foreign_mujoco.py (kinds
+that end in ``-mujoco``, where MuJoCo is installed). A foreign law counts where what the diagnosis leaves is more than
+two noise floors: below, some admissible law of the catalogue explains the campaign, and to name it is no fault.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ import numpy as np  # noqa: E402
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
-from tests.diagnosis.foreign_judgement import judge  # noqa: E402
+from tests.diagnosis.foreign_judgement import KINDS, SURE, ZEROS, judge  # noqa: E402
+from tests.diagnosis.foreign_laws import SAME  # noqa: E402
 
 
 def one(kind: str, name: str, seed: int) -> dict:
@@ -55,8 +56,6 @@ def one(kind: str, name: str, seed: int) -> dict:
 
 
 def run(args: argparse.Namespace) -> None:
-    from tests.diagnosis.foreign_judgement import KINDS
-
     done = done_in(args.out, ("kind", "name", "seed"))
     for seed in args.seeds:
         for name in args.names or KINDS[args.kind]:
@@ -79,6 +78,13 @@ def line_of(r: dict) -> str:
     )
 
 
+def false_names(r: dict) -> list[str]:
+    """Return the laws that were named with more than 0.8, and are not what was hidden, nor a channel's zero."""
+    hidden = SAME.get(r["name"], {r["name"]})
+    sure = [s for s in r.get("steps", ()) if s["probability"] > SURE]
+    return [s["effect"] for s in sure if not set(s["members"]) & (hidden | ZEROS)]
+
+
 def show(args: argparse.Namespace) -> None:
     records = [r for r in records_in(args.paths) if "unmade" not in r]
     for kind in dict.fromkeys(r["kind"] for r in records):
@@ -94,6 +100,8 @@ def show(args: argparse.Namespace) -> None:
         print(f"  right {whole['right']} of {counted}: {whole['right'] / max(counted, 1):.1%}; {dict(whole)}")
         times = [r["cpu"] for r in some if "cpu" in r]
         print(f"  processor time: median {np.median(times):.1f} s, longest {max(times):.1f} s")
+        sure = sum(bool(false_names(r)) for r in some)
+        print(f"  with a law among the steps that was not there, above {SURE}: {sure}")
         print("  verdicts:", dict(Counter(r.get("verdict") for r in some)))
         for r in some:
             if judge(r) not in ("right", "mimicked"):
@@ -101,7 +109,5 @@ def show(args: argparse.Namespace) -> None:
 
 
 if __name__ == "__main__":
-    arguments = commands(
-        __doc__, run, show, kind=dict(choices=("foreign", "catalogue", "nothing"), default="foreign")
-    )
+    arguments = commands(__doc__, run, show, kind=dict(choices=sorted(KINDS), default="foreign"))
     arguments.do(arguments)

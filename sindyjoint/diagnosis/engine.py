@@ -64,10 +64,10 @@ def explain_gap(
 ) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
-    Where the search from the model as it was given leaves something unexplained, it is made again from the best other
-    start that the problem knows, and where it found a zero error, from the joint's own zero; the best end is used.
-    Unless ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the
-    diagnosis before that begins.
+    Where the search from the model as it was given found a zero error, it is made again from the joint's own zero, and
+    where something is left unexplained, from the best other start that the problem knows; the best end is used. Unless
+    ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
+    before that begins.
     """
     say("the gap")
     straight, steps = first.corrected()

@@ -2,8 +2,11 @@
 
 from tests.diagnosis.foreign_joints import foreign_campaign
 from tests.diagnosis.foreign_laws import CATALOGUE, CHANNELS, FOREIGN, SAME
+from tests.diagnosis.foreign_mujoco import BODIES, PREFIX, mujoco_campaign
 
 KINDS = {"foreign": tuple(FOREIGN), "catalogue": (*CATALOGUE, *CHANNELS), "nothing": ("nothing",)}
+for _kind in tuple(KINDS):
+    KINDS[f"{_kind}-mujoco"] = tuple(PREFIX + name for name, kind in BODIES.items() if kind == _kind)
 # A gap of more floors than this is not explained.
 UNEXPLAINED = 2.0
 SURE = 0.8
@@ -12,6 +15,9 @@ ZEROS = {"angle_offset", "constant_moment"}
 
 
 def campaign_of(name, seed):
+    """Return the campaign of a name, made by SciPy or by MuJoCo."""
+    if name.startswith(PREFIX):
+        return mujoco_campaign(name.removeprefix(PREFIX), seed)
     return foreign_campaign(name, seed)
 
 
@@ -37,20 +43,20 @@ def told(result):
 def judge(record):
     """Return ``right``, ``mimicked`` or in a word what is wrong.
 
-    Of a law of no catalogue *unknown*, *partly named* and *undecided* are right, unless what the effects leave is within
-    two floors: then the catalogue explains the campaign. A name above 0.8 is wrong whatever the verdict.
+    Of a law of no catalogue *unknown*, *partly named* and *undecided* are right, unless what the effects leave is
+    within two floors: then the catalogue explains the campaign. A name above 0.8 is wrong whatever the verdict.
     """
     if "error" in record:
         return "error"
-    verdict, steps = record["verdict"], record["steps"]
+    verdict, steps, kind = record["verdict"], record["steps"], record["kind"].removesuffix("-mujoco")
     laws = [s for s in steps if not set(s["members"]) & ZEROS]
-    if record["kind"] == "foreign":
+    if kind == "foreign":
         if record["final"][0] <= UNEXPLAINED * record["floor"][0]:
             return "mimicked"
         if any(s["probability"] > SURE for s in laws):
             return "sure"
         return "right" if verdict in ("unknown", "partly_named", "undecided") else "named"
-    if record["kind"] == "nothing":
+    if kind == "nothing":
         named = verdict in ("nothing_missing", "named", "ambiguous") and not laws
         return "right" if named else "invented"
     wanted = SAME.get(record["name"], {record["name"]})

@@ -112,7 +112,7 @@ def tampered(change):
         (lambda d: d["terms"][0].update(coefficient=10**400), "terms.1.coefficient"),
         (lambda d: d["terms"].append(d["terms"][0]), "'linear_stiffness' is used twice"),
         (lambda d: d["covariance"].pop(), "covariance has 6 row"),
-        (lambda d: d["covariance"][0].__setitem__(0, -1.0), "negative variance"),
+        (lambda d: d["covariance"][0].__setitem__(0, -1.0), "a variance is negative"),
         (lambda d: d["elements"][0]["states"][0].update(rate="__import__('os')"), "not allowed"),
         (lambda d: d["elements"][0]["columns"][0].update(formula="z*w"), "w"),
         (lambda d: d["elements"][0].update(columns=[]), "elements.1.columns"),

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 CONSTANT, ZERO = "constant_moment", "angle_offset"
 # Zeros that are tried, as shares of the largest angle, about that of the terms and a constant; then half as far apart.
-REACH, POINTS, HALVINGS = 0.16, 9, 3
+REACH, POINTS, HALVINGS = 0.16, 9, 6
 
 
 def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
@@ -78,21 +78,23 @@ def _best_zero(straight: Problem, constant: Effect, candidates: Sequence[Effect]
     work = straight.work
     always = FittedEffect(constant, constant.variants[0], np.empty(0), np.ones(1), 0.0)
     largest = max(float(np.abs(run.angle).max()) for run in work.rows)
-    tried: dict[float, float] = {}
 
-    def gain(zero: float) -> float:
-        if zero not in tried:
-            rows = [_shifted(run, zero) for run in work.rows]
-            problem = GapRegression.build(rows, work.model, [always], work.policy)
-            tried[zero] = max(fit_effect(problem, effect).gain for effect in candidates)
-        return tried[zero]
+    def gain(zero: float, effects: Sequence[Effect]) -> float:
+        rows = [_shifted(run, zero) for run in work.rows]
+        problem = GapRegression.build(rows, work.model, [always], work.policy)
+        return max(fit_effect(problem, effect).gain for effect in effects)
 
     begin, spacing = _root(work, always), REACH * largest / (POINTS // 2)
-    best = max((begin + spacing * k for k in range(-(POINTS // 2), POINTS // 2 + 1)), key=gain)
+    places = [begin + spacing * k for k in range(-(POINTS // 2), POINTS // 2 + 1)]
+    gains = {(place, e.id): gain(place, [e]) for place in places for e in candidates}
+    best, name = max(gains, key=lambda each: gains[each])
+    last = [e for e in candidates if e.id == name]
+    known = {best: gains[best, name]}
     for _ in range(HALVINGS):
         spacing /= 2
-        best = max((best - spacing, best, best + spacing), key=gain)
-    return best, gain(best) - gain(0.0)
+        known.update({place: gain(place, last) for place in (best - spacing, best + spacing)})
+        best = max(known, key=lambda place: known[place])
+    return best, known[best] - gain(0.0, candidates)
 
 
 def _root(work: Work, constant: FittedEffect) -> float:

@@ -220,7 +220,7 @@ class CampaignProblem(Problem):
                 yield Start(problem, steps, words, straight)
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
-        """Return the start with displacements counted from the joint's own zero, where a zero error was found."""
+        """Return the start from the joint's own zero, where the search found a zero error."""
         if self.drift is not None:
             return None
         say("the joint's own zero")

@@ -47,12 +47,12 @@ def processing_errors(
         for run, state, row in zip(runs, states, rows, strict=True)
     ]
     return [
-        error if error is None or _is_seen(error, row, model, effects) else None
+        error if error is None or is_seen(error, row, model, effects) else None
         for error, row in zip(errors, rows, strict=True)
     ]
 
 
-def _is_seen(error: Array, row: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> bool:
+def is_seen(error: Array, row: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> bool:
     """Return whether the measurement holds an error of the processing: what the model leaves is smaller without it."""
     left = row.target - modelled(row, model, effects)
     with_it, without_it = row.white(left), row.white(left - error)

@@ -1,0 +1,91 @@
+"""Internal states begin with the record, and what the processing did counts only where the measurement shows it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.diagnosis.campaign.processing import is_seen
+from sindyjoint.diagnosis.campaign.repair import modelled
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.start import first_model
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.motion import MeasuredMotion
+from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.states import campaign_states, force_states
+
+STEP = 0.002
+
+
+def motion_of(angle, rate, first, lead, follow=1):
+    part = slice(first, None)
+    n = angle[part].size
+    zero = np.zeros(n)
+    return MeasuredMotion(
+        angle[part], rate[part], zero, STEP, STEP * np.arange(n), 0.0, zero, zero, np.arange(n), False,
+        follow=follow, lead=(angle[:first], rate[:first]) if lead else None,
+    )  # fmt: skip
+
+
+def slow_swing():
+    time = STEP * np.arange(2000)
+    return np.sin(3 * time), 3 * np.cos(3 * time)
+
+
+@pytest.mark.parametrize("name", ["dahl_friction", "jenkins_element", "maxwell_branch"])
+def test_a_state_begins_with_the_start_of_the_record(name):
+    (effect,) = select_effects(load_effects(), [name])
+    variant, angle, rate = effect.variants[0], *slow_swing()
+    values = np.array([0.3])
+    whole = variant.along(motion_of(angle, rate, 0, False), values)[200:, 0]
+    with_lead = variant.along(motion_of(angle, rate, 200, True), values)[:, 0]
+    without = variant.along(motion_of(angle, rate, 200, False), values)[:, 0]
+    np.testing.assert_allclose(with_lead, whole, atol=1e-12)
+    assert np.abs(without - whole).max() > 0.1 * np.abs(whole).max()
+
+
+def test_longer_steps_keep_to_the_samples_of_the_lead():
+    (effect,) = select_effects(load_effects(), ["dahl_friction"])
+    angle, rate = slow_swing()
+    values = np.array([0.3])
+    fine = effect.variants[0].along(motion_of(angle, rate, 203, True), values)[:, 0]
+    rough = effect.variants[0].along(motion_of(angle, rate, 203, True, follow=10), values)[:, 0]
+    # Beyond the last followed sample nothing is known.
+    np.testing.assert_allclose(rough[:-10], fine[:-10], atol=0.02 * np.abs(fine).max())
+    # A lead shorter than one step is left out.
+    short = effect.variants[0].along(motion_of(angle, rate, 4, True, follow=10), values)[:, 0]
+    assert np.isfinite(short).all()
+
+
+def driven_run(rng):
+    """Return a run of a spring and damper under two tones, from rest at the start."""
+    time = np.arange(3000) / 500.0
+    angle = 0.01 * np.sin(2 * np.pi * 1.3 * time) + 0.006 * np.sin(2 * np.pi * 3.1 * time)
+    rate = np.gradient(angle, time)
+    moment = 900.0 * angle + 3.0 * rate
+    noisy = [x + 0.01 * np.std(x) * rng.standard_normal(x.size) for x in (moment, angle)]
+    return Run("tones", *noisy, 500.0), angle, rate
+
+
+def test_the_lead_of_a_run_is_its_motion_before_the_first_state():
+    run, angle, rate = driven_run(np.random.default_rng(1))
+    states = force_states(run, "broadband")
+    known, speed = states.lead
+    first = round(states.dropped * run.sample_rate)
+    assert known.size == first > 0
+    np.testing.assert_allclose(known, angle[:first], atol=0.03 * np.abs(angle).max())
+    np.testing.assert_allclose(speed, rate[:first], atol=0.2 * np.abs(rate).max())
+
+
+def test_an_error_of_the_processing_counts_where_it_is_seen():
+    rng = np.random.default_rng(2)
+    run, _, _ = driven_run(rng)
+    campaign = Campaign(Joint(inertia=0.0), (run,))
+    states = campaign_states(campaign, "broadband")
+    model = first_model(campaign, states, None, "paper")
+    (row,) = gap_runs(states, model, ["tones"])
+    error = 0.05 * model.fitted.moment_rms * np.sin(np.arange(row.target.size) / 9)
+    there = replace(row, target=modelled(row, model, ()) + error)
+    assert is_seen(error, there, model, ())
+    assert not is_seen(error, replace(there, target=there.target - error), model, ())
+    assert not is_seen(-error, there, model, ())
