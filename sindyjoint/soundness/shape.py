@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.soundness.cycle import Complex, Cycles
+from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.kin import (
     Columns,
@@ -67,6 +67,8 @@ RIVALS: tuple[Callable[[Array, Array], Array], ...] = (
     lambda a, v: a**5,
     lambda a, v: np.exp(-np.abs(v) / 0.1) * np.sign(v),
 )
+# A relaxation of these times, in radians of the slowest run, lags the moment as well.
+RELAXATIONS = (0.3, 1.0, 3.0)
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,18 @@ def _is_delay(fit: Fit, best: Undone) -> bool:
         return False
     if not POLICY.least_delay < abs(best.parameter) < largest:
         return False
-    return all(_gain_of(fit, rival, best.before) < POLICY.rival_gain * gain for rival in RIVALS)
+    rivals = [*RIVALS, *(_relaxation(fit.cycles, time) for time in RELAXATIONS)]
+    return all(_gain_of(fit, rival, best.before) < POLICY.rival_gain * gain for rival in rivals)
+
+
+def _relaxation(cycles: Cycles, time: float) -> Callable[[Array, Array], Array]:
+    """Return the column of a Maxwell branch, q̇ = θ̇ − q/τ, whose phase does not grow with frequency for ever.
+
+    The time constant is in parts of a radian of the slowest run: τ = time/(2π·f).
+    """
+    turn = 1j * cycles.lines * time / cycles.frequency.min()
+    force = synthesise(cycles.angle * turn / (1 + turn))
+    return lambda a, v: force / np.abs(force).max()
 
 
 def _gain_of(fit: Fit, rival: Callable[[Array, Array], Array], before: float) -> float:
