@@ -64,13 +64,31 @@ def work(kind: str, seed: int, first: int, count: int, seconds: float, folder: P
 
 def campaign(kind: str, seed: int, count: int, seconds: float) -> dict[str, Any]:
     """Read inputs of one kind in processes that may die."""
-    total: dict[str, Any] = {"read": 0, "refused": 0, "others": {}, "hangs": {}, "deaths": {}, "peak": 0.0, "slowest": 0.0}
+    total: dict[str, Any] = {
+        "read": 0,
+        "refused": 0,
+        "others": {},
+        "hangs": {},
+        "deaths": {},
+        "peak": 0.0,
+        "slowest": 0.0,
+    }
     begun, before, first = time.monotonic(), _processor_time(), 0
     spent = 0.0
     while first < count and spent < seconds and len(total["deaths"]) < 100:
         with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
             rest = max(seconds - spent, 1.0)
-            command = [sys.executable, __file__, "--work", kind, str(seed), str(first), str(count - first), str(rest), folder]
+            command = [
+                sys.executable,
+                __file__,
+                "--work",
+                kind,
+                str(seed),
+                str(first),
+                str(count - first),
+                str(rest),
+                folder,
+            ]
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
             if done.returncode == 0:
                 part = json.loads(done.stdout.splitlines()[-1])
@@ -79,7 +97,14 @@ def campaign(kind: str, seed: int, count: int, seconds: float) -> dict[str, Any]
             else:
                 at = int(state.read_text())
                 total["deaths"][at] = done.returncode
-                part = {"read": at + 1 - first, "refused": 0, "others": {}, "hangs": {}, "peak": 0.0, "slowest": 0.0}
+                part = {
+                    "read": at + 1 - first,
+                    "refused": 0,
+                    "others": {},
+                    "hangs": {},
+                    "peak": 0.0,
+                    "slowest": 0.0,
+                }
         for key in ("read", "refused"):
             total[key] += part[key]
         for key in ("peak", "slowest"):
@@ -99,7 +124,9 @@ def _processor_time() -> float:
 
 def main() -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kinds", nargs="+", help="[all]")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=1_000_000, help="most inputs of a kind")

@@ -170,14 +170,26 @@ def test_functions_of_functions_are_refused_before_they_are_printed():
 def test_no_cell_is_a_formula_of_a_spreadsheet():
     from sindyjoint.reporting.text_table import csv_text
 
-    text = csv_text(("=a", "b"), [('=HYPERLINK("http://x")', "-0.5"), ("@x", "+1e5"), ("-x", -2.0), ("a=b", "\tx")])
-    assert text.splitlines() == ["'=a,b", '"\'=HYPERLINK(""http://x"")",-0.5', "'@x,+1e5", "'-x,-2.0", "a=b,'\tx"]
+    text = csv_text(
+        ("=a", "b"), [('=HYPERLINK("http://x")', "-0.5"), ("@x", "+1e5"), ("-x", -2.0), ("a=b", "\tx")]
+    )
+    assert text.splitlines() == [
+        "'=a,b",
+        '"\'=HYPERLINK(""http://x"")",-0.5',
+        "'@x,+1e5",
+        "'-x,-2.0",
+        "a=b,'\tx",
+    ]
 
 
 def run(*command, **options):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.run(
-        [sys.executable, "-m", "sindyjoint", *command], env=environment, stderr=subprocess.PIPE, text=True, **options
+        [sys.executable, "-m", "sindyjoint", *command],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
     )
 
 
@@ -188,10 +200,10 @@ def test_a_full_or_closed_output():
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "No space left" in done.stderr
     shell = f"'{sys.executable}' -m sindyjoint libraries list"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    closed = subprocess.run(
-        ["sh", "-c", f"{shell} >&-"], env=environment, stderr=subprocess.PIPE, text=True
+    closed = subprocess.run(["sh", "-c", f"{shell} >&-"], env=environment, stderr=subprocess.PIPE, text=True)
+    assert (
+        closed.returncode == 2 and closed.stderr.count("\n") == 1 and "Bad file descriptor" in closed.stderr
     )
-    assert closed.returncode == 2 and closed.stderr.count("\n") == 1 and "Bad file descriptor" in closed.stderr
     both = subprocess.run(["sh", "-c", f"{shell} >/dev/null 2>&-"], env=environment)
     assert both.returncode == 0
 

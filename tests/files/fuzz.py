@@ -67,7 +67,9 @@ def mutate_bytes(data: bytes, rng: random.Random) -> bytes:
         if not out:
             break
         # Heads and tails, where formats keep their lengths, as often as everything between.
-        at = rng.choice((rng.randrange(len(out)), rng.randrange(min(len(out), 512)), -rng.randint(1, min(len(out), 512))))
+        at = rng.choice(
+            (rng.randrange(len(out)), rng.randrange(min(len(out), 512)), -rng.randint(1, min(len(out), 512)))
+        )
         at %= len(out)
         kind = rng.randrange(7)
         if kind == 0:
@@ -310,7 +312,9 @@ def _results(folder: Path) -> dict[str, Target]:
     from sindyjoint.reporting.output import write_results
     from sindyjoint.workflows.discover import discover
 
-    found = discover(virtual_campaign(random_state=0, duration=1.0, frequencies=(3.0, 5.0)), "paper", correct=False)
+    found = discover(
+        virtual_campaign(random_state=0, duration=1.0, frequencies=(3.0, 5.0)), "paper", correct=False
+    )
     write_results(found, folder / "results")
     (folder / "results" / "SHA256SUMS").unlink()
     data = (folder / "results" / "figures" / "data.json").read_text(encoding="utf-8")
@@ -346,13 +350,17 @@ def _formats(folder: Path) -> dict[str, Target]:
 
     with h5py.File(chunked, "w") as file:
         file.create_dataset("t", data=made.T, chunks=(16,), compression="gzip")
-        file.create_dataset("X", data=np.column_stack([made.A, made.T]), chunks=(16, 2), shuffle=True, fletcher32=True)
+        file.create_dataset(
+            "X", data=np.column_stack([made.A, made.T]), chunks=(16, 2), shuffle=True, fletcher32=True
+        )
     plain = io.BytesIO()
     np.savez(plain, t=made.T, m=made.M.astype("f4"), n=np.arange(64, dtype="i2"))
     fields = io.BytesIO()
     np.save(fields, np.array(list(zip(made.T, made.M, strict=True)), dtype=[("t", "f8"), ("m", "f4")]))
     target = {
-        "csv": Target([text, text.replace(",", ";").replace(".", ","), "# note\n" + text], read_columns, "run.csv"),
+        "csv": Target(
+            [text, text.replace(",", ";").replace(".", ","), "# note\n" + text], read_columns, "run.csv"
+        ),
         "tsv": Target([text.replace(",", "\t"), text.replace(",", "   ")], read_columns, "run.tsv"),
         "npy": Target([made.npy(), fields.getvalue()], read_columns, "run.npy"),
         "npz": Target([made.npz(), plain.getvalue()], read_columns, "run.npz"),

@@ -34,7 +34,9 @@ def test_the_list_is_that_of_sha256sum(tmp_path):
     assert [line.split("  ")[1] for line in lines] == ["00.txt", "01.txt", "figures/data.json", "model.json"]
     assert lines[0].split("  ")[0] == hashlib.sha256(b"0").hexdigest()
     if shutil.which("sha256sum"):
-        subprocess.run(["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=tmp_path / "out", check=True)
+        subprocess.run(
+            ["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=tmp_path / "out", check=True
+        )
 
 
 def test_a_second_result_joins_the_list_and_other_files_stay(tmp_path):
@@ -55,7 +57,11 @@ def test_a_changed_model_is_refused_and_a_copy_elsewhere_is_not(tmp_path, sindyj
     model = tmp_path / "out" / "model.json"
     text = model.read_text()
     model.write_text(text.replace("6066", "6067") + " ")
-    for command in (("export", model, "--to", "c"), ("verify", model, "pulse-rig"), ("plot", tmp_path / "out")):
+    for command in (
+        ("export", model, "--to", "c"),
+        ("verify", model, "pulse-rig"),
+        ("plot", tmp_path / "out"),
+    ):
         answer = sindyjoint(*command)
         assert answer.status == 2 and answer.stderr.count("\n") == 1, answer
     assert "is not the file that was written" in sindyjoint("export", model, "--to", "c").stderr
@@ -87,7 +93,9 @@ def test_an_edited_simulated_campaign_is_read_and_half_of_one_is_not(bench, tmp_
         (stage / "run2.csv").write_text("t")
     bench.replace('name = "bench"', 'name = "mine"')
     assert load_campaign(tmp_path).joint.name == "mine"
-    (tmp_path / SUMS).write_text("# unfinished: results are being written, or their writing was interrupted\n")
+    (tmp_path / SUMS).write_text(
+        "# unfinished: results are being written, or their writing was interrupted\n"
+    )
     with pytest.raises(InputError, match="writing these results was interrupted"):
         load_campaign(tmp_path)
 
@@ -124,7 +132,9 @@ def test_old_and_new_files_are_never_taken_for_a_result(tmp_path, at):
         assert numbers == {"0"} and changed_files(tmp_path / "out") == []
     else:
         assert changed_files(tmp_path / "out") == ["its writing was interrupted"]
-        with pytest.raises(InputError, match="was interrupted, old and new files are mixed; run the command again"):
+        with pytest.raises(
+            InputError, match="was interrupted, old and new files are mixed; run the command again"
+        ):
             read_model(tmp_path / "out")
     assert list((tmp_path / "out").glob(".*.part"))
     write(tmp_path / "out", 1)

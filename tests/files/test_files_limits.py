@@ -39,7 +39,8 @@ def test_a_pipe_and_a_device_are_no_run_files(bench, tmp_path):
 def header(shape, kind="<f8", fortran=False) -> bytes:
     buffer = io.BytesIO()
     np.lib.format.write_array_header_1_0(
-        buffer, {"descr": np.lib.format.dtype_to_descr(np.dtype(kind)), "fortran_order": fortran, "shape": shape}
+        buffer,
+        {"descr": np.lib.format.dtype_to_descr(np.dtype(kind)), "fortran_order": fortran, "shape": shape},
     )
     return buffer.getvalue()
 
@@ -114,7 +115,11 @@ def test_matlab_is_read_as_scipy_reads_it(tmp_path, format, packed):
         arrays |= {
             "long": np.array([[2**53 + 1, -1]], dtype="i8"),
             "truth": np.array([[True, False]]),
-            "s": {"m": np.arange(5.0), "u": {"deep": np.int16([[1], [2]])}, "cell": np.array([1, "x"], dtype=object)},
+            "s": {
+                "m": np.arange(5.0),
+                "u": {"deep": np.int16([[1], [2]])},
+                "cell": np.array([1, "x"], dtype=object),
+            },
             "complex": np.array([[1j]]),
             "cube": rng.normal(size=(2, 3, 4)),
         }
