@@ -4,6 +4,7 @@
     python -m benchmarks --rows 100000000     # 2.4 GB on disk, in --folder
     python -m benchmarks --campaigns 200      # the batch on one process, two processes, two Dask workers
     python -m benchmarks --only restart --campaigns 200     # the batch killed at half, and a worker of it killed
+    python -m benchmarks --only kills --campaigns 60 --kills 20     # killed at random instants, restarted, compared
     python -m benchmarks --only doors         # coefficients by pysindy.SINDy, JointRegressor and discover: 50 joints
     python -m benchmarks public --data ../shared/data       # public data in the metric of their owners
     python -m benchmarks round-trip --seeds 0               # a diagnosis saved, read and verified: the same gap
@@ -165,6 +166,13 @@ def restarts(campaigns: int, folder: str) -> dict[str, Any]:
     return record
 
 
+def many_kills(campaigns: int, folder: str, count: int) -> dict[str, Any]:
+    record = run("kills", campaigns, folder, count, module="batch_tasks.py")
+    for name, what in record.items():
+        line(f"batch of {campaigns}, {name}", "identical" if what["identical"] else "DIFFERENT", what["text"])
+    return record
+
+
 def doors() -> list[dict[str, Any]]:
     record = run("--json", "--joints", 50, module="bench_doors.py")
     known = [each for each in record if "difference" in each]
@@ -202,8 +210,11 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=10_000_000, help="most rows from disk [1e7]")
     parser.add_argument("--campaigns", type=int, default=0, help="campaigns of the batch; 0: no batch")
     parser.add_argument(
-        "--only", nargs="+", choices=["fit", "disk", "statistics", "others", "batch", "restart", "doors"]
+        "--only",
+        nargs="+",
+        choices=["fit", "disk", "statistics", "others", "batch", "restart", "kills", "doors"],
     )
+    parser.add_argument("--kills", type=int, default=20, help="of a batch, for each way to run it")
     parser.add_argument("--folder", help="where large files are made and kept; default: a temporary one")
     parser.add_argument("--out", default="benchmarks.json", help="file for all numbers")
     given = parser.parse_args()
@@ -229,6 +240,8 @@ def main() -> None:
             record["batch"] = batches(given.campaigns or 12, folder)
         if "restart" in wanted:
             record["restart"] = restarts(given.campaigns or 12, folder)
+        if "kills" in wanted:
+            record["kills"] = many_kills(given.campaigns or 60, folder, given.kills)
         if "doors" in wanted:
             record["doors"] = doors()
         record["load at the end"] = os.getloadavg()[0]

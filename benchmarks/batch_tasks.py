@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,64 @@ def restart(campaigns: int, folder: str) -> dict[str, Any]:
         record[f"{way}, killed at half and restarted"] = killed(source, whole, way, campaigns)
         record[f"{way}, one worker killed"] = without_worker(source, whole, way, campaigns)
     return record
+
+
+def kills(campaigns: int, folder: str, count: int, seed: int = 1, *ways: str) -> dict[str, Any]:
+    """Kill a batch with all its processes at random instants, again and again, and hold what comes of it to the byte.
+
+    Names of campaigns share their beginnings, some beyond what a folder's name may have. In every second life a run
+    file has vanished; before the next one it is back.
+    """
+    import random
+
+    source = alike_campaigns(folder, campaigns)
+    whole = Path(folder) / "out-whole-alike"
+    shutil.rmtree(whole, ignore_errors=True)
+    record = {}
+    for way in ways or ("--jobs 1", "--jobs 2", "--workers 2"):
+        rng = random.Random(f"{seed}/{way}")
+        _, clock = timed(lambda way=way: (shutil.rmtree(whole, ignore_errors=True), done(source, whole, way)))
+        spent, ends, identical, vanished = clock["seconds"], 0, True, 0
+        out = fresh(whole)
+        for number in range(count):
+            victim = rng.choice(sorted(source.rglob("low.csv"))) if number % 2 else None
+            if victim is not None:
+                victim.rename(victim.with_suffix(".away"))
+            run = subprocess.Popen(
+                command(source, out, way), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )  # fmt: skip
+            with suppress(subprocess.TimeoutExpired):
+                run.wait(rng.uniform(0, spent))
+            with suppress(ProcessLookupError):
+                os.killpg(run.pid, signal.SIGKILL)
+            run.wait()
+            if victim is not None:
+                victim.with_suffix(".away").rename(victim)
+                vanished += 1
+            if run.returncode != -signal.SIGKILL or number == count - 1:
+                # It was done before the instant came, or this was the last kill: one more run ends it.
+                done(source, out, way)
+                ends += 1
+                identical &= same(out, whole) and not list(out.rglob(".*"))
+                out = fresh(whole)
+        text = f"{count} kills, {vanished} lives without one run file, {ends} batches brought to their end"
+        record[f"{way}, killed at random instants, seed {seed}"] = {"identical": identical, "text": text}
+    return record
+
+
+def alike_campaigns(folder: str, count: int) -> Path:
+    """Return a folder of small campaigns whose names begin alike; what is there already is kept."""
+    sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "scaling"))
+    from small_joints import write_joint
+
+    source = Path(folder) / f"alike-{count}"
+    heads = ("j", "joint", "joint.1", "x" * 90, "joint-")
+    for number in range(count):
+        home = source / f"{heads[number % len(heads)]}{number // len(heads) or ''}"
+        if not (home / "campaign.toml").exists():
+            write_joint(home, number)
+    return source
 
 
 def killed(source: Path, whole: Path, way: str, campaigns: int) -> dict[str, Any]:
@@ -146,7 +205,7 @@ def wait_for(run: subprocess.Popen[bytes], reached: Callable[[], bool]) -> None:
         time.sleep(STEP)
 
 
-TASKS = {task.__name__: task for task in (batch, restart)}
+TASKS = {task.__name__: task for task in (batch, restart, kills)}
 
 if __name__ == "__main__":
     name, *arguments = sys.argv[1:]

@@ -10,6 +10,8 @@ from typing import TextIO
 # Every matrix here is small: threads of the linear algebra would only wait for one another. Blocks of rows take them.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
+INTERRUPTED = 130
+
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave with its exit status.
@@ -20,9 +22,9 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         _flush()
-    except KeyboardInterrupt:
-        _complain("interrupted")
-        status = 130
+    except KeyboardInterrupt as error:
+        _complain("; ".join(["interrupted", *map(str, error.args)]))
+        status = INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has gone (head, less): nothing to say, and no one to say it to.
         _discard(sys.stdout, sys.stderr)
@@ -46,6 +48,7 @@ def _run(arguments: list[str]) -> int:
         os.environ.setdefault(name, "1")
     import typer
 
+    from sindyjoint.cli.answer import Interrupted
     from sindyjoint.cli.app import app
     from sindyjoint.cli.encoding import spell_output
     from sindyjoint.errors import SindyJointError
@@ -68,6 +71,8 @@ def _run(arguments: list[str]) -> int:
             status = app(args=arguments, prog_name="sindyjoint", standalone_mode=False)
     except typer.Exit as error:
         status = error.exit_code
+    except Interrupted as error:
+        raise KeyboardInterrupt(str(error)) from None
     except usage_error as error:
         if type(error).__name__ == "NoArgsIsHelpError":
             # A bare command: its help, as it is.
@@ -83,6 +88,9 @@ def _run(arguments: list[str]) -> int:
         status = 2
     except typer.Abort:
         raise KeyboardInterrupt from None
+    if status == INTERRUPTED:
+        # What typer makes of Ctrl-C, without a word.
+        raise KeyboardInterrupt
     return status if isinstance(status, int) else 0
 
 

@@ -16,6 +16,10 @@ from sindyjoint.errors import UnsoundError
 R = TypeVar("R")
 
 
+class Interrupted(Exception):
+    """Ctrl-C in a command that has more to tell than that."""
+
+
 def answer(
     find: Callable[[Progress], R],
     out: Path | None,

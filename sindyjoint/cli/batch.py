@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from sindyjoint.cli.answer import Interrupted
 from sindyjoint.cli.defaults import given
 from sindyjoint.cli.options import JOBS, AcceptOption, AsJson, CandidatesOption, Finding, takes_finding
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
@@ -105,8 +106,7 @@ def batch(
                 **finding.arguments(),
             )
         except KeyboardInterrupt:
-            typer.echo("sindyjoint: interrupted; the same command goes on where this one stopped", err=True)
-            raise typer.Exit(130) from None
+            raise Interrupted("the same command goes on where this one stopped") from None
         progress.say("writing the page")
         write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
         progress.tell(result)

@@ -115,7 +115,10 @@ class Table:
         """
         positions = [self._find_column(name) for name in wanted]
         distinct = sorted(set(positions))
-        loaded = dict(zip(distinct, self.load(distinct), strict=True))
+        arrays = self.load(distinct)
+        if len(arrays) != len(distinct):
+            raise InputError(f"{self.path}: holds no rows; it may be damaged")
+        loaded = dict(zip(distinct, arrays, strict=True))
         return [self._check_column(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
 
     def stated_unit(self, name: str | int) -> tuple[str, str, bool] | None:
