@@ -87,14 +87,16 @@ class Channel(StrictTable):
 class TimeChannel(StrictTable):
     """The column of time stamps."""
 
-    column: Column
-    unit: str = "s"
+    column: Column = Field(description="Its name, or its number from 1.")
+    unit: str = Field(default="s", description="Of the stamps; of clock times and dates it is s.")
 
 
 class Channels(StrictTable):
     """Which column holds which quantity."""
 
-    time: TimeChannel | None = None
+    time: TimeChannel | None = Field(
+        default=None, description="Column of time stamps, also clock times and dates; or give rate."
+    )
     rate: float | str | None = Field(
         default=None, description="Sampling rate instead of a time column: '1 kHz', or Hz."
     )
@@ -143,13 +145,13 @@ class RigTable(StrictTable):
     strain: list[Column] | None = Field(
         default=None, min_length=4, max_length=4, description="Gauges 1, 2, 3, 4."
     )
-    strain_unit: str = "um/m"
-    strain_gain: str | None = None
+    strain_unit: str = Field(default="um/m", description="Of all four gauges.")
+    strain_gain: str | None = Field(default=None, description='Of all four gauges, such as "200 um/m/V".')
     displacement: list[Column] | None = Field(
         default=None, min_length=3, max_length=3, description="Spots 1, 2, 3."
     )
-    displacement_unit: str = "mm"
-    displacement_gain: str | None = None
+    displacement_unit: str = Field(default="mm", description="Of all three spots.")
+    displacement_gain: str | None = Field(default=None, description='Of all three spots, such as "2 mm/V".')
     bending_stiffness: str | None = Field(default=None, description="E I of the additional beam.")
     section_height: str | None = Field(default=None, description="h of its section.")
     strain_position_factor: float = Field(default=1.0, description="β, for the position of the gauges.")
@@ -170,14 +172,16 @@ class RigTable(StrictTable):
 class JointTable(StrictTable):
     """The joint under test."""
 
-    name: str = "joint"
-    motion: Literal["rotation", "translation"] = "rotation"
+    name: str = Field(default="joint", description="In reports.")
+    motion: Literal["rotation", "translation"] = Field(
+        default="rotation", description="Moment and angle, or force and displacement."
+    )
     inertia: str | None = Field(
         default=None, description="Moving inertia between sensor and joint; omitted: identified."
     )
     mass: str | None = Field(default=None, description="The same for translation.")
     temperature: str | None = Field(default=None, description="Such as '23 degC'.")
-    serial: str | None = None
+    serial: str | None = Field(default=None, description="Serial number.")
     labels: dict[str, str | int | float | bool] = Field(default_factory=dict, description="Anything else.")
 
 
@@ -190,7 +194,9 @@ class RunTable(StrictTable):
     name: str | None = Field(default=None, description="Defaults to the file's name without its ending.")
     frequency: float | str | None = Field(default=None, description="Hz; omitted for an aperiodic run.")
     level: str | int | float | None = Field(default=None, description="Free label of the excitation level.")
-    use: Literal["identify", "validate"] = "identify"
+    use: Literal["identify", "validate"] = Field(
+        default="identify", description="Fitted, or kept for validation."
+    )
     channels: Channels | None = Field(default=None, description="What differs from [channels] in this run.")
 
 
@@ -199,10 +205,12 @@ class Manifest(StrictTable):
 
     simulated: bool = Field(default=False, description="Whether the runs come from a virtual test.")
     notes: list[str] = Field(default_factory=list, description="Remarks that reports repeat.")
-    joint: JointTable = JointTable()
-    channels: Channels
-    rig: RigTable | None = None
-    run: list[RunTable] = Field(min_length=1)
+    joint: JointTable = Field(default=JointTable(), description="The joint under test.")
+    channels: Channels = Field(description="Which column holds which quantity.")
+    rig: RigTable | None = Field(default=None, description="Raw gauges instead of moment and angle.")
+    run: list[RunTable] = Field(
+        min_length=1, description="One table for each run, or for each pattern of files."
+    )
 
 
 def manifest_schema() -> dict[str, Any]:

@@ -42,26 +42,26 @@ RIG_FOLDER = Path(__file__).parent / "rig_files"
 class SectionTable(StrictTable):
     """A rectangular section, bent over its height."""
 
-    width: str
-    height: str
-    youngs_modulus: str
-    density: str
+    width: str = Field(description='Across the bending, such as "60 mm".')
+    height: str = Field(description="Along the bending.")
+    youngs_modulus: str = Field(description='Such as "70 GPa".')
+    density: str = Field(description='Such as "2700 kg/m^3".')
 
 
 class PartTable(StrictTable):
     """One part of the chain: a beam, a joint or a mass, by the key that names it."""
 
-    beam: str | None = None
-    joint: str | None = None
-    mass: str | None = None
+    beam: str | None = Field(default=None, description="Name of a beam.")
+    joint: str | None = Field(default=None, description="Name of a joint.")
+    mass: str | None = Field(default=None, description="Name of a mass.")
     length: str | None = Field(default=None, description="Of a beam.")
     section: SectionTable | None = Field(
         default=None, description="Of a beam, or stiffness and mass per length."
     )
-    bending_stiffness: str | None = None
-    mass_per_length: str | None = None
-    elements: int = Field(default=8, ge=1, le=MOST_ELEMENTS)
-    loss_factor: float = 0.0
+    bending_stiffness: str | None = Field(default=None, description="Of a beam: E I.")
+    mass_per_length: str | None = Field(default=None, description="Of a beam.")
+    elements: int = Field(default=8, ge=1, le=MOST_ELEMENTS, description="Finite elements of a beam.")
+    loss_factor: float = Field(default=0.0, description="Of the beam's material.")
     law: str | None = Field(default=None, description="Of a joint: a shipped joint, or 'model'.")
     value: str | None = Field(default=None, description="Of a mass, or what a joint weighs: '8 kg'.")
     inertia: str | None = Field(default=None, description="Of a mass or a joint.")
@@ -87,19 +87,19 @@ class PartTable(StrictTable):
 class ColumnTable(StrictTable):
     """A column of a pulse file and its unit."""
 
-    column: str | int
-    unit: str
+    column: str | int = Field(description="Its name, or its number from 1.")
+    unit: str = Field(description="Of its values.")
 
 
 class PulseTable(StrictTable):
     """The force on the structure: a shape, or a file."""
 
-    point: str = "tip"
-    shape: Literal["rectangular", "half-sine"] | None = None
-    force: str | ColumnTable
-    duration: str | None = None
-    file: str | None = None
-    time: ColumnTable | None = None
+    point: str = Field(default="tip", description='Where the force acts: a part, or "tip".')
+    shape: Literal["rectangular", "half-sine"] | None = Field(default=None, description="Instead of a file.")
+    force: str | ColumnTable = Field(description="Peak of the shape, or a column of the file.")
+    duration: str | None = Field(default=None, description="Of the shape.")
+    file: str | None = Field(default=None, description="With the measured force.")
+    time: ColumnTable | None = Field(default=None, description="Column of the file.")
     uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Relative standard error of the force.")
 
     @model_validator(mode="after")
@@ -116,37 +116,37 @@ class PulseTable(StrictTable):
 class OutputTable(StrictTable):
     """What is simulated and returned."""
 
-    points: list[str] = ["tip"]
-    duration: str = "20 s"
-    sample_rate: str = "1 kHz"
-    step: str = "0.5 ms"
-    modes: int = Field(default=12, ge=1, le=MOST_ELEMENTS)
+    points: list[str] = Field(default=["tip"], description="Where the displacement is returned.")
+    duration: str = Field(default="20 s", description="Simulated from the pulse on.")
+    sample_rate: str = Field(default="1 kHz", description="Of what is returned.")
+    step: str = Field(default="0.5 ms", description="Of the simulation.")
+    modes: int = Field(default=12, ge=1, le=MOST_ELEMENTS, description="Kept of the beams.")
 
 
 class MeasuredTable(StrictTable):
     """A measured response; its first sample is the instant at which the pulse begins."""
 
-    file: str
-    time: ColumnTable
-    displacement: ColumnTable
-    point: str = "tip"
+    file: str = Field(description="With the response.")
+    time: ColumnTable = Field(description="Column of the file.")
+    displacement: ColumnTable = Field(description="Column of the file.")
+    point: str = Field(default="tip", description="Where it was measured.")
 
 
 class BaseTable(StrictTable):
     """The base: a rigid clamp unless a stiffness is given."""
 
-    clamp_stiffness: str | None = None
+    clamp_stiffness: str | None = Field(default=None, description="Rotational; omitted: rigid.")
 
 
 class RigFile(StrictTable):
     """All of ``rig.toml``."""
 
-    name: str
-    description: str = ""
-    base: BaseTable = BaseTable()
-    chain: list[PartTable] = Field(min_length=1, max_length=MOST_PARTS)
-    pulse: PulseTable
-    output: OutputTable = OutputTable()
+    name: str = Field(description="In reports.")
+    description: str = Field(default="", description="One sentence.")
+    base: BaseTable = Field(default=BaseTable(), description="The clamp.")
+    chain: list[PartTable] = Field(min_length=1, max_length=MOST_PARTS, description="Parts from the base to the tip.")
+    pulse: PulseTable = Field(description="What moves the structure.")
+    output: OutputTable = Field(default=OutputTable(), description="What is simulated.")
     measured: list[MeasuredTable] = Field(
         default=[], description="One record, or several of the same pulse, the main one first."
     )

@@ -30,6 +30,17 @@ def test_the_page_is_what_the_records_say():
     assert "guide/policies\n" in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
 
 
+def test_the_page_of_keys_is_what_reads_the_files():
+    # After a change of a key: python docs/write_keys.py
+    spec = importlib.util.spec_from_file_location("write_keys", ROOT / "docs" / "write_keys.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = (ROOT / "docs" / "guide" / "keys.md").read_text(encoding="utf-8")
+    assert text == module.page()
+    assert "None |" not in text, "a key without a description"
+    assert {"`skip`", "`gain`", "`clamp_stiffness`", "`use`"} <= set(text.replace("|", " ").split())
+
+
 def test_every_folder_that_decides_has_a_policy():
     needed = {
         "batch",
