@@ -135,7 +135,7 @@ class Cycles:
         return contribution(term, self.angle, self.rate)
 
     def states(self, element: JointElement) -> Array:
-        """Internal states of an element over the cycles once they repeat, shape (n_states, levels, phases)."""
+        """Return internal states over the cycles once they repeat, shape (n_states, levels, phases)."""
         from sindyjoint.equation.internal_states import integrate_states
 
         form, values = element.form, np.array(element.values)
@@ -150,7 +150,7 @@ class Cycles:
         return found
 
     def element(self, element: JointElement) -> Array:
-        """Moment of an element over the cycles once they repeat."""
+        """Return the moment of an element over the cycles once they repeat."""
         return column_moments(element, self.angle, self.rate, self.states(element)) @ element.coefficients
 
     def slider(self, limit: Array, stiffness: float) -> Array:
@@ -234,8 +234,8 @@ def check_exportable(model: JointModel) -> None:
         others = sorted({symbol.name for symbol in form.symbols} - known)
         if others:
             raise InputError(
-                f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate and "
-                "its own states, which are all that the targets know"
+                f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate "
+                "and its own states, which are all that the targets know"
             )
         for number in element.numbers:
             if not _is_finite(number.value):
