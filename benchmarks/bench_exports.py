@@ -3,10 +3,10 @@
     python benchmarks/bench_exports.py
     python benchmarks/bench_exports.py --only mujoco opensees
 
-For the paper's five terms, and for each kind of element with them: the largest difference of the angle as a share of its
-largest, while the joint slips and at all times, under two periods of 5 N·m at 4 Hz; and what the fidelity table says of
-the element. A target whose program is not installed is named, and left out. For MuJoCo, whose friction is a constraint,
-the rate at which the joint creeps under nine tenths of its friction.
+For the paper's five terms, and for each kind of element with them: the largest difference of the angle as a share of
+its largest, while the joint slips and at all times, under two periods of 5 N·m at 4 Hz; and what the fidelity table
+says of the element. A target whose program is not installed is named, and left out. For MuJoCo, whose friction is a
+constraint, the rate at which the joint creeps under nine tenths of its friction.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ def creep() -> None:
         for _ in range(int(0.1 / step)):
             mujoco.mj_step(compiled, data)
         print(
-            f"creep of MuJoCo {mujoco.__version__} under 0.9 of its friction, step {step:g} s: {data.qvel[0]:.3g} rad/s, "
+            f"creep of MuJoCo {mujoco.__version__} under 0.9 of its friction, step {step:g} s: "
+            f"{data.qvel[0]:.3g} rad/s, "
             f"{data.qvel[0] / model_of().fitted.rate:.1e} of the largest tested rate"
         )
 

@@ -1,7 +1,8 @@
 """Abaqus: a connector with nonlinear elasticity, damping and friction (CONN3D2, HINGE or TRANSLATOR).
 
 Elements with internal states are connectors beside it that constrain nothing (CARDAN or CARTESIAN): one with friction
-and its stick stiffness is a spring in series with a slider; two with a node between are a Maxwell branch.
+and its stick stiffness is a spring in series with a slider; two with a node between are a Maxwell branch, or a gap and
+a slider.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
-from sindyjoint.export.elements import Maxwell, Slider, kind_of
+from sindyjoint.export.elements import Gap, Maxwell, kind_of
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
 from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, number, preamble, words_of
@@ -57,7 +58,7 @@ def export(model: JointModel) -> Export:
     )
     text = comment(preamble(model, "Abaqus", rows, notes), "**")
     text += _deck(model, parts, curve, rates if damping else None, friction)
-    text += "".join(f"{line}\n" for line in added.lines(model.joint.motion == "rotation"))
+    text += "".join(f"{line}\n" for line in added.lines())
     return Export("abaqus", {"joint.inp": text}, rows, notes)
 
 
@@ -124,52 +125,64 @@ class _Friction:
 
 
 class _Hysteresis:
-    """Elements with internal states: pairs of spring and slider, and Maxwell branches."""
+    """Elements with internal states: pairs of spring and slider, and two connectors with a node between."""
 
     def __init__(self, model: JointModel, cycles: Cycles):
+        rotation = model.joint.motion == "rotation"
+        self.component = 4 if rotation else 1
+        # The first constrains as the joint does, and holds the node between two; the second constrains nothing.
+        self.held, self.free = ("HINGE", "CARDAN") if rotation else ("TRANSLATOR", "CARTESIAN")
+        self.stick = GIVE * model.fitted.angle
         self.rows: dict[str, Represented] = {}
-        self.pairs: list[Slider] = []
-        self.branches: list[Maxwell] = []
+        self.pairs: list[list[str]] = []
+        self.chains: list[tuple[list[str], list[str]]] = []
         for element in model.elements:
             kind = kind_of(element, cycles)
             if isinstance(kind, Maxwell) and kind.stiffness > 0:
-                self.branches.append(kind)
-                moment = cycles.element(element)
-                self.rows[element.id] = Represented("connector elasticity in series with damping", moment)
+                damping = self._one("DAMPING", kind.stiffness * kind.time)
+                self.chains.append((self._one("ELASTICITY", kind.stiffness), damping))
+                how = "connector elasticity in series with damping"
+            elif isinstance(kind, Gap) and kind.moment > 0:
+                spring = [
+                    f"*CONNECTOR ELASTICITY, COMPONENT={self.component}, NONLINEAR",
+                    *_pairs(Curve(*kind.curve())),
+                ]
+                self.chains.append((self._friction(kind.moment / self.stick, kind.moment), spring))
+                how = "connector elasticity in series with friction"
+            else:
+                pairs = pairs_of(element, kind, cycles)
+                for slider in pairs.sliders if pairs else ():
+                    limit = slider.stiffness * slider.deflection
+                    self.pairs.append(self._friction(slider.stiffness, limit))
+                self.rows[element.id] = represented(pairs, "connector friction with its stick stiffness")
                 continue
-            pairs = pairs_of(element, kind, cycles)
-            self.pairs += pairs.sliders if pairs else ()
-            self.rows[element.id] = represented(pairs, "connector friction with its stick stiffness")
+            self.rows[element.id] = Represented(how, cycles.element(element))
 
     def notes(self) -> tuple[str, ...]:
-        if not self.branches:
+        if not self.chains:
             return ()
-        last = BRANCH_NODE + len(self.branches) - 1
-        return (f"define nodes {BRANCH_NODE} to {last} at the joint's place: they are inside its Maxwell branches",)
+        last = BRANCH_NODE + len(self.chains) - 1
+        nodes = f"node {last}" if last == BRANCH_NODE else f"nodes {BRANCH_NODE} to {last}"
+        return (f"define {nodes} at the joint's place, between two connectors in series",)
 
-    def lines(self, rotation: bool) -> list[str]:
-        free, component = ("CARDAN", 4) if rotation else ("CARTESIAN", 1)
-        held = "HINGE" if rotation else "TRANSLATOR"
+    def lines(self) -> list[str]:
         lines: list[str] = []
-        count = iter(range(ELEMENT + 1, 10**9))
-        for slider in self.pairs:
-            friction = [
-                f"*CONNECTOR FRICTION, COMPONENT={component}, STICK STIFFNESS={number(slider.stiffness)}",
-                f"{number(slider.stiffness * slider.deflection)},",
-                "*FRICTION",
-                "1.0,",
-            ]
-            lines += _connector(next(count), "1, 2", free, friction)
-        for index, branch in enumerate(self.branches):
-            node = BRANCH_NODE + index
-            spring = [f"*CONNECTOR ELASTICITY, COMPONENT={component}", f"{number(branch.stiffness)},"]
-            damper = [
-                f"*CONNECTOR DAMPING, COMPONENT={component}",
-                f"{number(branch.stiffness * branch.time)},",
-            ]
-            lines += _connector(next(count), f"1, {node}", held, spring)
-            lines += _connector(next(count), f"{node}, 2", free, damper)
+        element = ELEMENT
+        for behaviour in self.pairs:
+            element += 1
+            lines += _connector(element, "1, 2", self.free, behaviour)
+        for node, (first, second) in enumerate(self.chains, BRANCH_NODE):
+            lines += _connector(element + 1, f"1, {node}", self.held, first)
+            lines += _connector(element + 2, f"{node}, 2", self.free, second)
+            element += 2
         return lines
+
+    def _one(self, kind: str, value: float) -> list[str]:
+        return [f"*CONNECTOR {kind}, COMPONENT={self.component}", f"{number(value)},"]
+
+    def _friction(self, stiffness: float, limit: float) -> list[str]:
+        head = f"*CONNECTOR FRICTION, COMPONENT={self.component}, STICK STIFFNESS={number(stiffness)}"
+        return [head, f"{number(limit)},", "*FRICTION", "1.0,"]
 
 
 def _connector(element: int, nodes: str, kind: str, behaviour: list[str]) -> list[str]:

@@ -2,7 +2,7 @@
 
 COMBIN39 carries the elastic part as a table, COMBIN40 Coulomb friction and viscous damping, COMBIN37 damping and
 friction that grow with a power of angle or rate. A linear joint is one COMBIN40. Elements with internal states are
-COMBIN40, each a spring in series with a slider, or two COMBIN14 with a node between, a Maxwell branch.
+COMBIN40, each a spring in series with a slider, or two elements with a node between: Maxwell branch, gap and slider.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
-from sindyjoint.export.elements import Maxwell, Slider, kind_of
+from sindyjoint.export.elements import Gap, Maxwell, Slider, kind_of
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
 from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, number, preamble, words_of
@@ -49,8 +49,8 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "ANSYS Mechanical APDL", rows, notes), "!")
-    deck = [*elements.deck(), *added.lines(elements)]
-    files: dict[str, str | bytes] = {"joint.inp": text + "\n".join(deck) + "\n"}
+    commands = [*elements.deck(), *added.lines(elements)]
+    files: dict[str, str | bytes] = {"joint.inp": text + "\n".join(commands) + "\n"}
     if elements.rotation:
         name, structure = rig_deck(model, rig)
         files[name] = structure
@@ -220,39 +220,69 @@ class _Elements:
         ]
 
 
+@dataclass(frozen=True)
+class _Half:
+    """One of two elements in series: its name, the KEYOPT that takes the degree of freedom, and its constants."""
+
+    kind: str
+    key: int
+    constants: tuple[float, ...]
+
+
 class _Hysteresis:
-    """Elements with internal states: pairs of spring and slider, and Maxwell branches."""
+    """Elements with internal states: pairs of spring and slider, and two elements with a node between."""
 
     def __init__(self, model: JointModel, cycles: Cycles):
+        self.stick = GIVE * model.fitted.angle
         self.rows: dict[str, Represented] = {}
         self.pairs: list[tuple[str, Slider]] = []
-        self.branches: list[tuple[str, Maxwell]] = []
+        self.chains: list[tuple[str, _Half, _Half]] = []
         for element in model.elements:
             kind = kind_of(element, cycles)
             if isinstance(kind, Maxwell) and kind.stiffness > 0:
-                self.branches.append((element.id, kind))
-                self.rows[element.id] = Represented("2 x COMBIN14, a node between", cycles.element(element))
+                halves = (
+                    _Half("COMBIN14", 2, (kind.stiffness, 0.0)),
+                    _Half("COMBIN14", 2, (0.0, kind.stiffness * kind.time)),
+                )
+                how = "2 x COMBIN14, a node between"
+            elif isinstance(kind, Gap) and kind.moment > 0:
+                halves = (self._limit(kind), _Half("COMBIN39", 3, _points(kind)))
+                how = "COMBIN39 and COMBIN40, a node between"
+            else:
+                pairs = pairs_of(element, kind, cycles)
+                self.pairs += [(element.id, slider) for slider in (pairs.sliders if pairs else ())]
+                self.rows[element.id] = represented(pairs, "COMBIN40, K1 and FSLIDE")
                 continue
-            pairs = pairs_of(element, kind, cycles)
-            self.pairs += [(element.id, slider) for slider in (pairs.sliders if pairs else ())]
-            self.rows[element.id] = represented(pairs, "COMBIN40, K1 and FSLIDE")
+            self.chains.append((element.id, *halves))
+            self.rows[element.id] = Represented(how, cycles.element(element))
+
+    def _limit(self, kind: Gap) -> _Half:
+        return _Half("COMBIN40", 3, (kind.moment / self.stick, 0.0, 0.0, 0.0, kind.moment, 0.0))
 
     def lines(self, elements: _Elements) -> list[str]:
         """Return the commands."""
         lines = []
         for what, slider in self.pairs:
             limit = slider.stiffness * slider.deflection
-            numbers = [number(v) for v in (slider.stiffness, 0.0, 0.0, 0.0, limit, 0.0)]
-            lines += elements.one("COMBIN40", [(3, elements.dof)], [numbers], what)
-        for what, branch in self.branches:
+            lines += _single(
+                elements, what, _Half("COMBIN40", 3, (slider.stiffness, 0.0, 0.0, 0.0, limit, 0.0))
+            )
+        for what, first, second in self.chains:
             lines += ["*GET,JNT_N,NODE,0,NUM,MAX", "JNT_N=JNT_N+1", "N,JNT_N,NX(JNTI),NY(JNTI),NZ(JNTI)"]
-            for values, nodes in (
-                ((branch.stiffness, 0.0), "JNTI,JNT_N"),
-                ((0.0, branch.stiffness * branch.time), "JNT_N,JNTJ"),
-            ):
-                numbers = [number(v) for v in values]
-                lines += elements.one("COMBIN14", [(2, elements.dof)], [numbers], what, nodes=nodes)
+            lines += _single(elements, what, first, "JNTI,JNT_N")
+            lines += _single(elements, what, second, "JNT_N,JNTJ")
         return lines
+
+
+def _points(kind: Gap) -> tuple[float, ...]:
+    """Points of a COMBIN39, which must rise at zero: a millionth of the ramp's slope does."""
+    return tuple(float(value) for point in zip(*kind.curve(1e-6), strict=True) for value in point)
+
+
+def _single(elements: _Elements, what: str, half: _Half, nodes: str = "JNTI,JNTJ") -> list[str]:
+    texts = [number(value) for value in half.constants]
+    rows = [texts[i : i + 6] for i in range(0, len(texts), 6)]
+    return elements.one(half.kind, [(half.key, elements.dof)], rows, what, nodes=nodes)
 
 
 def _powers(parts: Parts) -> tuple[tuple[_Power, ...], tuple[ModelTerm, ...]]:

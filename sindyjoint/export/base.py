@@ -144,7 +144,7 @@ class Cycles:
         return np.stack(levels, axis=1)
 
     def element(self, element: JointElement) -> Array:
-        """Moment of an element over the cycles once they repeat."""
+        """Return the moment of an element over the cycles once they repeat."""
         return column_moments(element, self.angle, self.rate, self.states(element)) @ element.coefficients
 
     def slider(self, limit: Array, stiffness: float) -> Array:
@@ -228,8 +228,8 @@ def check_exportable(model: JointModel) -> None:
         others = sorted({symbol.name for symbol in form.symbols} - known)
         if others:
             raise InputError(
-                f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate and "
-                "its own states, which are all that the targets know"
+                f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate "
+                "and its own states, which are all that the targets know"
             )
         for number in element.numbers:
             if not _is_finite(number.value):

@@ -23,7 +23,8 @@ def export(model: JointModel) -> Export:
         comment=block_comment(comment(preamble(model, "C", rows, notes), "")),
         name=string_literal(one_line(model.joint.name)),
         coefficients="\n".join(
-            f"static const double {name} = {number(value)}; {block_comment(what)}" for name, value, what in law.numbers
+            f"static const double {name} = {number(value)}; {block_comment(what)}"
+            for name, value, what in law.numbers
         ),
         count=str(len(law.states)),
         names=", ".join([*(string_literal(one_line(state)) for state in law.states), "0"]),

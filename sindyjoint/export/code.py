@@ -95,7 +95,7 @@ class Law:
 
 
 def law_of(model: JointModel) -> Law:
-    """Return a model as expressions of ``theta``, ``omega``, ``direction`` and the states ``z[0]``, ``z[1]``, …"""
+    """Return a model as expressions of ``theta``, ``omega``, ``direction`` and the states ``z[0]``, ``z[1]``, …."""
     parts = Parts.of(model)
     terms = (*parts.elastic, *parts.rate, *parts.coupled)
     inner = [(element, number) for element in model.elements for number in element.numbers]
@@ -111,7 +111,7 @@ def law_of(model: JointModel) -> Law:
         sympy.Integer(0),
     )
     states: list[str] = []
-    rates: list[sympy.Expr] = []
+    rates: list[Any] = []
     limits: list[float] = []
     rest = iter(names[len(terms) :])
     for element in model.elements:
@@ -133,9 +133,7 @@ def law_of_elements(model: JointModel) -> Law:
     return law_of(replace(model, terms=(), covariance=()))
 
 
-def filled(
-    file: str, model: JointModel, printer: CodePrinter, infinity: str, law: Law, **own: str
-) -> str:
+def filled(file: str, model: JointModel, printer: CodePrinter, infinity: str, law: Law, **own: str) -> str:
     """Return the text of a template of code with the numbers and the law of a model.
 
     Parameters
@@ -239,6 +237,7 @@ def code_notes(model: JointModel) -> tuple[str, ...]:
     states = law_of(model).states
     if states:
         notes.append(
-            f"internal states, zero at the start: {', '.join(states)}; steps of the integration divide those of the caller"
+            f"internal states, zero at the start: {', '.join(states)}; steps of the integration divide those of the "
+            "caller"
         )
     return tuple(notes)

@@ -1,4 +1,4 @@
-"""What kind of element a part with internal states is, whatever its effect is called: spring and slider, Maxwell, …
+"""What kind of element a part with internal states is, whatever its effect is called.
 
 Elements come from catalogues that people edit, so they are known by what their formulas do, not by name: rates and
 moments are evaluated at a few states and compared with those of the kind.
@@ -35,6 +35,19 @@ class Gap:
     moment: float
     gap: float
     ramp: float
+
+    def curve(self, inside: float = 0.0) -> tuple[Array, Array]:
+        """Return deflections and moments of the spring alone, which goes on behind the ramp.
+
+        Parameters
+        ----------
+        inside : float
+            Slope inside the gap, as a share of the one of the ramp.
+        """
+        far, slope = self.gap + 2 * self.ramp, self.moment / self.ramp
+        x = np.array([0.0, self.gap, far] if self.gap else [0.0, far])
+        y = slope * (np.maximum(x - self.gap, 0.0) + inside * np.minimum(x, self.gap))
+        return np.concatenate([-x[:0:-1], x]), np.concatenate([-y[:0:-1], y])
 
 
 @dataclass(frozen=True)
@@ -120,7 +133,9 @@ def speeds(element: JointElement, cycles: Cycles) -> tuple[float, float]:
     """Return the largest |∂M/∂z·∂ż/∂θ̇|, N·m/rad, and |∂ż/∂z|, 1/s, over the cycles: they bound a step's length."""
     states = cycles.states(element)
     angle, rate = cycles.angle, cycles.rate
-    faster = state_rates(element, angle, 1.001 * rate, states) - state_rates(element, angle, 0.999 * rate, states)
+    faster = state_rates(element, angle, 1.001 * rate, states) - state_rates(
+        element, angle, 0.999 * rate, states
+    )
     stiffness, relaxation = np.zeros(angle.shape), 0.0
     for j in range(len(states)):
         step = np.zeros(states.shape)
@@ -130,7 +145,9 @@ def speeds(element: JointElement, cycles: Cycles) -> tuple[float, float]:
         )
         slope = change @ element.coefficients / (2 * step[j])
         stiffness += np.abs(slope * faster[j] / (0.002 * rate))
-        decay = state_rates(element, angle, rate, states + step) - state_rates(element, angle, rate, states - step)
+        decay = state_rates(element, angle, rate, states + step) - state_rates(
+            element, angle, rate, states - step
+        )
         relaxation = max(relaxation, float(np.abs(decay[j] / (2 * step[j])).max()))
     # Rates and amplitudes somewhat beyond the tested ones are integrated well, too.
     return float(stiffness.max(initial=0.0)), 1.2 * relaxation
@@ -168,7 +185,9 @@ def _slider(element: JointElement, limit: float, rate: float) -> Slider | Gap | 
         return Slider(top / limit, limit)
     inside = np.abs(z[np.abs(moment) <= 0.5 * abs(top)]).max()
     # The upper half of the ramp says where it began: |M| = top·(|z| − gap)/ramp.
-    low, high = (_moment(element, np.array([share * inside + (1 - share) * limit]))[0] for share in (0.5, 0.0))
+    low, high = (
+        _moment(element, np.array([share * inside + (1 - share) * limit]))[0] for share in (0.5, 0.0)
+    )
     if not high > low:
         return None
     ramp = top * 0.5 * (limit - inside) / (high - low)

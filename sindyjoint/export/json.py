@@ -15,7 +15,9 @@ def export(model: JointModel) -> Export:
     represented = {
         term.id: Represented("formula, coefficient, covariance", cycles.term(term)) for term in model.terms
     }
-    represented |= {e.id: Represented("formulas, numbers, covariance", cycles.element(e)) for e in model.elements}
+    represented |= {
+        e.id: Represented("formulas, numbers, covariance", cycles.element(e)) for e in model.elements
+    }
     rows = fidelity_table(model, cycles, represented)
     record = {**model.to_dict(), "fidelity": [asdict(row) for row in rows]}
     return Export("json", {"model.json": json.dumps(record, indent=1) + "\n"}, rows)

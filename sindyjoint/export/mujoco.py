@@ -7,6 +7,7 @@ branch, K²/L stiff and L/R slow, and one without a magnet holds LuGre's frictio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.base import Cycles, Export, Fidelity, Represented, fidelity_table
 from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, kind_of, speeds
 from sindyjoint.export.parts import Parts, steepness
 from sindyjoint.export.sliders import pairs_of, represented
@@ -48,7 +49,8 @@ def export(model: JointModel) -> Export:
         **elastic.rows(cycles, "joint, stiffness", words.angle),
         **rates.rows(cycles, "joint, damping", words.rate, creep),
         **lumped.left_out(
-            parts.coupled, f"a joint of MuJoCo has no {words.moment} of {words.angle} and {words.rate} together"
+            parts.coupled,
+            f"a joint of MuJoCo has no {words.moment} of {words.angle} and {words.rate} together",
         ),
         **lumped.inertial_rows(parts),
     }
@@ -71,8 +73,8 @@ def export(model: JointModel) -> Export:
         notes.append(f"the moving inertia is not known: replace 1 {words.inertia_unit} by that of the body")
     else:
         notes.append(
-            f"the body has the moving inertia of the test, {model.inertia:.6g} {words.inertia_unit}: in a structure, take "
-            "joint, tendons and actuators alone"
+            f"the body has the moving inertia of the test, {model.inertia:.6g} {words.inertia_unit}: in a structure, "
+            "take joint, tendons and actuators alone"
         )
     notes.append("nothing bounds the angle: beyond the tested range the polynomials go on, and may turn over")
     text = _document(model, table, notes, step, inertia, elastic, rates, devices)
@@ -133,7 +135,11 @@ class _Polynomial:
         rows = lumped.left_out(self.missing, f"no cubic polynomial of the {variable} is near it")
         for name, share in self.shares.items():
             if np.count_nonzero(share) == 1 and share[0]:
-                how = "joint, frictionloss; creeps instead of sticking" if self.variable == "rate" else "actuator, bias"
+                how = (
+                    "joint, frictionloss; creeps instead of sticking"
+                    if self.variable == "rate"
+                    else "actuator, bias"
+                )
             else:
                 how = f"{where} polynomial"
             if name not in self.exact:
@@ -178,7 +184,9 @@ class _Devices:
             return Represented("fixed tendon with a dead band, springyield", exact)
         if isinstance(kind, Maxwell) and kind.stiffness > 0:
             constant = number(sqrt(kind.stiffness))
-            self._motor(f'motorconst="{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"')
+            self._motor(
+                f'motorconst="{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"'
+            )
             return Represented("dcmotor, shorted: its inductance is the spring", exact)
         if isinstance(kind, LuGre) and kind.stiffness > 0:
             self._lugre(kind.stiffness, kind.deflection, 1 + kind.rise, kind.rate)
@@ -208,8 +216,8 @@ class _Devices:
 
 
 def _document(
-    model: JointModel, rows, notes, step: float, inertia: float, elastic: _Polynomial, rates: _Polynomial,
-    devices: _Devices,
+    model: JointModel, rows: Sequence[Fidelity], notes: Sequence[str], step: float, inertia: float,
+    elastic: _Polynomial, rates: _Polynomial, devices: _Devices,
 ) -> str:  # fmt: skip
     rotation = model.joint.motion == "rotation"
     kind, axis = ("hinge", "0 0 1") if rotation else ("slide", "1 0 0")
@@ -252,12 +260,12 @@ def _document(
 
 
 def _xml_comment(text: str) -> str:
-    """Return text as a comment of XML that nothing inside can end.
+    r"""Return text as a comment of XML that nothing inside can end.
 
     Examples
     --------
     >>> _xml_comment("a --> b")
-    '<!--\\na - -> b\\n-->'
+    '<!--\na - -> b\n-->'
     """
     while "--" in text:
         text = text.replace("--", "- -")

@@ -13,8 +13,8 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table
-from sindyjoint.export.elements import Maxwell, Slider, kind_of
-from sindyjoint.export.parts import Curve, Parts, total
+from sindyjoint.export.elements import Gap, Maxwell, Slider, kind_of
+from sindyjoint.export.parts import GIVE, Curve, Parts, total
 from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, preamble, words_of
 
@@ -50,7 +50,7 @@ def export(model: JointModel) -> Export:
     }
     total = _total(parts, cycles, curve, rates if tabulated else None)
     total = total + sum(r.moment for r in added.rows.values() if r.moment is not None)
-    tied = rotation and bool(tabulated) or bool(added.pairs)
+    tied = rotation and bool(tabulated) or added.tied
     rows = fidelity_table(model, cycles, carried, total)
     notes = (
         f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
@@ -137,36 +137,48 @@ def _table(number: int, curve: Curve) -> str:
 
 
 class _Hysteresis:
-    """Elements with internal states: pairs of spring and slider, and Maxwell branches."""
+    """Elements with internal states: pairs of spring and slider, gaps in series with sliders, and Maxwell branches."""
 
     def __init__(self, model: JointModel, cycles: Cycles):
+        self.stick = GIVE * model.fitted.angle
         self.rows: dict[str, Represented] = {}
         self.pairs: list[Slider] = []
+        self.gaps: list[Gap] = []
         self.branches: list[Maxwell] = []
         for element in model.elements:
             kind = kind_of(element, cycles)
             if isinstance(kind, Maxwell) and kind.stiffness > 0:
                 self.branches.append(kind)
                 how = "CELAS2 and CDAMP2, a scalar point between"
-                self.rows[element.id] = Represented(how, cycles.element(element))
+            elif isinstance(kind, Gap) and kind.moment > 0:
+                self.gaps.append(kind)
+                how = "CROD without hardening and CBUSH1D, a grid point between"
+            else:
+                pairs = pairs_of(element, kind, cycles)
+                self.pairs += pairs.sliders if pairs else ()
+                self.rows[element.id] = represented(pairs, "CROD, MATS1 without hardening")
                 continue
-            pairs = pairs_of(element, kind, cycles)
-            self.pairs += pairs.sliders if pairs else ()
-            self.rows[element.id] = represented(pairs, "CROD, MATS1 without hardening")
+            self.rows[element.id] = Represented(how, cycles.element(element))
+
+    @property
+    def tied(self) -> bool:
+        """Whether they act on the relative motion, which grid point RELATIVE has."""
+        return bool(self.pairs or self.gaps)
 
     def cards(self, rotation: bool) -> list[str]:
         component = 6 if rotation else 1
         count = iter(range(FIRST, 10**8))
-        # A rod of length and area 1: its strain is the relative motion, its stress the moment.
-        cards = [_card("GRID", FAR, None, -1.0, 0.0, 0.0, None, 123456)] if self.pairs else []
+        cards = [_card("GRID", FAR, None, -1.0, 0.0, 0.0, None, 123456)] if self.tied else []
         for slider in self.pairs:
-            one = next(count)
-            limit = slider.stiffness * slider.deflection
+            cards += _rod(next(count), RELATIVE, slider.stiffness, slider.stiffness * slider.deflection)
+        for gap in self.gaps:
+            point, spring = next(count), next(count)
+            cards.append(_card("GRID", point, None, 0.0, 0.0, 0.0, None, 23456))
+            cards += _rod(next(count), point, gap.moment / self.stick, gap.moment)
             cards += [
-                _card("CROD", one, one, FAR, RELATIVE),
-                _card("PROD", one, one, 1.0),
-                _card("MAT1", one, slider.stiffness, None, 0.3),
-                _card("MATS1", one, None, "PLASTIC", 0.0, 1, 1, limit),
+                _card("CBUSH1D", spring, spring, point, RELATIVE, 0),
+                _card("PBUSH1D", spring, gap.moment / gap.ramp, *[None] * 6, "SPRING", "TABLE", spring),
+                _table(spring, _rounded(Curve(*gap.curve()))),
             ]
         for branch in self.branches:
             point, spring, damper = next(count), next(count), next(count)
@@ -176,6 +188,16 @@ class _Hysteresis:
                 _card("CDAMP2", damper, branch.stiffness * branch.time, point, None, NODES[1], component),
             ]
         return cards
+
+
+def _rod(number: int, point: int, stiffness: float, limit: float) -> list[str]:
+    """Return a rod of length and area 1: its strain is the motion of its end, its stress the moment."""
+    return [
+        _card("CROD", number, number, FAR, point),
+        _card("PROD", number, number, 1.0),
+        _card("MAT1", number, stiffness, None, 0.3),
+        _card("MATS1", number, None, "PLASTIC", 0.0, 1, 1, limit),
+    ]
 
 
 def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None, tied: bool) -> str:

@@ -143,14 +143,12 @@ class _Joint:
         return represented(pairs, "ElasticPP")
 
     def _gap(self, kind: Gap, element: JointElement, cycles: Cycles) -> Represented:
-        # The spring goes on at its slope behind the ramp; the slider never lets it get there.
-        far = kind.gap + 2 * kind.ramp
-        x = np.array([-far, -kind.gap, 0.0, kind.gap, far]) if kind.gap else np.array([-far, 0.0, far])
-        y = kind.moment / kind.ramp * np.sign(x) * np.maximum(np.abs(x) - kind.gap, 0.0)
-        spring = self.table(x, y, aside=True)
+        spring = self.table(*kind.curve(), aside=True)
         slider = self.material("ElasticPP", kind.moment / self.stick, self.stick, aside=True)
         self.chains.append((spring, slider))
-        return Represented("ElasticMultiLinear in series with ElasticPP, a node between", cycles.element(element))
+        return Represented(
+            "ElasticMultiLinear in series with ElasticPP, a node between", cycles.element(element)
+        )
 
     def script(self) -> str:
         """Return the function."""

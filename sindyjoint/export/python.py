@@ -14,25 +14,31 @@ def export(model: JointModel) -> Export:
     return Export("python", {"joint.py": source(model, rows, "Python")}, rows, code_notes(model))
 
 
+# What the template says of internal states; nothing, for a law that has none.
+_DOCUMENT = "\n\n    state lists the internal states in the order of STATES; without it they are zero."
+STATEFUL = {
+    "argument": ", state",
+    "start": ", state=None",
+    "document": _DOCUMENT,
+    "advanced": f"{_DOCUMENT}\n    It is advanced in place.",
+    "unpack": "    z = state or [0.0] * len(STATES)\n",
+    "copy": "list(state or [0.0] * len(STATES))",
+    "keep": "    if state is not None:\n        state[:] = z\n",
+    "inside": ", z",
+    "states_inside": ", states",
+    "begin": "    state = [0.0] * len(STATES) if state is None else state\n",
+}
+
+
 def source(model: JointModel, rows: tuple[Fidelity, ...], target: str) -> str:
     """Return the text of the module."""
     law = law_of(model)
     printer = PythonPrinter({"fully_qualified_modules": True})
     rates = ", ".join(printer.doprint(rate) for rate in law.rates)
     limits = ", ".join(written(limit, "math.inf") for limit in law.limits)
-    given = dict.fromkeys(("argument", "document", "start", "keep", "inside", "states_inside", "begin"), "")
-    given["state"] = "()"
+    given = dict.fromkeys(STATEFUL, "") | {"copy": "[]"}
     if law.states:
-        given = {
-            "argument": ", state",
-            "state": "state",
-            "document": "\n\n    state is the list of the internal states in the order of STATES; without it they are zero.",
-            "start": ", state=None",
-            "keep": "    if state is not None:\n        state[:] = z\n",
-            "inside": ", z",
-            "states_inside": ", states",
-            "begin": "    state = [0.0] * len(STATES) if state is None else state\n",
-        }
+        given = STATEFUL
     return filled(
         "joint.py.txt",
         model,

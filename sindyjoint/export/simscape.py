@@ -46,8 +46,8 @@ def export(model: JointModel) -> Export:
         f"interpolation) and {kind} Friction (Foundation Library)",
         *(
             (
-                f"elements are the custom component {NAME} in {NAME}.ssc, in parallel to the blocks; its internal states "
-                "are variables, and its ports are R and C as those of the blocks",
+                f"elements are the custom component {NAME} in {NAME}.ssc, in parallel to the blocks; its internal "
+                "states are variables, and its ports are R and C as those of the blocks",
             )
             if model.elements
             else ()

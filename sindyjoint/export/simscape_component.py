@@ -53,7 +53,9 @@ def component(model: JointModel, head: str) -> str:
     domain = "rotational.rotational" if rotation else "translational.translational"
     load, unit, angle, rate = ("t", "N*m", "rad", "w") if rotation else ("f", "N", "m", "v")
     states = [f"z{index + 1}" for index in range(len(law.states))]
-    symbols = {sympy.Symbol(f"z[{i}]", real=True): sympy.Symbol(name, real=True) for i, name in enumerate(states)}
+    symbols = {
+        sympy.Symbol(f"z[{i}]", real=True): sympy.Symbol(name, real=True) for i, name in enumerate(states)
+    }
     direction = sympy.Symbol("direction", real=True)
     symbols[direction] = sympy.sign(variable_symbols()[1])
 
@@ -70,7 +72,10 @@ def component(model: JointModel, head: str) -> str:
         "end",
         "",
         "parameters",
-        *(f"    {name} = {{{number(value)}, '1'}}; % {what.replace(chr(37), '')}" for name, value, what in law.numbers),
+        *(
+            f"    {name} = {{{number(value)}, '1'}}; % {what.replace(chr(37), '')}"
+            for name, value, what in law.numbers
+        ),
         "end",
         "",
         "variables",

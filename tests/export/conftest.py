@@ -29,7 +29,13 @@ def shipped_terms():
 
 
 def model_of(
-    coefficients=PAPER, *, motion="rotation", inertia=0.02, name="inter-panel joint", moment_rms=MOMENT_RMS, elements=()
+    coefficients=PAPER,
+    *,
+    motion="rotation",
+    inertia=0.02,
+    name="inter-panel joint",
+    moment_rms=MOMENT_RMS,
+    elements=(),
 ):
     """Return a model of coefficients by term id."""
     catalogue = shipped_terms()

@@ -60,7 +60,15 @@ int main(void)
     return 0;
 }
 """
-FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wno-unused-variable", "-Wno-unused-const-variable", "-Werror"]
+FLAGS = [
+    "-std=c99",
+    "-pedantic",
+    "-Wall",
+    "-Wextra",
+    "-Wno-unused-variable",
+    "-Wno-unused-const-variable",
+    "-Werror",
+]
 
 
 def compiler():

@@ -18,6 +18,7 @@ from sindyjoint.export.elements import BoucWen, Gap, LuGre, Maxwell, Slider, kin
 ANGLE, RMS = 7.7e-4, 3.55
 BASE = {"linear_stiffness": 6066.0, "linear_damping": 48.13}
 DECKS = ("ansys", "abaqus", "nastran")
+EXACT = ("jenkins_element", "maxwell_branch", "backlash_play")
 
 
 def row(export, name):
@@ -27,7 +28,10 @@ def row(export, name):
 
 def pairs_along(cycles, pairs):
     """Moment of pairs (stiffness, limit) over the cycles once they repeat."""
-    return sum((cycles.slider(np.full(cycles.angle.shape, limit), k) for k, limit in pairs), np.zeros(cycles.angle.shape))
+    return sum(
+        (cycles.slider(np.full(cycles.angle.shape, limit), k) for k, limit in pairs),
+        np.zeros(cycles.angle.shape),
+    )
 
 
 def branches_along(cycles, branches):
@@ -40,29 +44,51 @@ def branches_along(cycles, branches):
     return total
 
 
+def gaps_along(cycles, gaps):
+    """Moment of springs given as curves, in series with sliders (limit, x, y): the spring stays where it slides."""
+    total = np.zeros(cycles.angle.shape)
+    for limit, x, y in gaps:
+        largest = np.interp(limit, y, x)
+        total += np.interp(cycles.slider(np.full(cycles.angle.shape, largest), 1.0), x, y)
+    return total
+
+
 def ansys_parts(export):
     elements = apdl_elements(export.files["joint.inp"])
-    base = [real for kind, _, real in elements if kind == "COMBIN40" and real[5]]
-    assert len(base) == 1
-    pairs = [(r[0], r[4]) for kind, keys, r in elements if kind == "COMBIN40" and not r[5] and keys[3] == 6]
+    between = export.files["joint.inp"].count("E,JNTI,JNT_N") + export.files["joint.inp"].count(
+        "E,JNT_N,JNTJ"
+    )
+    sliders = [(r[0], r[4]) for kind, keys, r in elements if kind == "COMBIN40" and not r[5] and keys[3] == 6]
     halves = [r for kind, keys, r in elements if kind == "COMBIN14" and keys[2] == 6]
-    return pairs, [(spring[0], damper[1]) for spring, damper in zip(halves[::2], halves[1::2], strict=True)]
+    curves = [r for kind, keys, r in elements if kind == "COMBIN39" and keys[3] == 6]
+    assert between == len(halves) + 2 * len(curves)
+    gaps = [(sliders.pop()[1], np.array(c[::2]), np.array(c[1::2])) for c in curves]
+    return (
+        sliders,
+        [(spring[0], damper[1]) for spring, damper in zip(halves[::2], halves[1::2], strict=True)],
+        gaps,
+    )
 
 
 def abaqus_parts(export):
-    pairs, springs, dampers, stick = [], [], [], None
+    pairs, springs, dampers, curves = [], [], [], []
     nodes = re.findall(r"^(9000\d\d), (\d+), (\d+)$", export.files["joint.inp"], re.M)
     assert len({element for element, *_ in nodes}) == len(nodes)
     for keyword, data in abaqus_blocks(export.files["joint.inp"])[1:]:
         if keyword.startswith("*CONNECTOR FRICTION"):
             assert "COMPONENT=4" in keyword
-            stick = float(keyword.split("STIFFNESS=")[1])
-            pairs.append((stick, data[0][0]))
+            pairs.append((float(keyword.split("STIFFNESS=")[1]), data[0][0]))
         elif keyword == "*CONNECTOR ELASTICITY, COMPONENT=4":
             springs.append(data[0][0])
+        elif keyword == "*CONNECTOR ELASTICITY, COMPONENT=4, NONLINEAR":
+            curves.append(np.array(data).T)
         elif keyword == "*CONNECTOR DAMPING, COMPONENT=4":
             dampers.append(data[0][0])
-    return pairs, list(zip(springs, dampers[1:], strict=True))  # the first damper is the joint's own
+    gaps = [
+        (pairs.pop()[1], x, y) for y, x in curves[1:]
+    ]  # the first curve and the first damper are the joint's own
+    assert sum("900001" in (i, j) for _, i, j in nodes) == (2 if springs or gaps else 0)
+    return pairs, list(zip(springs, dampers[1:], strict=True)), gaps
 
 
 def nastran_parts(export, tmp_path):
@@ -71,19 +97,33 @@ def nastran_parts(export, tmp_path):
     path.write_text("GRID,1\nGRID,2\n" + export.files["joint.bdf"])
     deck = bdf.BDF(debug=None)
     deck.read_bdf(str(path), punch=True, xref=True)
-    pairs = []
+    pairs, limits = [], {}
     for element in deck.elements.values():
         if element.type == "CROD":
             rod, plastic = element.pid_ref, deck.MATS1[element.pid_ref.mid]
             a, b = (deck.nodes[n].xyz for n in element.nodes)
-            assert rod.A == 1.0 and np.linalg.norm(b - a) == 1.0 and plastic.h == 0.0 and plastic.Type == "PLASTIC"
-            pairs.append((deck.materials[rod.mid].e, plastic.limit1))
+            assert (
+                rod.A == 1.0
+                and np.linalg.norm(b - a) == 1.0
+                and plastic.h == 0.0
+                and plastic.Type == "PLASTIC"
+            )
+            if element.nodes[1] == 900006:
+                pairs.append((deck.materials[rod.mid].e, plastic.limit1))
+            else:
+                limits[element.nodes[1]] = plastic.limit1
+    gaps = []
+    for element in deck.elements.values():
+        if element.type == "CBUSH1D":
+            table = deck.tables_d[element.pid_ref.spring_idt]
+            assert element.nodes[1] == 900006
+            gaps.append((limits[element.nodes[0]], table.x, table.y))
     springs = [e for e in deck.elements.values() if e.type == "CELAS2"]
     dampers = [e for e in deck.elements.values() if e.type == "CDAMP2"]
     for spring, damper in zip(springs, dampers, strict=True):
         assert spring.nodes[1] == damper.nodes[0] and spring.c1 == damper.c2 == 6
         assert spring.nodes[1] in deck.spoints
-    return pairs, [(s.k, d.b) for s, d in zip(springs, dampers, strict=True)]
+    return pairs, [(s.k, d.b) for s, d in zip(springs, dampers, strict=True)], gaps
 
 
 @pytest.mark.parametrize("name", ELEMENTS)
@@ -93,14 +133,15 @@ def test_a_deck_gives_the_moment_that_its_table_says(make_model, tmp_path, targe
     model = make_model(BASE, elements=[element])
     export, cycles = export_model(model, target), Cycles.of(model)
     read = {"ansys": ansys_parts, "abaqus": abaqus_parts, "nastran": lambda e: nastran_parts(e, tmp_path)}
-    pairs, branches = read[target](export)
-    assert bool(branches) == (name == "maxwell_branch") and bool(pairs) != bool(branches)
-    given = pairs_along(cycles, pairs) + branches_along(cycles, branches)
+    pairs, branches, gaps = read[target](export)
+    assert (bool(branches), bool(gaps)) == (name == "maxwell_branch", name == "backlash_play")
+    assert bool(pairs) != bool(branches or gaps)
+    given = pairs_along(cycles, pairs) + branches_along(cycles, branches) + gaps_along(cycles, gaps)
     exact = cycles.element(element)
     apart = float(np.sqrt(np.mean((given - exact)[cycles.moving] ** 2))) / RMS
     found = row(export, name)
     assert found.carried and found.error == pytest.approx(apart, abs=3e-4)
-    assert apart < (3e-4 if name in ("jenkins_element", "maxwell_branch") else 0.06)
+    assert apart < (3e-4 if name in EXACT else 0.06)
     assert row(export, "all terms").error == pytest.approx(apart, abs=3e-4)
 
 
@@ -108,7 +149,9 @@ def test_simscape_component_gives_the_rates_and_the_moment(make_model):
     # Its equations, read by a few replacements as Python, at random states.
     model = make_model(BASE, elements=ELEMENTS.values())
     text = export_model(model, "simscape").files["sindyjoint_elements.ssc"]
-    values = {name: float(value) for name, value in re.findall(r"^    (JOINT_\w+) = \{(\S+), '1'\};", text, re.M)}
+    values = {
+        name: float(value) for name, value in re.findall(r"^    (JOINT_\w+) = \{(\S+), '1'\};", text, re.M)
+    }
     names = {"abs": abs, "sign": np.sign, "min": min, "max": max, "exp": np.exp, **values}
     rates = dict(re.findall(r"der\((z\d)\) == \((.*)\)\*\{1, '1/s'\};", text))
     limits = dict(re.findall(r"if abs\((z\d)\) >= (\S+) &&", text))
@@ -185,8 +228,25 @@ def test_an_element_of_the_acceleration_is_refused(make_model):
         export_model(make_model(BASE, elements=[strange]), "json")
 
 
+def left_by_a_diagnosis(effect, variant, fitted):
+    """Return an effect as an element, its parameters in the middle of their ranges."""
+    scales = {None: 1.0, "angle": fitted.angle, "rate": fitted.rate}
+    middles = {p.name: np.sqrt(p.lower * p.upper) * scales[p.relative_to] for p in variant.parameters}
+    return JointElement(
+        effect.id,
+        effect.id,
+        variant.columns[0].symbol,
+        effect.name,
+        tuple(Value(c.symbol, 1.0, 0.0, (1.0, 1.0), "", c.formula) for c in variant.columns),
+        tuple(Value(name, value, 0.0, (value, value), "") for name, value in middles.items()),
+        tuple(
+            ElementState(s.name, s.unit, formula_text(s.rate), s.limit and formula_text(s.limit))
+            for s in variant.states
+        ),
+    )
+
+
 def test_every_shipped_effect_with_a_state_is_exported(make_model):
-    # As a diagnosis would leave it: parameters in the middle of their range.
     model, cycles = make_model(), Cycles.of(make_model())
     nearest = {}
     for effect in load_effects():
@@ -195,19 +255,7 @@ def test_every_shipped_effect_with_a_state_is_exported(make_model):
             known = {"theta", "omega", *variant.names, *(state.name for state in variant.states)}
             if not variant.states or effect.enters != "moment" or names - known:
                 continue
-            reference = {"angle": model.fitted.angle, "rate": model.fitted.rate}
-            element = JointElement(
-                effect.id, effect.id, variant.columns[0].symbol, effect.name,
-                tuple(Value(c.symbol, 1.0, 0.0, (1.0, 1.0), "", c.formula) for c in variant.columns),
-                tuple(
-                    Value(p.name, np.sqrt(p.lower * p.upper) * reference.get(p.relative_to or "", 1.0), 0.0, (0.0, 0.0), "")
-                    for p in variant.parameters
-                ),
-                tuple(
-                    ElementState(s.name, s.unit, formula_text(s.rate), None if s.limit is None else formula_text(s.limit))
-                    for s in variant.states
-                ),
-            )  # fmt: skip
+            element = left_by_a_diagnosis(effect, variant, model.fitted)
             nearest[effect.id, number] = type(kind_of(element, cycles)).__name__
             for target in ("c", "ansys", "mujoco", "opensees"):
                 export = export_model(make_model(elements=[element]), target)

@@ -72,7 +72,9 @@ def test_a_hostile_name_is_text_in_python(hostile_model):
 
 def test_a_hostile_name_is_text_in_every_python_script(hostile_model):
     tree = ast.parse(export_model(hostile_model, "opensees").files["joint_opensees.py"])
-    calls = {node.func.attr for node in ast.walk(tree) if isinstance(node, ast.Call) and hasattr(node.func, "attr")}
+    calls = {
+        node.func.attr for node in ast.walk(tree) if isinstance(node, ast.Call) and hasattr(node.func, "attr")
+    }
     assert calls <= {"uniaxialMaterial", "element", "node", "nodeCoord", "nodeDisp", "equalDOF"}
 
 
@@ -92,7 +94,12 @@ def test_a_hostile_name_is_text_in_mjcf(hostile_model, make_model):
 def test_a_hostile_name_is_comment_in_a_component(hostile_model):
     lines = export_model(hostile_model, "simscape").files["sindyjoint_elements.ssc"].splitlines()
     code = [line.split("%")[0] for line in lines]
-    assert not any(word in line for line in code for word in ("evil", "STEP", "system", "ENDDATA") if "JOINT_" not in line)
+    assert not any(
+        word in line
+        for line in code
+        for word in ("evil", "STEP", "system", "ENDDATA")
+        if "JOINT_" not in line
+    )
     assert all(line.isascii() for line in lines)
 
 
