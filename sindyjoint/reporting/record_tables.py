@@ -148,6 +148,7 @@ class JointRecord(Part):
     outputs: dict[str, str]
     extras: list[str]
     earlier: dict[str, Any] | None
+    checksum: str
 
 
 class CommonPart(Part):

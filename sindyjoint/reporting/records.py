@@ -95,12 +95,35 @@ class FitPart(Part):
     runs: int
 
 
+class LightPart(Part):
+    """One of the reasons to trust a model, or not to."""
+
+    colour: Literal["good", "fair", "poor"]
+    sentence: str
+
+
+class NextPart(Part):
+    """A command, or an action on the bench, and what it is for."""
+
+    do: str
+    to: str
+
+
+class TrustPart(Part):
+    """Whether to trust the model, and what to do next."""
+
+    answer: Literal["good", "fair", "poor"]
+    lights: dict[str, LightPart]
+    next: list[NextPart]
+
+
 class DiscoveryRecord(Part):
     """``discover --json``: which terms, with what coefficients and evidence."""
 
     schema_: Version
     joint: DiscoveredJoint
     terms: list[DiscoveredTerm]
+    trust: TrustPart
     paper_term_set: PaperTermSet
     fit: FitPart
     warnings: list[str]
@@ -252,6 +275,14 @@ class AdvicePart(Part):
     expected_confidence: Maybe
 
 
+class AdviceSearchPart(Part):
+    """How far the search for runs that tell rivals apart went."""
+
+    status: Literal["not_sought", "not_needed", "complete", "stopped"]
+    tried: int
+    planned: int
+
+
 class DiagnosisRecord(Part):
     """``diagnose --json`` and ``diagnosis.json``, which also tells what a virtual test had hidden."""
 
@@ -263,6 +294,7 @@ class DiagnosisRecord(Part):
     where: list[PlacePart]
     steps: list[StepPart]
     advice: list[AdvicePart]
+    advice_search: AdviceSearchPart
     warnings: list[str]
     soundness: SoundnessPart | None = None
     hidden: str | None = None
@@ -305,6 +337,7 @@ class RigRecord(Part):
     points: list[PointPart]
     joints: list[RigJoint]
     beams_dissipated: Known
+    warnings: list[str]
 
 
 class FidelityPart(Part):
