@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,20 +135,20 @@ class Crossing:
         self.events = 0
         # Two samples each of q, v, z, moments and sticking: now, and where a trial ends.
         joints = direction.size
-        self.rows: Any = (
-            *(np.zeros((2, *x.shape)) for x in state), np.empty((2, joints, 3)), np.empty((2, joints), np.bool_)
-        )  # fmt: skip
+        self.q_rows, self.v_rows, self.z_rows = (np.zeros((2, *x.shape)) for x in state)
+        self.moment_rows, self.stuck_rows = np.empty((2, joints, 3)), np.empty((2, joints), np.bool_)
         self.forces = np.empty((2, 2))
 
     def trial(self, x: float) -> tuple[Array, Array, Array, Array, Array]:
         """State a time x ahead, room of the joints there, and the work done; the next trial overwrites the state."""
         self.forces[0] = self.excitation.mean(self.time, self.time + x)
         self.forces[1] = self.excitation(self.time + x * (1 - 1e-9))
-        q, v, z, moments, _ = self.rows
+        q, v, z, moments = self.q_rows, self.v_rows, self.z_rows, self.moment_rows
+        rows, forces = (q, v, z, moments, self.stuck_rows), (self.forces[0], self.forces[1])
         q[0], v[0], z[0] = self.q, self.v, self.z
         work = np.zeros((2, self.direction.size, 2))
         s, direction = self.stepper, self.direction.copy()
-        _, reason, _ = s.march(0, 1, direction, s.unbounded, (self.forces[0], self.forces[1]), self.rows, work, x)
+        _, reason, _ = s.march(0, 1, direction, s.unbounded, forces, rows, work, x)
         if reason == kernel.NOT_CONVERGED:
             raise not_converged(self.time, x)
         return q[1], v[1], z[1], margins(self.direction, moments[1], v[1], self.rate_scale), work[1]
