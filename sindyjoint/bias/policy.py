@@ -22,7 +22,7 @@ class BiasPolicy:
         source="calibrated on campaigns of 10 to 12 samples per period",
     )
     cut_error: float = limit(
-        0.002,
+        0.0007,
         "share of the moment's RMS by which a simulation errs where sampling cuts the motion",
         source="calibrated on campaigns of 10 to 12 samples per period",
     )
