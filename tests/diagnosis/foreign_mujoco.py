@@ -79,7 +79,7 @@ def _model(name, rng):
     fluid = limit = child = ""
     if name == "joint_limit":
         reach = rng.uniform(0.05, 0.07)
-        limit = f'limited="true" range="{-np.degrees(reach)} {np.degrees(reach)}" solreflimit="-4000 -10"'
+        limit = f'limited="true" range="{-np.degrees(reach)} {np.degrees(reach)}" solreflimit="-1500 -2"'
     elif name == "viscous_fluid":
         fluid = f'density="{rng.uniform(2.5e4, 6e4)}"'
     elif name == "hanging_body":
