@@ -73,6 +73,11 @@ def test_results_show_themselves(results, tmp_path):
         assert (folder / "report.html").stat().st_size > 10_000, name
 
 
+def test_text_has_no_colours(found, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as a notebook's kernel does
+    assert "\x1b" not in str(found) and "Can I trust it? " in str(found)
+
+
 def test_a_discovery_in_a_notebook(found):
     assert found._repr_html_().count("<tr>") == len(found.model.terms) + 1
     assert "<math" in found._repr_html_()

@@ -1,4 +1,4 @@
-"""The notebook runs, and prints what it shows; the wrong answer of the plain script stands beside the joint model."""
+"""The notebooks run, and show what they hold: a plain script beside the joint model; own data to a diagnosis."""
 
 import re
 from pathlib import Path
@@ -7,6 +7,9 @@ import pytest
 
 NOTEBOOK = Path(__file__).resolve().parents[1] / "examples" / "from_sindy_to_joint.ipynb"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?")
+
+
+OWN_DATA = NOTEBOOK.with_name("own_data_to_diagnosis.ipynb")
 
 
 def printed(notebook):
@@ -36,3 +39,30 @@ def test_the_notebook_prints_what_it_shows():
         all(joint == pytest.approx(truth, rel=0.01) for truth, _, joint in table.values()) and len(table) == 3
     )
     assert table["linear_stiffness"][1] == pytest.approx(5281, rel=0.05) and table["cubic_stiffness"][1] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of the machinery between the kernel and this process
+def test_own_data_to_a_diagnosis_with_pictures():
+    nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed: the notebook is not run")
+    pytest.importorskip("ipykernel", reason="ipykernel is not installed: the notebook is not run")
+    import nbformat
+
+    run = nbclient.NotebookClient(nbformat.read(OWN_DATA, as_version=4), timeout=240).execute()
+    outputs = [out for cell in run.cells for out in cell.get("outputs", [])]
+    shown = [kind for out in outputs for kind in out.get("data", {})]
+    assert shown.count("image/png") == 2 and shown.count("text/html") == 2 and shown.count("text/latex") >= 1
+    text = printed(run)
+    assert "Can I trust it? Yes" in text and "simulated" in text
+    found = dict(re.findall(r"(k1|M_F) = ([\d.]+)", text))
+    assert float(found["k1"]) == pytest.approx(6066, rel=0.01) and float(found["M_F"]) == pytest.approx(
+        1.867, rel=0.01
+    )
+    (named,) = [
+        out.data["text/html"] for out in outputs if "Diagnosis" in out.get("data", {}).get("text/plain", "")
+    ]
+    assert "Coulomb" in named
+    # What is kept in the file is what a reader sees without running it.
+    kept = nbformat.read(OWN_DATA, as_version=4)
+    held = [kind for cell in kept.cells for out in cell.get("outputs", []) for kind in out.get("data", {})]
+    assert sorted(held) == sorted(shown)

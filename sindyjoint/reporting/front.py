@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import os
+import re
+import sys
 from contextlib import redirect_stdout
 from html import escape
 from pathlib import Path
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 # No result prints more lines than a screen shows, nor a notebook more rows.
 LINES, ROWS = 40, 30
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def text_of(result: Any, lines: int = LINES) -> str:
@@ -25,7 +28,8 @@ def text_of(result: Any, lines: int = LINES) -> str:
     out = io.StringIO()
     with redirect_stdout(out):
         show(result)
-    text = out.getvalue().rstrip("\n").split("\n")
+    # A notebook asks for colours, which only a terminal can show.
+    text = _COLOURS.sub("", out.getvalue()).rstrip("\n").split("\n")
     if len(text) > lines:
         text = [
             *text[: lines - 1],
@@ -86,6 +90,7 @@ def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
         raise InputError(f"a {type(result).__name__} has no figures")
     name = names[0] if kind is None else kind
     if ax is None:
+        _teach_notebook()
         return draw(name, result)
     known = kinds_of(result)
     view = view_of(result)
@@ -102,6 +107,22 @@ def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
             f"{', '.join(single)}, or no axes"
         )
     return panels[0](data, ax)
+
+
+def _teach_notebook() -> None:
+    """Let a notebook show figures that belong to no global state, which it does not know by itself."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if shell is None:
+        return
+    from matplotlib.figure import Figure
+
+    from sindyjoint.reporting.style import figure_bytes
+
+    formatter = shell.display_formatter.formatters["image/png"]
+    try:
+        formatter.lookup_by_type(Figure)
+    except KeyError:
+        formatter.for_type(Figure, lambda figure: figure_bytes(figure, "png", dpi=110))
 
 
 def frame_of(result: Any) -> Any:

@@ -127,7 +127,10 @@ def terminal(width: int = WIDTH, markup: bool = True) -> Console:
     """Return the console that results are printed on: as wide as its window, or ``width`` where output is piped."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else width, highlight=False, markup=markup)
+    # In a notebook, too, text is text: what a result shows there is its own matter.
+    return Console(
+        width=None if sys.stdout.isatty() else width, highlight=False, markup=markup, force_jupyter=False
+    )
 
 
 def terminal_table(
@@ -178,7 +181,9 @@ def print_whole(table: Table, console: Console) -> None:
     """Print a table as wide as it is: a number that is cut off is a wrong number."""
     from rich.console import Console
 
-    Console(width=max(console.width, natural_width(table, console)), highlight=False).print(table)
+    Console(
+        width=max(console.width, natural_width(table, console)), highlight=False, force_jupyter=False
+    ).print(table)
 
 
 def _tex(text: str) -> str:

@@ -95,7 +95,7 @@ def test_the_verdicts_in_plain_words():
         read(page_html(made, ORIGIN, draw_all(made))).lines
         for made in (verification(), verification(failed=True))
     )
-    assert "passed The model gives the measured response." in passed
+    assert "passed The model gives the virtual test's response." in passed
     assert "failed The model misses the response." in failed
     assert "pulse at tip: the angle passed the softening limit at 0.2 s." in failed
     lines = read(page_html(diagnosis(), ORIGIN, draw_all(diagnosis()))).lines
