@@ -11,7 +11,6 @@ from sympy.printing.str import StrPrinter
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export.code import law_of_elements
-from sindyjoint.export.simscape import NAME
 from sindyjoint.export.text import ascii_line, number
 
 
@@ -38,13 +37,15 @@ class SimscapePrinter(StrPrinter):
         return f"(1 + sign({self._print(expr.args[0])}))/2"
 
 
-def component(model: JointModel, head: str) -> str:
-    """Return ``sindyjoint_elements.ssc``.
+def component(model: JointModel, name: str, head: str) -> str:
+    """Return the file of the component.
 
     Parameters
     ----------
     model : JointModel
         With elements.
+    name : str
+        Of the component, and of its file.
     head : str
         Comment at the head of the file.
     """
@@ -63,7 +64,7 @@ def component(model: JointModel, head: str) -> str:
         return SimscapePrinter().doprint(expression.xreplace(symbols)).replace("**", "^")
 
     lines = [
-        f"component {NAME}",
+        f"component {name}",
         "% Elements of a joint; beside spring, damper and friction blocks",
         "",
         "nodes",
