@@ -5,6 +5,8 @@
     python -m benchmarks --campaigns 200      # the batch on one process, two processes, two Dask workers
     python -m benchmarks --only restart --campaigns 200     # the batch killed at half, and a worker of it killed
     python -m benchmarks --only doors         # coefficients by pysindy.SINDy, JointRegressor and discover: 50 joints
+    python -m benchmarks public --data ../shared/data       # public data in the metric of their owners
+    python -m benchmarks round-trip --seeds 0               # a diagnosis saved, read and verified: the same gap
 
 Prints a table of ratios and writes all numbers to --out. Every measurement has a process of its own; ratios compare
 processes of one call. On a machine that others use too, believe processor times before those of the clock.
@@ -183,7 +185,17 @@ def doors() -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Measure, print, write; or make one of the tables that have a name."""
+    if sys.argv[1:2] == ["public"]:
+        from benchmarks import bench_public_metrics
+
+        bench_public_metrics.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["round-trip"]:
+        from benchmarks import bench_round_trip
+
+        bench_round_trip.main(sys.argv[2:])
+        return
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

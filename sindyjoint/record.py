@@ -98,6 +98,25 @@ class ColumnUnit:
 
 
 @dataclass(frozen=True)
+class FileUnit:
+    """In what unit a channel's values stand in their file.
+
+    Parameters
+    ----------
+    channel : str
+        ``"moment"``, ``"angle"`` or ``"rate"``.
+    unit : str
+        As declared; before the gain, such as ``"V"``.
+    factor : float
+        What one of it is in SI, gain included.
+    """
+
+    channel: str
+    unit: str
+    factor: float
+
+
+@dataclass(frozen=True)
 class Source:
     """Where a run came from, for provenance.
 
@@ -193,6 +212,8 @@ class Run:
     valid : array_like of bool, shape (n,), optional
         False at samples that are left out of every fit because a channel is at fault there; the signals then hold
         interpolated values. Default: all samples count.
+    file_units : tuple of FileUnit
+        Of the channels that were read from a file.
 
     Raises
     ------
@@ -213,6 +234,7 @@ class Run:
     whole: LongRecord | None = field(default=None)
     noise: SensorNoise = SensorNoise()
     valid: NDArray[np.bool_] | None = None
+    file_units: tuple[FileUnit, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("moment", "angle", "rate"):

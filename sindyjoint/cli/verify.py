@@ -37,6 +37,13 @@ def verify(
     window: Annotated[
         float, typer.Option(help="Time in s between restarts of a joint that nothing pulls back.")
     ] = default_of(VERIFY, "window"),
+    free_run: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Simulate each run without restart, its initial state estimated on its first N samples.",
+        ),
+    ] = None,
     noise: Annotated[
         float | None,
         typer.Option(help="Virtual pulse test: sensor noise as a fraction of the response's RMS. [0.01]"),
@@ -83,6 +90,7 @@ def verify(
             tolerance=tolerance,
             draws=draws,
             window=window,
+            free_run=free_run,
             noise=noise,
             presliding=presliding,
             loss_factor=loss_factor,

@@ -73,13 +73,18 @@ def explain_gap(first: P, most: int, say: Say, advised: bool = True) -> Diagnosi
         note = _compare_starts(given, best)
     last = best.progress.problem.finished()
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
+    final = best.gaps.final
+    if last is not best.progress.problem:
+        # The figures belong to the model that is handed on.
+        final = last.gap
+        steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
     if advised:
         say("advice")
     found = {
         "verdict": best.verdict,
         "reason": best.reason,
         "initial": best.gaps.initial,
-        "final": best.gaps.final,
+        "final": final,
         "noise_floor": best.gaps.floor,
         "budget": best.straight.budget(first, last),
         "where": first.places() if best.verdict != "nothing_missing" else (),

@@ -159,6 +159,7 @@ class _RunLoader:
                 source=Source(table.file, sha256, reader.stated_units()),
                 whole=whole,
                 noise=declared_noise(channels, self.motion, f"{self.file}: [channels]"),
+                file_units=reader.file_units(),
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error

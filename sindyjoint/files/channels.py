@@ -13,7 +13,7 @@ from sindyjoint.files.manifest import Channel, Channels, Column, RigTable
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import advanced, check_order, margin, resampled, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
-from sindyjoint.record import ColumnUnit, Motion, SensorNoise
+from sindyjoint.record import ColumnUnit, FileUnit, Motion, SensorNoise
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
 
 Array = NDArray[np.float64]
@@ -138,6 +138,17 @@ class RunReader:
             for quantity, declared, found in known
             if found is not None and found[1] != declared
         )
+
+    def file_units(self) -> tuple[FileUnit, ...]:
+        """Return the units in which the channels stand in the file."""
+        found = []
+        for quantity in ("moment", "angle", "rate"):
+            key, unit = KEYS[self.motion][quantity]
+            channel: Channel | None = getattr(self.channels, key)
+            if channel is not None and channel.unit is not None:
+                factor = conversion(channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain)
+                found.append(FileUnit(quantity, channel.unit, factor))
+        return tuple(found)
 
     def _columns(self) -> dict[Column, Array]:
         """Return all columns that this run needs, read in one go."""

@@ -276,8 +276,11 @@ APPROACH = 200  # samples
 
 
 def _bring_from_zero(compiled: CompiledLaw, angle: Array, rate: Array) -> Array:
-    """Return the internal states of a joint brought from zero to the first angle, as fast as it moves later."""
-    from sindyjoint.mechanics.kernels import integrate_states
+    """Return the internal states of a joint brought from zero to the first angle, as fast as it moves later.
+
+    A state that changes at standstill is no memory of the motion but a clock, which the approach does not advance.
+    """
+    from sindyjoint.mechanics.kernels import evaluate_law, integrate_states
 
     state = np.zeros((compiled.n_states, APPROACH))
     fastest = float(np.abs(rate).max()) if rate.size else 0.0
@@ -289,7 +292,12 @@ def _bring_from_zero(compiled: CompiledLaw, angle: Array, rate: Array) -> Array:
     integrate_states(
         compiled.address, approach, speed, compiled.parameters, duration / (APPROACH - 1), 1, state
     )
-    return state[:, -1]
+    still = np.zeros((1 + compiled.n_states, 1))
+    zero = np.zeros(1)
+    evaluate_law(
+        compiled.address, zero, zero, zero, np.zeros((compiled.n_states, 1)), compiled.parameters, still
+    )
+    return np.where(still[1:, 0] == 0, state[:, -1], 0.0)
 
 
 def transfer_moment(

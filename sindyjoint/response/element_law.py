@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.element import Form, JointElement
 from sindyjoint.mechanics.laws import FormulaLaw
+from sindyjoint.states import ForceStates
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,12 @@ class Instant:
     time: float = 0.0
     began: float = 0.0
     runs: bool = False
+
+    @classmethod
+    def of(cls, states: ForceStates) -> Instant:
+        """Return when a run's states are: what repeats is as it is in its middle, elsewhere time runs on."""
+        steady = states.method == "periodic"
+        return cls(float(np.mean(states.time) if steady else states.time[0]), states.began, not steady)
 
 
 class Part(NamedTuple):
@@ -54,6 +61,8 @@ def sum_law(
     instant : Instant, optional
         Time that runs is a state with the rate one.
     """
+    if not parts:
+        return None
     from sympy import Float, Symbol
 
     instant = instant or Instant()
@@ -78,4 +87,4 @@ def sum_law(
             values[f"c{index}_{place}"] = float(value)
             expression += Symbol(f"c{index}_{place}", real=True) * column
         rates |= own
-    return None if expression == 0 else FormulaLaw(expression, values, rates)
+    return FormulaLaw(expression, values, rates)

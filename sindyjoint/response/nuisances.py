@@ -134,13 +134,16 @@ class TestNuisances:
         delay = self.total("time shift")
         return aligned_run(run, delay) if delay else run
 
+    @property
+    def timed(self) -> bool:
+        """Whether a moment of the test changes in time."""
+        used = {symbol.name for each in self.moments for symbol in each.form.symbols}
+        return bool({"time", "elapsed"} & used)
+
     def law(self, model: JointModel, states: ForceStates) -> Law:
         """Return the law of a model in one run of this test."""
         law = model_law(replace(model, joint=self.joint_of(model.joint)))
-        steady = states.method == "periodic"
-        time = float(np.mean(states.time)) if steady else float(states.time[0])
-        instant = Instant(time, states.began, not steady)
-        added = sum_law(parts_of(self.moments), states.frequency or 0.0, instant)
+        added = sum_law(parts_of(self.moments), states.frequency or 0.0, Instant.of(states))
         return law if added is None else SumLaw(law, added)
 
     def to_dict(self) -> dict[str, Any]:

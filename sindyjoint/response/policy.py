@@ -36,6 +36,12 @@ class ResponsePolicy:
     same_inertia: float = limit(
         1e-3, "relative difference up to which model and campaign have the same inertia"
     )
+    fewest_initial: int = limit(
+        8, "half as many samples as a free run estimates its initial state from, at least", unit="samples"
+    )
+    initial_range: float = limit(
+        0.5, "widest correction of the measured initial angle and rate of a free run, in their RMS"
+    )
     fewest_draws: int = limit(5, "fewest simulated sets of coefficients of which a band is made")
     half_cycle_significance: float = limit(
         6.0, "least half-cycle between two turning points, in RMS of the smoothed noise"

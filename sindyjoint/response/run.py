@@ -20,7 +20,7 @@ from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 
 Array = NDArray[np.float64]
-Drive = Literal["moment", "windows", "motion"]
+Drive = Literal["moment", "windows", "motion", "free run"]
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
@@ -35,9 +35,9 @@ class SimulatedRun:
     Parameters
     ----------
     run : str
-    drive : {"moment", "windows", "motion"}
-        The measured moment moves the joint; the same, restarted from the measured state every so many seconds; or
-        the measured motion gives the moment.
+    drive : {"moment", "windows", "motion", "free run"}
+        The measured moment moves the joint; the same, restarted from the measured state every so many seconds; the
+        measured motion gives the moment; or the measured moment from a state estimated on the first samples.
     sample_rate : float
         Hz.
     frequency : float or None
@@ -73,6 +73,11 @@ class SimulatedRun:
     failure: str = ""
 
     @property
+    def channel(self) -> Literal["angle", "moment"]:
+        """What the response is."""
+        return "moment" if self.drive == "motion" else "angle"
+
+    @property
     def measured_response(self) -> Array:
         """What the simulation is to predict: the angle, or for a prescribed motion the moment."""
         return self.moment if self.drive == "motion" else self.angle
@@ -103,8 +108,8 @@ class SimulatedRun:
 
     @property
     def moment_scale(self) -> float:
-        """RMS of the moment, N·m: at the sensor or in the joint, whichever is larger (a free decay has no first)."""
-        return max(rms(self.moment), rms(self.states.transfer_moment(self.inertia)))
+        """RMS of the moment, N·m; see :func:`moment_scale`."""
+        return moment_scale(self.moment, self.states, self.inertia)
 
     @property
     def response_floor(self) -> float:
@@ -118,6 +123,14 @@ class SimulatedRun:
         """Noise of moment and acceleration, relative like :attr:`moment_nrmse`."""
         noise = self.states.noise
         return float(np.hypot(noise.moment, self.inertia * noise.acceleration)) / self.moment_scale
+
+
+def moment_scale(moment: Array, states: ForceStates, inertia: float) -> float:
+    """Return the RMS of the moment, N·m: at the sensor or in the joint, whichever is larger.
+
+    A free decay has no moment at the sensor.
+    """
+    return max(rms(moment), rms(states.transfer_moment(inertia)))
 
 
 def pooled_nrmse(errors: Sequence[tuple[str, float, float]]) -> float:
@@ -213,7 +226,7 @@ def simulate_run(
     span = slice(first, first + states.n_samples)
     skip = settling(states)
     kept = slice(first + skip, span.stop)
-    compared = _cut_states(states, skip)
+    compared = cut_states(states, skip)
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
@@ -250,7 +263,7 @@ def settling(states: ForceStates) -> int:
     return period if states.n_samples >= 3 * period else 0
 
 
-def _cut_states(states: ForceStates, skip: int) -> ForceStates:
+def cut_states(states: ForceStates, skip: int) -> ForceStates:
     """Return the states from a sample on."""
     if not skip:
         return states

@@ -46,7 +46,7 @@ class RunVerification:
     channel : {"angle", "moment", "displacement"}
         What the response is.
     drive : str
-        How it was simulated: "moment", "windows", "motion" or "pulse".
+        How it was simulated: "moment", "windows", "motion", "free run" or "pulse".
     time, measured : ndarray, shape (n,)
     simulated : ndarray, shape (n,), or None
     band : Band or None
@@ -63,6 +63,10 @@ class RunVerification:
     failure : str
     scale, moment_scale : float, optional
         RMS that the errors of response and moment are relative to, SI.
+    rmse : float, optional
+        RMS error of the response in ``rmse_unit``.
+    rmse_unit : str
+        In which the channel stands in its file, before a gain; SI for one that was read from none.
     """
 
     name: str
@@ -82,6 +86,8 @@ class RunVerification:
     failure: str = ""
     scale: float | None = None
     moment_scale: float | None = None
+    rmse: float | None = None
+    rmse_unit: str = ""
 
     @property
     def beyond_noise(self) -> float:
@@ -96,6 +102,8 @@ class RunVerification:
             "name": self.name,
             "response_nrmse": self.response_nrmse,
             "moment_nrmse": self.moment_nrmse,
+            "rmse": self.rmse,
+            "rmse_unit": self.rmse_unit,
         }
 
 
@@ -118,6 +126,8 @@ class Verification:
         period: the mean).
     runs : tuple of RunVerification
     warnings : tuple of str
+    free_run : int, optional
+        Samples from which the initial state of each run was estimated, that was then simulated without restart.
     """
 
     model: JointModel
@@ -133,6 +143,7 @@ class Verification:
     mean_period_difference: float | None
     runs: tuple[RunVerification, ...] = field(repr=False)
     warnings: tuple[str, ...] = ()
+    free_run: int | None = None
 
     @property
     def passed(self) -> bool:
@@ -147,6 +158,7 @@ class Verification:
             "verdict": self.verdict,
             **{name: getattr(self, name) for name in names},
             "mean_period_difference": self.mean_period_difference,
+            "free_run": self.free_run,
             "runs": [run.to_dict() for run in self.runs],
             "warnings": list(self.warnings),
         }

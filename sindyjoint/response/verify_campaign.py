@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.record import Campaign
+from sindyjoint.record import Campaign, Run
+from sindyjoint.response.compared import compare_run, compared_states
+from sindyjoint.response.free_run import free_run_states, simulate_free
 from sindyjoint.response.model_law import draw_models
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import Drive, SimulatedRun, prescribed, simulate_run
+from sindyjoint.response.run import SimulatedRun, prescribed
 from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
-from sindyjoint.states import force_states, one_after_another
-from sindyjoint.text import in_words_of, quantities
+from sindyjoint.states import ForceStates
+from sindyjoint.text import Quantities, in_words_of, quantities
 
 Array = NDArray[np.float64]
 
@@ -32,10 +35,12 @@ def verify_campaign(
     generator: np.random.Generator,
     say: Callable[[str], None],
     test: TestNuisances | None = None,
+    free_run: int | None = None,
 ) -> Verification:
     """Compare the validation runs, or all runs where none is kept for validation.
 
     Channels are put right already; of the ``test`` the moments of time and frequency and the inertia are still to come.
+    With ``free_run`` samples to estimate its initial state from, each run is simulated without restart.
     """
     test = test or TestNuisances("")
     warnings = _compare_joints(model, campaign)
@@ -47,21 +52,43 @@ def verify_campaign(
         )
     drawn = draw_models(model, draws, generator)
     results = []
-    for states in one_after_another(campaign, [force_states(run) for run in runs]):
+    if free_run is not None:
+        warnings.append(
+            f"each run is simulated without restart, its initial state estimated on the first {free_run} samples, "
+            "which are not compared"
+        )
+    for states in compared_states(campaign, runs, test.timed):
         run = next(each for each in runs if each.name == states.run)
         say(f"simulating {run.name}")
         warnings += range_warnings(model, states.angle, states.rate, run.name)
-        drive: Drive | None = "motion" if prescribed(states) else None
-        simulated = simulate_run(test.law(model, states), run, states, drive=drive, window=window)
+        simulate = _way_of(run, states, test, window, free_run)
+        simulated = simulate(model)
+        if free_run is not None and simulated.drive == "motion":
+            warnings.append(f"{run.name}: {_by_motion(campaign)}")
         band = None
         if drawn and simulated.simulated_response is not None:
-            others = (
-                simulate_run(test.law(other, states), run, states, drive=simulated.drive, window=window)
-                for other in drawn
-            )
-            band = band_of([other.simulated_response for other in others])
-        results.append(_compare_run(simulated, campaign, band))
-    return judged(model, "campaign", campaign.joint.name, tolerance, results, warnings)
+            band = band_of([simulate(other).simulated_response for other in drawn])
+        results.append(_compare_run(simulated, campaign, run, band))
+    result = judged(model, "campaign", campaign.joint.name, tolerance, results, warnings)
+    return replace(result, free_run=free_run)
+
+
+def _way_of(
+    run: Run, states: ForceStates, test: TestNuisances, window: float, free_run: int | None
+) -> Callable[[JointModel], SimulatedRun]:
+    """Return how models are simulated in a run."""
+    if free_run is not None:
+        driven = prescribed(states)
+        whole = replace(free_run_states(run), began=states.began)
+        return lambda model: simulate_free(test.law(model, whole), run, whole, free_run, by_motion=driven)
+    return lambda model: compare_run(lambda known: test.law(model, known), run, states, window)
+
+
+def _by_motion(campaign: Campaign) -> str:
+    return in_words_of(
+        campaign.joint.motion,
+        "its motion was its drive, or the joint has no inertia: the moment of the measured motion is compared",
+    )
 
 
 def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
@@ -82,9 +109,11 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
     return warnings
 
 
-def _compare_run(simulated: SimulatedRun, campaign: Campaign, band: Band | None) -> RunVerification:
+def _compare_run(simulated: SimulatedRun, campaign: Campaign, run: Run, band: Band | None) -> RunVerification:
     q = quantities(campaign.joint.motion)
     names = q.moment.lower(), q.angle.lower()
+    by_motion = simulated.channel == "moment"
+    rmse_unit, size = _unit_of(run, simulated.channel, q)
     response = simulated.simulated_response
     measured = simulated.measured_response
     frequency = simulated.frequency
@@ -95,7 +124,7 @@ def _compare_run(simulated: SimulatedRun, campaign: Campaign, band: Band | None)
     gap = compare_oscillations(*oscillations) if _has_cycles(simulated) else None
     return RunVerification(
         name=simulated.run,
-        channel=names[0] if simulated.drive == "motion" else names[1],
+        channel=names[0] if by_motion else names[1],
         drive=simulated.drive,
         time=simulated.time,
         measured=measured,
@@ -111,7 +140,15 @@ def _compare_run(simulated: SimulatedRun, campaign: Campaign, band: Band | None)
         failure=simulated.failure,
         scale=simulated.response_scale,
         moment_scale=simulated.moment_scale,
+        rmse=finite(simulated.response_nrmse * simulated.response_scale / size),
+        rmse_unit=rmse_unit,
     )
+
+
+def _unit_of(run: Run, channel: str, q: Quantities) -> tuple[str, float]:
+    """Return the unit in which a channel stands in its file, and what one of it is in SI."""
+    known = {each.channel: (each.unit, abs(each.factor)) for each in run.file_units}
+    return known.get(channel, (q.moment_unit if channel == "moment" else q.angle_unit, 1.0))
 
 
 def _has_cycles(simulated: SimulatedRun) -> bool:
@@ -119,7 +156,7 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
 
     A multiple-shooting segment starts from the measured state: its amplitudes would flatter the model.
     """
-    if simulated.drive != "moment":
+    if simulated.drive not in ("moment", "free run"):
         return False
     driven = np.abs(simulated.moment) > POLICY.free_share * simulated.moment_scale
     return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.free_share

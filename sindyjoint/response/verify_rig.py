@@ -155,6 +155,8 @@ def _compare_pulse(
         oscillations=oscillations,
         energy=None if response is None else _energy_per_cycle(oscillations, response),
         failure=failure,
+        rmse=None if simulated is None else rms(simulated - measured),
+        rmse_unit="m",
     )
 
 

@@ -55,6 +55,7 @@ def verify(
     tolerance: float = POLICY.verification_tolerance,
     draws: int = DRAWS,
     window: float = WINDOW,
+    free_run: int | None = None,
     noise: float | None = None,
     presliding: float | None = None,
     loss_factor: float | None = None,
@@ -83,6 +84,9 @@ def verify(
         Sets of coefficients drawn from the model's covariance for the band; 0: no band.
     window : float
         Length of a multiple-shooting segment, for joints without restoring moment, s.
+    free_run : int, optional
+        Simulate each run of a campaign without restart, its initial state estimated on this many first samples: as
+        others report such sets. They are not compared.
     noise, presliding, loss_factor : float, optional
         Of the virtual pulse test: sensor noise (fraction of RMS, 0.01), elastic presliding of the friction (rad) and
         the beams' loss factor.
@@ -125,10 +129,14 @@ def verify(
         checked = require_sound(check_campaign(against, accept))
         usable, applied, note = _put_right(checked.usable, against, test)
         usable = align_channels(usable) if align else usable
-        result = verify_campaign(model, usable, tolerance, draws, window, generator, say, applied)
+        result = verify_campaign(model, usable, tolerance, draws, window, generator, say, applied, free_run)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
         known["warnings"] = (*checked.warnings, *note, *result.warnings)
         return CampaignVerification(**known, soundness=checked.soundness)
+    if free_run is not None:
+        raise InputError(
+            f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
+        )
     if align:
         raise InputError("align belongs to a campaign, which has two channels; a rig is given")
     if accept:

@@ -52,6 +52,17 @@ def find_drift(
     return next(iter(found.values())) if len(found) == 1 else None
 
 
+def with_kept_runs(drift: ChannelDrift, runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift:
+    """Return a drift with the slopes of runs kept out of the fit, too: their own means tell them, and no model."""
+    signal = drift.effect.removesuffix("_drift")
+    own = {
+        run.name: _slope(getattr(run, signal), run.sample_rate, s)[3]
+        for run, s in zip(runs, states, strict=True)
+        if s.method == "periodic" and s.frequency
+    }
+    return replace(drift, slopes={**drift.slopes, **own})
+
+
 def _slope(signal: np.ndarray, sample_rate: float, states: ForceStates) -> tuple[float, float, float, float]:
     """Return slope per RMS, its standard error, the duration and the slope itself, from means of whole periods."""
     assert states.frequency is not None

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.free_decay import continuation_gap
-from sindyjoint.diagnosis.campaign.repair import held_out_gap, kept_gap
+from sindyjoint.diagnosis.campaign.kept import kept_runs
+from sindyjoint.diagnosis.campaign.repair import held_out_gap, kept_weighted_gap
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -16,24 +17,24 @@ from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
-from sindyjoint.states import pooled_noise, transfer_noise
+from sindyjoint.response.compared import pooled_errors
+from sindyjoint.response.run import moment_scale
+from sindyjoint.states import pooled_noise
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
     """Return the gaps of a model with effects.
 
-    On runs marked for validation where there are any; else each group of runs is left out of the fit in turn, and the
-    response is simulated over all. A free run is simulated from where two thirds of it end, which it was fitted to.
+    On runs marked for validation where there are any, as a verification tells it of them; else each group of runs is
+    left out of the fit in turn, and the response is simulated over all. A free run is simulated from where two thirds
+    of it end, which it was fitted to.
     """
     adding = [e for e in effects if not e.shifts]
-    kept = work.campaign.validation_runs
-    if kept:
-        rows = kept_rows(work, model, effects)
-        noise = {s.run: transfer_noise(s, model.inertia) for s in work.kept_states}
-        moment, weighted = kept_gap(rows, model, adding, noise)
-    else:
-        moment, weighted = held_out_gap(work.rows, model, adding, work.noise, work.policy)
-    of_response = continuation_gap if is_free(work.campaign) and not kept else response_gap
+    if work.campaign.validation_runs:
+        moment, response = pooled_errors(kept_runs(work, model, effects))
+        return Gap(moment, response, kept_weighted_gap(kept_rows(work, model, effects), model, adding))
+    moment, weighted = held_out_gap(work.rows, model, adding, work.noise, work.policy)
+    of_response = continuation_gap if is_free(work.campaign) else response_gap
     return Gap(moment, of_response(work, model, effects), weighted)
 
 
@@ -58,7 +59,10 @@ def noise_floor(work: Work) -> Gap:
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
     noise = pooled_noise(states, work.model.inertia, weight)
     inertia = work.model.joint.inertia or 0.0
-    own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in states])
+    if work.kept_states:
+        own = np.array([moment_scale(s.moment, s, work.model.inertia) ** 2 for s in states])
+    else:
+        own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in states])
     known = np.array([s.noise.motion_measured for s in states])
     angle = np.array([s.noise.angle for s in states])
     spread = np.array([np.var(s.angle) for s in states])

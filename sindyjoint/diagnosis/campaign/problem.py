@@ -12,7 +12,7 @@ import numpy as np
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
 from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint, yield_complaint
-from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift
+from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
@@ -148,16 +148,18 @@ class CampaignProblem(Problem):
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with a drifting channel put right, and the step that this is."""
-        work, drift = self.work, self.drift
-        if drift is None:
+        work = self.work
+        if self.drift is None:
             return self, ()
+        kept = work.campaign.validation_runs
+        drift = with_kept_runs(self.drift, kept, work.kept_states)
         runs = tuple(without_drift(run, drift) for run in work.runs)
-        campaign = work.campaign.with_runs((*runs, *work.campaign.validation_runs))
+        campaign = work.campaign.with_runs(tuple(without_drift(run, drift) for run in work.campaign.runs))
         states = campaign_states(campaign, rate_share=self.policy.rate_share)
         rows = gap_runs(states, work.model, work.groups, self.policy)
         repaired = refit(rows, work.model, self.found, self.policy)
         later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
-        straight = replace(self, work=later, repaired=repaired)
+        straight = replace(self, work=later, repaired=repaired, drift=drift)
         return straight, (_drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:

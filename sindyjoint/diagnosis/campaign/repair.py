@@ -161,14 +161,12 @@ def held_out_gap(
     return _relative(runs, residual, target, noise), float(np.sqrt(np.mean(weighted**2)))
 
 
-def kept_gap(
-    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], noise: dict[str, float]
-) -> tuple[float, float]:
-    """Return the same gaps on runs that no coefficient of model and effects was fitted to."""
+def kept_weighted_gap(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> float:
+    """Return the gap in units of the rows' noise on runs that no coefficient of model and effects was fitted to."""
     coefficients = coefficients_of(model, effects)
     target = np.concatenate([run.target for run in runs])
     residual = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
-    return _relative(runs, residual, target, noise), float(np.sqrt(np.mean(whitened(runs, residual) ** 2)))
+    return float(np.sqrt(np.mean(whitened(runs, residual) ** 2)))
 
 
 def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> list[float]:

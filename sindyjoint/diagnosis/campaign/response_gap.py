@@ -10,31 +10,26 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
-from sindyjoint.diagnosis.campaign.start import Work, cut_up
+from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.response.run import pooled_nrmse
-from sindyjoint.states import force_states, one_after_another
+from sindyjoint.states import force_states
 from sindyjoint.states.rows import group_labels
 
 
 def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return the relative RMS of measured less simulated response, over validation runs or else all runs.
+    """Return the relative RMS of measured less simulated response, over all runs of the fit.
 
     The angle where the moment drives, the moment where the motion does. Runs that the model cannot follow (it snaps
     through, say) are left out; NaN if it can follow none.
     """
-    runs, states, kept = work.runs, work.states, work.campaign.validation_runs
-    if kept:
-        whole = one_after_another(work.campaign, [force_states(run) for run in kept])
-        runs, states, _ = cut_up(kept, whole, None, work.policy)
     errors = []
-    for run, state in zip(runs, states, strict=True):
+    for run, state in zip(work.runs, work.states, strict=True):
         result = simulated(run, state, model, effects, work.policy)
         if result is not None and np.isfinite(result.response_nrmse):
-            kind = "moment" if result.drive == "motion" else "angle"
-            errors.append((kind, result.response_nrmse, result.response_scale))
+            errors.append((result.channel, result.response_nrmse, result.response_scale))
     return pooled_nrmse(errors)
 
 

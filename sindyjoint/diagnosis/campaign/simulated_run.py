@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, Instant, law_of
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
+from sindyjoint.response.element_law import Instant
 from sindyjoint.response.run import SimulatedRun, prescribed, simulate_run
 from sindyjoint.states import ForceStates
 
@@ -40,8 +41,7 @@ def simulated(
     if drift:
         run = replace(run, angle=run.angle - drift * (middle if steady else run.time), source=None)
         states = replace(states, angle=states.angle - drift * (middle if steady else states.time))
-    instant = Instant(middle if steady else float(states.time[0]), states.began, not steady)
-    law = law_of(model, effects, states.frequency or 0.0, instant)
+    law = law_of(model, effects, states.frequency or 0.0, Instant.of(states))
     try:
         return simulate_run(law, run, states, drive="motion" if motion else None)
     except SindyJointError:

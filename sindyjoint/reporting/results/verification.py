@@ -10,7 +10,7 @@ from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.verification import KINDS, thinned
 from sindyjoint.reporting.interactive import response_payload
 from sindyjoint.reporting.page import markup
-from sindyjoint.reporting.style import shortened
+from sindyjoint.reporting.style import prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import model_table
 from sindyjoint.reporting.text_table import (
     DASH,
@@ -23,11 +23,23 @@ from sindyjoint.reporting.text_table import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.response.verification import Verification
+from sindyjoint.response.verification import RunVerification, Verification
 from sindyjoint.text import percent, quantities
 
+# Units that take a prefix; others ("mm", "kip", "inch") are printed as the campaign declares them.
+PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
 # Of each run, as it is.
 PRINTED = ("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference")
+
+
+def in_its_unit(run: RunVerification) -> str:
+    """Return the RMS error of a run in the unit of its channel, with a prefix."""
+    if run.rmse is None:
+        return DASH
+    factor, unit = (
+        prefixed(run.rmse, run.rmse_unit) if run.rmse_unit in PREFIXED else (1.0, pretty_unit(run.rmse_unit))
+    )
+    return f"{short_number(run.rmse * factor)} {unit}".rstrip()
 
 
 class VerificationView(View[Verification, Verification]):
@@ -80,6 +92,7 @@ class VerificationView(View[Verification, Verification]):
                 run.name,
                 run.drive,
                 percent(run.response_nrmse),
+                in_its_unit(run),
                 percent(run.noise_floor),
                 percent(run.moment_nrmse),
                 percent(run.amplitude_rms_error),
@@ -91,6 +104,7 @@ class VerificationView(View[Verification, Verification]):
             "Run",
             "Simulated by",
             "Response error",
+            "RMSE",
             "Noise floor",
             f"{load} error",
             "Amplitude",
@@ -139,7 +153,9 @@ class VerificationView(View[Verification, Verification]):
         console.print(f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}\n")
         console.print(f"  {escape(result.model.equation())}\n")
         load = quantities(result.model.joint.motion).moment.lower()
-        columns = ("run", "simulated by", "response NRMSE", "noise", f"{load} NRMSE", "amplitude", "period")
+        columns = (
+            "run", "simulated by", "response NRMSE", "RMSE", "noise", f"{load} NRMSE", "amplitude", "period",
+        )  # fmt: skip
         rows = [(shortened(name), *others) for name, *others in self.tables(result)[0].rows]
         print_whole(terminal_table(columns, rows, "llr"), console)
         console.print(f"\n[bold]{result.verdict}[/]: {escape(result.reason)}")

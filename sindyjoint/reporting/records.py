@@ -1,0 +1,404 @@
+"""What the result files and ``--json`` hold, as pydantic models, of which ``sindyjoint schema`` prints the JSON Schema.
+
+They describe; the results themselves write. A test validates what every command writes against them. Numbers that are
+not known are null.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from sindyjoint.equation.model_record import ModelRecord
+from sindyjoint.errors import UnknownNameError
+from sindyjoint.response.nuisances import TestRecord
+
+Known = Annotated[float, Field(allow_inf_nan=False)]
+Maybe = Known | None
+Version = Annotated[Literal[1], Field(alias="schema")]
+Severity = Literal["stops", "biases", "note"]
+Sound = Literal["sound", "doubtful", "unsound"]
+Joint = Literal["rotation", "translation"]
+
+
+class Part(BaseModel):
+    """Anything in a result file: it has no other keys than these."""
+
+    model_config = ConfigDict(extra="forbid", serialize_by_alias=True)
+
+
+class SoundnessPart(Part):
+    """What the check of the data found, in short."""
+
+    verdict: Sound
+    ids: list[str]
+    accepted: list[str]
+
+
+class FindingPart(Part):
+    """One fault of the data."""
+
+    id: str
+    run: str | None
+    channel: str | None
+    severity: Severity
+    extent: str
+    effect: str
+    remedy: str
+
+
+class CheckRecord(Part):
+    """``check.json``: are the data sound."""
+
+    schema_: Version
+    verdict: Sound
+    findings: list[FindingPart]
+
+
+# ---- discovery
+
+
+class DiscoveredJoint(Part):
+    """The joint; its inertia as declared or identified, kg·m² (kg)."""
+
+    name: str
+    motion: Joint
+    inertia: Maybe
+
+
+class DiscoveredTerm(Part):
+    """A term of the equation, SI; ``bias`` is what was removed from the coefficient."""
+
+    id: str
+    symbol: str
+    coefficient: Known
+    unit: str
+    standard_error: Known
+    interval95: tuple[Known, Known]
+    bias: Maybe
+
+
+class PaperTermSet(Part):
+    """Whether these are exactly the five terms of the paper."""
+
+    verdict: Literal["confirmed", "refuted", "undecided"]
+    missing: list[str]
+    extra: list[str]
+    reason: str
+
+
+class FitPart(Part):
+    """The fit, N·m (N)."""
+
+    moment_rms: Known
+    residual_rms: Known
+    noise_floor: Maybe
+    moving_fraction: Maybe
+    samples: int
+    runs: int
+
+
+class DiscoveryRecord(Part):
+    """``discover --json``: which terms, with what coefficients and evidence."""
+
+    schema_: Version
+    joint: DiscoveredJoint
+    terms: list[DiscoveredTerm]
+    paper_term_set: PaperTermSet
+    fit: FitPart
+    warnings: list[str]
+    soundness: SoundnessPart
+
+
+# ---- verification
+
+
+class CyclesPart(Part):
+    """Half-cycles of a response: s, the unit of the response, s."""
+
+    time: list[Known]
+    amplitude: list[Known]
+    period: list[Known]
+
+
+class BothCycles(Part):
+    """Half-cycles of the measured and of the simulated response."""
+
+    measured: CyclesPart | None
+    simulated: CyclesPart | None
+
+
+class BothEnergies(Part):
+    """Energy dissipated in each cycle, J."""
+
+    measured: list[Known]
+    simulated: list[Known]
+
+
+class VerifiedRun(Part):
+    """A run against its simulation; ``--json`` has the first five keys, ``verification.json`` all."""
+
+    name: str
+    response_nrmse: Maybe
+    moment_nrmse: Maybe
+    rmse: Maybe
+    rmse_unit: str
+    drive: Literal["moment", "windows", "motion", "free run", "pulse"] | None = None
+    channel: Literal["angle", "moment", "displacement", "force"] | None = None
+    noise_floor: Maybe = None
+    amplitude_rms_error: Maybe = None
+    mean_period_difference: Maybe = None
+    failure: str | None = None
+    cycles: BothCycles | None = None
+    energy_per_cycle: BothEnergies | None = None
+
+
+class SubjectPart(Part):
+    """What the model was compared with."""
+
+    kind: Literal["rig", "campaign"]
+    name: str
+
+
+class VerificationRecord(Part):
+    """``verify --json`` and ``verification.json``, which has subject, reason and tolerance, too."""
+
+    schema_: Version
+    verdict: Literal["passed", "failed"]
+    response_nrmse: Maybe
+    moment_nrmse: Maybe
+    noise_floor: Maybe
+    amplitude_rms_error: Maybe
+    mean_period_difference: Maybe
+    free_run: int | None
+    runs: list[VerifiedRun]
+    warnings: list[str]
+    soundness: SoundnessPart | None = None
+    subject: SubjectPart | None = None
+    reason: str | None = None
+    tolerance: Maybe = None
+
+
+# ---- diagnosis
+
+
+class GapPart(Part):
+    """Relative RMS gaps."""
+
+    moment: Maybe
+    response: Maybe
+
+
+class GapsPart(Part):
+    """Gap of the model alone, with the effects, of the noise, and what stays beyond it."""
+
+    initial: GapPart
+    final: GapPart
+    noise_floor: GapPart
+    remainder: GapPart
+
+
+class BudgetPart(Part):
+    """Parts of the first gap, mean squares relative to that of the moment."""
+
+    state: Maybe
+    history: Maybe
+    run: Maybe
+    processing: Maybe
+    noise: Maybe
+
+
+class PlacePart(Part):
+    """Where the gap lies."""
+
+    axis: str
+    range: str | list[Known]
+    share: Known
+    words: str
+
+
+class RivalPart(Part):
+    """Another effect, and its probability."""
+
+    effect: str
+    probability: Known
+
+
+class StepPart(Part):
+    """An effect that was named and added; parameters in SI."""
+
+    effect: str
+    class_: Annotated[list[str], Field(alias="class")]
+    family: str
+    probability: Known
+    rivals: list[RivalPart]
+    parameters: dict[str, Known]
+    units: dict[str, str]
+    terms_dropped: list[str]
+    gap_before: GapPart
+    gap_after: GapPart
+
+
+class AdvisedRun(Part):
+    """A run to make: Hz, rad (m)."""
+
+    frequency: Maybe
+    level: Maybe
+    waveform: str
+
+
+class AdvicePart(Part):
+    """What would tell rivals apart."""
+
+    separates: list[str]
+    run: AdvisedRun
+    expected_confidence: Maybe
+
+
+class DiagnosisRecord(Part):
+    """``diagnose --json`` and ``diagnosis.json``, which also tells what a virtual test had hidden."""
+
+    schema_: Annotated[Literal[2], Field(alias="schema")]
+    verdict: Literal["named", "ambiguous", "partly_named", "unknown", "undecided", "nothing_missing"]
+    reason: str
+    gap: GapsPart
+    budget: BudgetPart
+    where: list[PlacePart]
+    steps: list[StepPart]
+    advice: list[AdvicePart]
+    warnings: list[str]
+    soundness: SoundnessPart | None = None
+    hidden: str | None = None
+
+
+# ---- a rig, an export
+
+
+class FrequenciesPart(Part):
+    """Natural frequencies, Hz."""
+
+    slipping: list[Known]
+    locked: list[Known]
+
+
+class PointPart(Part):
+    """A point of the structure, m."""
+
+    name: str
+    peak: Known
+
+
+class RigJoint(Part):
+    """A joint of the structure: rad, s, J."""
+
+    name: str
+    peak_angle: Known
+    locked_share: Known
+    last_slip: Known
+    dissipated: Known
+
+
+class RigRecord(Part):
+    """``rig --json`` and ``rig.json``: a structure in motion."""
+
+    schema_: Version
+    rig: str
+    frequencies: FrequenciesPart
+    duration: Known
+    points: list[PointPart]
+    joints: list[RigJoint]
+    beams_dissipated: Known
+
+
+class FidelityPart(Part):
+    """How the target holds a term; errors as shares of the RMS moment of the test."""
+
+    term: str
+    symbol: str
+    representation: str
+    carried: bool
+    error: Maybe
+    largest_error: Maybe
+
+
+class ExportRecord(Part):
+    """``export --json``: the files, and what the target does not hold."""
+
+    schema_: Version
+    target: str
+    files: list[str]
+    fidelity: list[FidelityPart]
+    not_carried: list[str]
+    notes: list[str]
+
+
+class SimulatedRunPart(Part):
+    """A run that was made."""
+
+    name: str
+    frequency: Maybe
+    level: str | None
+    samples: int
+
+
+class SimulationRecord(Part):
+    """``simulate --json``: a virtual test."""
+
+    schema_: Version
+    manifest: str
+    joint: str
+    runs: list[SimulatedRunPart]
+
+
+def record_schema(name: str) -> dict[str, Any]:
+    """Return the JSON Schema of a result file.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`record_names`.
+
+    Raises
+    ------
+    UnknownNameError
+        For another name.
+    """
+    records = _records()
+    if name not in records:
+        raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(records)}")
+    return records[name].model_json_schema(by_alias=True)
+
+
+def record_names() -> tuple[str, ...]:
+    """Return the names of result files that have a schema."""
+    return tuple(_records())
+
+
+def _records() -> dict[str, type[BaseModel]]:
+    from sindyjoint.files.manifest import Manifest
+    from sindyjoint.reporting.record_tables import (
+        BatchRecord,
+        ComparisonRecord,
+        JointRecord,
+        PrintedTablesRecord,
+        ReproductionRecord,
+    )
+
+    return {
+        "campaign": Manifest,
+        "model": ModelRecord,
+        "test": TestRecord,
+        "check": CheckRecord,
+        "discovery": DiscoveryRecord,
+        "comparison": ComparisonRecord,
+        "verification": VerificationRecord,
+        "diagnosis": DiagnosisRecord,
+        "rig": RigRecord,
+        "export": ExportRecord,
+        "simulation": SimulationRecord,
+        "batch": BatchRecord,
+        "joint": JointRecord,
+        "reproduction": ReproductionRecord,
+        "tables": PrintedTablesRecord,
+    }

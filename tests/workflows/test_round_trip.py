@@ -1,0 +1,54 @@
+"""What a diagnosis saves has, when it is read and verified, the gap that the diagnosis told of runs kept out."""
+
+import pytest
+
+from sindyjoint.workflows.diagnose import diagnose
+from sindyjoint.workflows.verify import verify
+from tests.diagnosis.hidden_effects import hide
+
+
+def campaign(name, **fixed):
+    """Return a campaign of four runs with something hidden, one of them of each frequency kept out."""
+    hidden = hide(name, 3, duration=4.0, frequencies=(3.0, 5.0), levels=(0.5, 0.85), **fixed).campaign
+    out = [run.name for i, run in enumerate(hidden.runs) if i in (1, 2)]
+    return hidden, out
+
+
+@pytest.mark.parametrize(
+    ("name", "drive"),
+    [
+        ("channel_delay", "displacement"),
+        ("angle_offset", "moment"),
+        ("jenkins_element", "moment"),
+        ("bouc_wen_hysteresis", "displacement"),
+        ("moment_drift", "displacement"),
+        ("frequency_dependent_stiffness", "moment"),
+    ],
+)
+def test_the_saved_model_has_the_gap_of_the_diagnosis(name, drive, tmp_path):
+    runs, out = campaign(name, drive=drive)
+    found = diagnose(runs, hold_out=out, advise=False)
+    (tmp_path / "model.json").write_text(found.whole.to_json())
+    (tmp_path / "test.json").write_text(found.test.to_json())
+    again = verify(tmp_path / "model.json", runs, draws=0)
+    assert [run.name for run in again.runs] == out
+    assert again.moment_nrmse == pytest.approx(found.final.moment, rel=0.02)
+    assert again.response_nrmse == pytest.approx(found.final.response, rel=0.02)
+    # What was found is applied: without it the gap is another one, unless nothing was found.
+    assert found.steps
+    (tmp_path / "test.json").unlink()
+    bare = tmp_path / "bare.json"
+    bare.write_text(found.model.to_json())
+    without = verify(bare, runs, draws=0)
+    assert without.moment_nrmse > 1.1 * again.moment_nrmse
+
+
+def test_a_stiffness_that_drifts_is_simulated_in_time(tmp_path):
+    runs, out = campaign("stiffness_drift", drive="displacement")
+    found = diagnose(runs, hold_out=out, advise=False)
+    assert found.test.timed
+    (tmp_path / "model.json").write_text(found.whole.to_json())
+    (tmp_path / "test.json").write_text(found.test.to_json())
+    again = verify(tmp_path / "model.json", runs, draws=0)
+    assert again.moment_nrmse == pytest.approx(found.final.moment, rel=0.02)
+    assert again.response_nrmse == pytest.approx(found.final.response, rel=0.02)
