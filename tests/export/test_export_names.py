@@ -160,6 +160,23 @@ def test_latex_holds_the_equation_and_every_coefficient(paper_model):
     assert r"N\,m/rad\textsuperscript{3}" in text
 
 
+def test_latex_holds_the_rates_and_numbers_of_elements(make_model):
+    text = export_model(make_model(elements=ELEMENTS.values()), "latex").files["joint.tex"]
+    assert r"\dot{z_{1}} = \dot{\theta},\ |z_{1}| \leq \theta_{y}" in text
+    for row in (
+        r"$ \theta_{y} $ & $ (2.000 \pm 0.020) \cdot 10^{-4} $",
+        "$ shape $ & $ 1.300",
+        r"$ \tau $ & $ 0.03000",
+    ):
+        assert row in text
+
+
+def test_elements_are_read_back_from_json_too(make_model, tmp_path):
+    model = make_model(elements=ELEMENTS.values())
+    write_export(export_model(model, "json"), tmp_path)
+    assert read_model(tmp_path) == model
+
+
 def test_json_is_read_back_as_the_same_model(paper_model, tmp_path):
     (path,) = write_export(export_model(paper_model, "json"), tmp_path)
     assert path.name == "model.json"
