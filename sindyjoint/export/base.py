@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.equation.element import states_along
 from sindyjoint.errors import InputError
 from sindyjoint.export.parts import contribution
 from sindyjoint.files.atomic import output_folder, write_bytes
 from sindyjoint.states.policy import POLICY as STATES
 
 if TYPE_CHECKING:
-    from sindyjoint.equation.element import JointElement, states_along
+    from sindyjoint.equation.element import JointElement
     from sindyjoint.equation.model import JointModel, ModelTerm
 
 Array = NDArray[np.float64]

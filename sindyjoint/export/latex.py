@@ -108,11 +108,20 @@ def _row(term: ModelTerm) -> str:
 
 
 def _element_rows(element: JointElement) -> list[str]:
+    symbols = [_symbol(column.name) for column in element.columns]
+    symbols += [_parameter(parameter.name) for parameter in element.parameters]
     return [
-        rf"{escape(element.name)} & $ {_symbol(number.name)} $ & "
+        rf"{escape(element.name)} & $ {symbol} $ & "
         rf"$ {with_error(number.value, number.standard_error)} $ & {_unit(number.unit)} \\"
-        for number in element.numbers
+        for symbol, number in zip(symbols, element.numbers, strict=True)
     ]
+
+
+def _parameter(name: str) -> str:
+    """Return the name of a nonlinear parameter as formulas have it."""
+    from sindyjoint.equation.formula import formula_latex, parameter_symbol
+
+    return formula_latex(parameter_symbol(name)) if _PLAIN.fullmatch(name) else _symbol(name)
 
 
 def _symbol(symbol: str) -> str:

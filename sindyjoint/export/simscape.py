@@ -70,9 +70,7 @@ def export(model: JointModel) -> Export:
         # sympy is imported for code alone.
         from sindyjoint.export.simscape_component import component
 
-        files[f"{NAME}.ssc"] = component(
-            model, comment(preamble(model, "Simscape", rows, notes), "%"), NAME
-        )
+        files[f"{NAME}.ssc"] = component(model, NAME, comment(preamble(model, "Simscape", rows, notes), "%"))
     return Export("simscape", files, rows, notes)
 
 

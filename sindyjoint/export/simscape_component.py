@@ -37,13 +37,15 @@ class SimscapePrinter(StrPrinter):
         return f"(1 + sign({self._print(expr.args[0])}))/2"
 
 
-def component(model: JointModel, head: str, name: str) -> str:
-    """Return ``sindyjoint_elements.ssc``.
+def component(model: JointModel, name: str, head: str) -> str:
+    """Return the file of the component.
 
     Parameters
     ----------
     model : JointModel
         With elements.
+    name : str
+        Of the component, and of its file.
     head : str
         Comment at the head of the file.
     """

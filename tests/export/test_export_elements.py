@@ -116,6 +116,20 @@ def test_mujoco_knows_even_powers(make_model):
 
 
 @pytest.mark.parametrize("target", ["mujoco", "opensees"])
+def test_other_terms_move_as_ours(make_model, tmp_path, target):
+    needed(target)
+    more = {
+        "quadratic_stiffness": -4e5,
+        "quadratic_damping": 300.0,
+        "cubic_damping": 2e3,
+        "constant_moment": 0.2,
+    }
+    model = make_model(terms(1.2) | more)
+    assert export_model(model, target).not_carried == ()
+    assert max(difference(target, model, drive(), tmp_path)) < WITHIN[target]
+
+
+@pytest.mark.parametrize("target", ["mujoco", "opensees"])
 def test_a_joint_that_slides(make_model, tmp_path, target):
     needed(target)
     elements = [ELEMENTS["jenkins_element"], ELEMENTS["maxwell_branch"]]
