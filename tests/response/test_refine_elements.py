@@ -127,7 +127,10 @@ def test_one_steady_period_stands_for_all():
 
 def test_a_start_in_another_minimum_is_left_by_the_other_starts(monkeypatch):
     truth = (0.25, 1.6e-4, 2e-5)
-    made = campaign(FunctionLaw(_play, truth, 1), "displacement")
+    # The referee stops the slider in steps of its samples: it makes sixteen of which one is measured.
+    fine = campaign(FunctionLaw(_play, truth, 1), "displacement", sample_rate=16_000.0)
+    thin = [replace(r, moment=r.moment[::16], angle=r.angle[::16], sample_rate=1000.0) for r in fine.runs]
+    made = fine.with_runs(tuple(thin))
     wrong = model_with(play(0.25, 6e-5, 1.5e-4))
     found = refine(wrong, made)
     numbers, errors = found.model.numbers[3:], found.model.number_errors[3:]
