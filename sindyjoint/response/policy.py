@@ -21,6 +21,9 @@ class ResponsePolicy:
         "moment beside its sinusoid, over noise, from which the motion was the drive",
         source="calibrated on virtual tests",
     )
+    sinusoidal: float = limit(
+        6.0, "harmonics of an angle, in standard errors, up to which it is a sinusoid that was prescribed"
+    )
     range_slack: float = limit(
         0.05, "share of the tested angle or rate by which a motion may go beyond it without a word"
     )

@@ -179,13 +179,27 @@ def prescribed(states: ForceStates) -> bool:
 
     A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness.
     """
-    if states.method != "periodic" or states.frequency is None or states.bandwidth > 1.5 * states.frequency:
+    if states.method != "periodic" or states.frequency is None or not _sinusoidal(states):
         return False
     phase = 2 * np.pi * states.frequency * states.time
     basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
     residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
     floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
     return bool(np.std(residual) > POLICY.pure * floor)
+
+
+def _sinusoidal(states: ForceStates) -> bool:
+    """Return whether the angle of periodic states has no harmonic but the first that its noise could not make.
+
+    Of the dozens that are looked at one or two of noise alone are kept now and then.
+    """
+    assert states.frequency is not None
+    count = max(1, round(states.bandwidth / states.frequency))
+    phase = 2 * np.pi * states.frequency * np.outer(states.time, np.arange(1, count + 1))
+    basis = np.hstack([np.ones((states.n_samples, 1)), np.cos(phase), np.sin(phase)])
+    parts = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
+    amplitudes = np.hypot(parts[:count], parts[count:])[1:]
+    return bool(np.all(amplitudes <= POLICY.sinusoidal * states.noise.angle * np.sqrt(2 / states.n_samples)))
 
 
 def simulate_run(

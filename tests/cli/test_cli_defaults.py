@@ -84,6 +84,7 @@ OF_THE_COMMAND = {
     "quiet",
     "verbose",
     "refine",
+    "model",
     "reports",
     "diagnose",
     "campaign",
