@@ -26,6 +26,6 @@ def schema(
 
     Example: sindyjoint schema --of diagnosis
     """
-    from sindyjoint.reporting.records import record_schema
+    from sindyjoint.reporting.schemas import record_schema
 
     typer.echo(json.dumps(record_schema(of), indent=2))

@@ -6,13 +6,9 @@ not known are null.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
-
-from sindyjoint.equation.model_record import ModelRecord
-from sindyjoint.errors import UnknownNameError
-from sindyjoint.response.nuisances import TestRecord
 
 Known = Annotated[float, Field(allow_inf_nan=False)]
 Maybe = Known | None
@@ -349,56 +345,3 @@ class SimulationRecord(Part):
     manifest: str
     joint: str
     runs: list[SimulatedRunPart]
-
-
-def record_schema(name: str) -> dict[str, Any]:
-    """Return the JSON Schema of a result file.
-
-    Parameters
-    ----------
-    name : str
-        One of :func:`record_names`.
-
-    Raises
-    ------
-    UnknownNameError
-        For another name.
-    """
-    records = _records()
-    if name not in records:
-        raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(records)}")
-    return records[name].model_json_schema(by_alias=True)
-
-
-def record_names() -> tuple[str, ...]:
-    """Return the names of result files that have a schema."""
-    return tuple(_records())
-
-
-def _records() -> dict[str, type[BaseModel]]:
-    from sindyjoint.files.manifest import Manifest
-    from sindyjoint.reporting.record_tables import (
-        BatchRecord,
-        ComparisonRecord,
-        JointRecord,
-        PrintedTablesRecord,
-        ReproductionRecord,
-    )
-
-    return {
-        "campaign": Manifest,
-        "model": ModelRecord,
-        "test": TestRecord,
-        "check": CheckRecord,
-        "discovery": DiscoveryRecord,
-        "comparison": ComparisonRecord,
-        "verification": VerificationRecord,
-        "diagnosis": DiagnosisRecord,
-        "rig": RigRecord,
-        "export": ExportRecord,
-        "simulation": SimulationRecord,
-        "batch": BatchRecord,
-        "joint": JointRecord,
-        "reproduction": ReproductionRecord,
-        "tables": PrintedTablesRecord,
-    }

@@ -1,0 +1,61 @@
+"""The JSON Schema of campaign.toml and of every result file, by name."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from pydantic import BaseModel
+
+from sindyjoint.errors import UnknownNameError
+
+
+def record_schema(name: str) -> dict[str, Any]:
+    """Return the JSON Schema of a result file.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`record_names`.
+
+    Raises
+    ------
+    UnknownNameError
+        For another name.
+    """
+    records = _records()
+    if name not in records:
+        raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(records)}")
+    return records[name].model_json_schema(by_alias=True)
+
+
+def record_names() -> tuple[str, ...]:
+    """Return the names of what has a schema."""
+    return tuple(_records())
+
+
+@cache
+def _records() -> dict[str, type[BaseModel]]:
+    from sindyjoint.equation.model_record import ModelRecord
+    from sindyjoint.files.manifest import Manifest
+    from sindyjoint.reporting import record_tables as tables
+    from sindyjoint.reporting import records as single
+    from sindyjoint.response.nuisances import TestRecord
+
+    return {
+        "campaign": Manifest,
+        "model": ModelRecord,
+        "test": TestRecord,
+        "check": single.CheckRecord,
+        "discovery": single.DiscoveryRecord,
+        "comparison": tables.ComparisonRecord,
+        "verification": single.VerificationRecord,
+        "diagnosis": single.DiagnosisRecord,
+        "rig": single.RigRecord,
+        "export": single.ExportRecord,
+        "simulation": single.SimulationRecord,
+        "batch": tables.BatchRecord,
+        "joint": tables.JointRecord,
+        "reproduction": tables.ReproductionRecord,
+        "tables": tables.PrintedTablesRecord,
+    }
