@@ -31,7 +31,6 @@ from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E4
 from tests.diagnosis.foreign_judgement import KINDS, SURE, ZEROS, judge  # noqa: E402
 from tests.diagnosis.foreign_laws import SAME  # noqa: E402
 
-
 BASE = {
     "linear_stiffness", "quadratic_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction",
 }  # fmt: skip

@@ -1,31 +1,13 @@
-"""The JSON Schema of every result file, by its name."""
+"""The JSON Schema of campaign.toml and of every result file, by name."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from pydantic import BaseModel
 
-from sindyjoint.equation.model_record import ModelRecord
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.files.manifest import Manifest
-from sindyjoint.reporting.record_tables import (
-    BatchRecord,
-    ComparisonRecord,
-    JointRecord,
-    PrintedTablesRecord,
-    ReproductionRecord,
-)
-from sindyjoint.reporting.records import (
-    CheckRecord,
-    DiagnosisRecord,
-    DiscoveryRecord,
-    ExportRecord,
-    RigRecord,
-    SimulationRecord,
-    VerificationRecord,
-)
-from sindyjoint.response.nuisances import TestRecord
 
 
 def record_schema(name: str) -> dict[str, Any]:
@@ -48,25 +30,32 @@ def record_schema(name: str) -> dict[str, Any]:
 
 
 def record_names() -> tuple[str, ...]:
-    """Return the names of result files that have a schema."""
+    """Return the names of what has a schema."""
     return tuple(_records())
 
 
+@cache
 def _records() -> dict[str, type[BaseModel]]:
+    from sindyjoint.equation.model_record import ModelRecord
+    from sindyjoint.files.manifest import Manifest
+    from sindyjoint.reporting import record_tables as tables
+    from sindyjoint.reporting import records as single
+    from sindyjoint.response.nuisances import TestRecord
+
     return {
         "campaign": Manifest,
         "model": ModelRecord,
         "test": TestRecord,
-        "check": CheckRecord,
-        "discovery": DiscoveryRecord,
-        "comparison": ComparisonRecord,
-        "verification": VerificationRecord,
-        "diagnosis": DiagnosisRecord,
-        "rig": RigRecord,
-        "export": ExportRecord,
-        "simulation": SimulationRecord,
-        "batch": BatchRecord,
-        "joint": JointRecord,
-        "reproduction": ReproductionRecord,
-        "tables": PrintedTablesRecord,
+        "check": single.CheckRecord,
+        "discovery": single.DiscoveryRecord,
+        "comparison": tables.ComparisonRecord,
+        "verification": single.VerificationRecord,
+        "diagnosis": single.DiagnosisRecord,
+        "rig": single.RigRecord,
+        "export": single.ExportRecord,
+        "simulation": single.SimulationRecord,
+        "batch": tables.BatchRecord,
+        "joint": tables.JointRecord,
+        "reproduction": tables.ReproductionRecord,
+        "tables": tables.PrintedTablesRecord,
     }

@@ -44,6 +44,7 @@ REACHED = {
             "tolerance",
             "draws",
             "window",
+            "free_run",
             "noise",
             "presliding",
             "loss_factor",

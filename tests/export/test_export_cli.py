@@ -125,9 +125,9 @@ def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
     [
         ("coefficient", "large", "terms.1.coefficient is 'large'; expected a"),
         ("coefficient", float("nan"), "terms.1.coefficient is 'nan'; expected a"),
-        ("symbol", None, "terms.1.symbol is 'None'; expected a"),
+        ("symbol", None, "terms.1.symbol is 'None'; expected"),
         ("formula", "__import__('os')", "is not allowed"),
-        ("formula", 7, "terms.1.formula is '7'; expected a"),
+        ("formula", 7, "terms.1.formula is '7'; expected"),
         ("coefficient", 10**400, "holds an integer of"),
     ],
 )
