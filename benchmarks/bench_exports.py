@@ -24,8 +24,9 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "export")]
 
-from conftest import ELEMENTS, PAPER, model_of  # noqa: E402
 from resimulated import RUNNERS, difference, drive, missing, mujoco_model  # noqa: E402
+
+from tests.export.made import ELEMENTS, PAPER, model_of  # noqa: E402
 
 FRICTION = PAPER["coulomb_friction"]
 

@@ -251,9 +251,7 @@ class JointElement:
         return np.asarray(columns(theta, omega, *states, *map(float, values)))
 
 
-def states_along(
-    form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1
-) -> Array:
+def states_along(form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1) -> Array:
     """Return the internal states of a form along a motion, in the last of so many passes, shape (n_states, n)."""
     from sindyjoint.equation.internal_states import integrate_runs
 

@@ -260,7 +260,9 @@ def _covariance(rows: list[list[float]], size: int) -> tuple[tuple[float, ...], 
     scale = np.sqrt(np.abs(np.diagonal(matrix)))
     bound = (1 + 1e-6) * np.outer(scale, scale)
     if np.any(np.diagonal(matrix) < 0) or np.any(np.abs(matrix) > bound):
-        raise InputError("not a joint model: in covariance a variance is negative, or a correlation is beyond 1")
+        raise InputError(
+            "not a joint model: in covariance a variance is negative, or a correlation is beyond 1"
+        )
     if np.any(np.abs(matrix - matrix.T) > 1e-6 * bound):
         raise InputError("not a joint model: covariance is not symmetric")
     return tuple(map(tuple, rows))

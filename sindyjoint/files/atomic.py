@@ -87,6 +87,8 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         for part in folder.parts[len(existing.parts) :]:
             with suppress(FileNotFoundError, NotADirectoryError):
                 os.lstat(existing / part)
+        with suppress(FileNotFoundError, NotADirectoryError):
+            os.lstat(folder)
     except (OSError, ValueError) as error:
         raise _make_write_error(folder, error) from error
     if not existing.is_dir():

@@ -144,7 +144,9 @@ class RigFile(StrictTable):
     name: str = Field(description="In reports.")
     description: str = Field(default="", description="One sentence.")
     base: BaseTable = Field(default=BaseTable(), description="The clamp.")
-    chain: list[PartTable] = Field(min_length=1, max_length=MOST_PARTS, description="Parts from the base to the tip.")
+    chain: list[PartTable] = Field(
+        min_length=1, max_length=MOST_PARTS, description="Parts from the base to the tip."
+    )
     pulse: PulseTable = Field(description="What moves the structure.")
     output: OutputTable = Field(default=OutputTable(), description="What is simulated.")
     measured: list[MeasuredTable] = Field(

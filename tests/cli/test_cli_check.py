@@ -55,7 +55,7 @@ def test_json_has_exactly_the_promised_fields(written, sindyjoint):
 
 def test_a_person_reads_the_verdict_first_in_eighty_columns(written, sindyjoint):
     lines = sindyjoint("check", written).stdout.splitlines()
-    assert lines[0].startswith("inter-panel joint: the data are ")
+    assert lines[0].startswith("inter-panel joint (simulated): the data are ")
     table = [line for line in lines if "spikes" in line and "moment" in line]
     assert len(table) == 1 and len(table[0].rstrip()) <= 80
     assert any("left out: spikes" in line for line in lines)
@@ -70,6 +70,7 @@ def test_the_page_shows_every_channel_with_the_findings_marked(written, sindyjoi
     assert answer.status == 0 and "report.html" in answer.stdout
     folder = tmp_path / "out"
     assert {path.name for path in folder.iterdir()} == {
+        "SHA256SUMS",
         "check.json",
         "findings.csv",
         "report.html",

@@ -87,6 +87,7 @@ OF_THE_COMMAND = {
     "refine",
     "model",
     "reports",
+    "verify_only",
     "diagnose",
     "campaign",
     "kind",

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from conftest import ELEMENTS, PAPER
 from resimulated import RATE, difference, drive, load, missing, mujoco_model, ours, run_c, run_fmu, run_python
 
 from sindyjoint.export import export_model, write_export
+from tests.export.made import ELEMENTS, PAPER
 
 #: The largest difference of the angle while it slips. Code has our formulas; the solvers' own steps are coarser.
 WITHIN = {"python": 1e-3, "c": 1e-3, "fmu": 1e-3, "mujoco": 1e-2, "opensees": 1e-2}

@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from conftest import ELEMENTS
 from test_export_decks import abaqus_blocks, apdl_elements
 
 from sindyjoint.diagnosis.effects.catalogue import load_effects
@@ -14,6 +13,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.export import TARGETS, export_model
 from sindyjoint.export.base import Cycles
 from sindyjoint.export.elements import BoucWen, Gap, LuGre, Maxwell, Slider, kind_of
+from tests.export.made import ELEMENTS
 
 ANGLE, RMS = 7.7e-4, 3.55
 BASE = {"linear_stiffness": 6066.0, "linear_damping": 48.13}

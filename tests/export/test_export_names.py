@@ -8,11 +8,11 @@ import subprocess
 from dataclasses import replace
 
 import pytest
-from conftest import ELEMENTS
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import TARGETS, export_model, read_model, write_export
 from sindyjoint.text import control_character
+from tests.export.made import ELEMENTS
 
 HOSTILE = (
     'evil */ int x; /* "q" \\ ??/ 50% of A_1 & {B} $x$ #1 ~^ \'; system("ls") \n*STEP\r\n/EXIT\u2028ENDDATA """ \x00 '

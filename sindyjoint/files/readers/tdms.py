@@ -52,8 +52,10 @@ class TdmsBlocks(Blocks):
             raise missing_extra(path, "npTDMS", error) from error
         self.path = path
         with foreign(path, "TDMS"):
-            self._file = nptdms.TdmsFile.open(path if data is None else data)
-            weakref.finalize(self, self._file.close)
+            # Opened here: of a file that it refuses npTDMS would leave its own open.
+            stream = path.open("rb") if data is None else data
+            weakref.finalize(self, stream.close)
+            self._file = nptdms.TdmsFile.open(stream)
             # npTDMS makes do with what is there of a file whose writing was cut short.
             if self._file.file_status.incomplete_final_segment:
                 raise InputError(f"{path}: its last segment is incomplete; the file is truncated")

@@ -316,7 +316,12 @@ class TextBlocks(Blocks):
             return _parse(segment, wanted)
 
         return Table(
-            self.path, self.names, load, row=lambda i: f"line {numbers[i]}", units=self._layout.units
+            self.path,
+            self.names,
+            load,
+            row=lambda i: f"line {numbers[i]}",
+            units=self._layout.units,
+            remarks=self.remarks,
         )
 
     def _segment(self, start: int, stop: int) -> Layout:
