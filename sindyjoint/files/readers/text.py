@@ -321,7 +321,7 @@ class TextBlocks(Blocks):
             load,
             row=lambda i: f"line {numbers[i]}",
             units=self._layout.units,
-            remarks=self.remarks,
+            remarks=tuple(self.remarks),
         )
 
     def _segment(self, start: int, stop: int) -> Layout:
