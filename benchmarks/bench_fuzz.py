@@ -89,7 +89,7 @@ def campaign(kind: str, seed: int, count: int, seconds: float) -> dict[str, Any]
                 str(rest),
                 folder,
             ]
-            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            done = subprocess.run(command, capture_output=True, text=True)
             if done.returncode == 0:
                 part = json.loads(done.stdout.splitlines()[-1])
             elif not (state := Path(folder) / "state.json").exists():
@@ -142,8 +142,9 @@ def main() -> None:
         done = campaign(kind, given.seed, given.count, 60 * given.minutes / len(kinds))
         record["kinds"][kind] = done
         print(
-            f"{kind:<10}{done['read']:>8} inputs, {done['refused']:>8} refused, {sum(map(len, done['others'].values())):>3} "
-            f"other exceptions, {len(done['deaths']):>3} deaths, {len(done['hangs']):>2} over {HANG:g} s (slowest "
+            f"{kind:<10}{done['read']:>8} inputs, {done['refused']:>8} refused, "
+            f"{sum(map(len, done['others'].values())):>3} other exceptions, "
+            f"{len(done['deaths']):>3} deaths, {len(done['hangs']):>2} over {HANG:g} s (slowest "
             f"{done['slowest']:.2f} s), peak {done['peak']:.0f} MB, {done['seconds']:.0f} s",
             flush=True,
         )
@@ -153,7 +154,8 @@ def main() -> None:
             print(f"    deaths: {dict(list(done['deaths'].items())[:5])}", flush=True)
     of_all = record["kinds"].values()
     print(
-        f"seed {given.seed}: {sum(d['read'] for d in of_all)} inputs in {sum(d['seconds'] for d in of_all) / 60:.1f} min; "
+        f"seed {given.seed}: {sum(d['read'] for d in of_all)} inputs in "
+        f"{sum(d['seconds'] for d in of_all) / 60:.1f} min; "
         f"other exceptions {sum(len(n) for d in of_all for n in d['others'].values())}, "
         f"deaths {sum(len(d['deaths']) for d in of_all)}, hangs {sum(len(d['hangs']) for d in of_all)}, "
         f"peaks above {PEAK:g} MB {sum(d['peak'] > PEAK for d in of_all)}"
