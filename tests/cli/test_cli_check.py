@@ -70,6 +70,7 @@ def test_the_page_shows_every_channel_with_the_findings_marked(written, sindyjoi
     assert answer.status == 0 and "report.html" in answer.stdout
     folder = tmp_path / "out"
     assert {path.name for path in folder.iterdir()} == {
+        "SHA256SUMS",
         "check.json",
         "findings.csv",
         "report.html",

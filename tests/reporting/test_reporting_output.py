@@ -57,6 +57,7 @@ def test_the_folder_holds_what_was_promised(results, discovery):
     figures = ["coefficients", "covariance", "loops", "map", "path", "residual"]
     assert names == sorted(
         [
+            "SHA256SUMS",
             "model.json",
             "report.html",
             "terms.csv",
