@@ -143,8 +143,8 @@ def main() -> None:
         record["kinds"][kind] = done
         print(
             f"{kind:<10}{done['read']:>8} inputs, {done['refused']:>8} refused, "
-            f"{sum(map(len, done['others'].values())):>3} "
-            f"other exceptions, {len(done['deaths']):>3} deaths, {len(done['hangs']):>2} over {HANG:g} s (slowest "
+            f"{sum(map(len, done['others'].values())):>3} other exceptions, "
+            f"{len(done['deaths']):>3} deaths, {len(done['hangs']):>2} over {HANG:g} s (slowest "
             f"{done['slowest']:.2f} s), peak {done['peak']:.0f} MB, {done['seconds']:.0f} s",
             flush=True,
         )

@@ -66,7 +66,7 @@ def batch(
 
     if verify_only:
         from sindyjoint.reporting.output import CampaignFiles
-        from sindyjoint.workflows.batch import verify_batch
+        from sindyjoint.workflows.verify_batch import verify_batch
 
         faults = verify_batch(
             campaigns,

@@ -51,6 +51,7 @@ def read_evidence(path: Path) -> Evidence:
             RunEvidence(str(name), str(group), factors[end - count], tuple(factors[end - count + 1 : end]))
             for name, group, count, end in zip(names, groups, counts, ends, strict=True)
         ]
-    except (OSError, ValueError, KeyError, IndexError) as error:
+    # An archive that was damaged fails in whatever way its parts do.
+    except Exception as error:
         raise InputError(f"{path}: holds no factors of a campaign ({error})") from None
     return Evidence(tuple(map(str, ids)), tuple(runs))

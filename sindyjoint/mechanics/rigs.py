@@ -6,7 +6,6 @@ Two ship with the package: ``pulse-rig``, after section 5 of the paper, and ``fo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,6 +19,14 @@ from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
 from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.rig_limits import (
+    LARGEST,
+    MOST_ELEMENTS,
+    MOST_PARTS,
+    SMALLEST,
+    check_sizes,
+    solvable_structure,
+)
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
@@ -28,13 +35,6 @@ from sindyjoint.record import MINIMUM_SAMPLES
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-# Matrices of a chain are full: a thousand elements are gigabytes and minutes, and a beam is exact with a few.
-MOST_ELEMENTS, MOST_PARTS = 200, 100
-MOST_ELEMENTS_OF_ALL = 600
-MOST_STEPS = 10_000_000
-# Beyond these, SI, nothing is a part of a structure, and matrices are no longer solved.
-SMALLEST, LARGEST = 1e-12, 1e15
 
 RIG_FOLDER = Path(__file__).parent / "rig_files"
 
@@ -295,46 +295,12 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         measured=records[0] if records else None, also_measured=records[1:],
         pulse_uncertainty=given.pulse.uncertainty,
     )  # fmt: skip
-    _check_sizes(rig, where)
-    structure = _try_structure(rig)
+    times = {name: getattr(rig, name) for name in ("duration", "sample_rate", "step")}
+    check_sizes(items, times, where)
+    structure = solvable_structure(items, stiffness)
     for name in (rig.at, *rig.points, *(record.point for record in records)):
         structure.point(name)
     return rig
-
-
-def _check_sizes(rig: Rig, where: str) -> None:
-    """Refuse what would take hours or all memory to simulate."""
-    elements = sum(item.elements for item in rig.items if isinstance(item, Beam))
-    if elements > MOST_ELEMENTS_OF_ALL:
-        raise InputError(f"{elements} elements in all; expected at most {MOST_ELEMENTS_OF_ALL}")
-    for name in ("duration", "sample_rate", "step"):
-        value = getattr(rig, name)
-        if not (SMALLEST < value < LARGEST):
-            raise InputError(f"{where} {name} is {value:g} in SI; expected a positive number")
-    steps = max(rig.duration / rig.step, rig.duration * rig.sample_rate)
-    if steps > MOST_STEPS:
-        raise InputError(
-            f"{where}: {steps:.3g} steps of time; expected at most {MOST_STEPS:g}: a shorter duration, a lower "
-            "sample_rate or a larger step"
-        )
-
-
-def _try_structure(rig: Rig) -> Structure:
-    """Return the assembled chain; refuse one that no computer can solve."""
-    from numpy.linalg import LinAlgError
-
-    try:
-        structure = rig.structure()
-        # Whether it holds together is the business of who simulates it, with the law that its joints will have.
-        with suppress(InputError):
-            structure.frequencies(1, locked=True)
-    except (LinAlgError, ArithmeticError, ValueError) as error:
-        if isinstance(error, SindyJointError):
-            raise
-        raise InputError(
-            f"the chain cannot be solved ({' '.join(str(error).split()):.80}); check lengths, stiffnesses and masses"
-        ) from None
-    return structure
 
 
 def _build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:

@@ -21,14 +21,12 @@ from sindyjoint.batch.record import (
     REQUIRED,
     CampaignRecord,
     broken,
-    changed_outputs,
     fingerprint,
     is_valid,
     last_result,
-    read_record,
 )
 from sindyjoint.batch.summary import Batch, summarised
-from sindyjoint.checksums import SUMS, changed_files, sums_of, sums_text
+from sindyjoint.checksums import SUMS, sums_of, sums_text
 from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJointError
 from sindyjoint.files.atomic import (
     check_output,
@@ -162,54 +160,6 @@ def _only_batch(folder: Path) -> Iterator[None]:
         yield
 
 
-def verify_batch(
-    campaigns: str | Path | Sequence[str | Path],
-    out: str | Path,
-    library: Any = "extended",
-    *,
-    write: Writer | None = None,
-    **options: Any,
-) -> tuple[tuple[str, str], ...]:
-    """Hold a finished batch against its inputs and its hashes; nothing is written.
-
-    Parameters are those of :func:`batch`.
-
-    Returns
-    -------
-    tuple of (str, str)
-        Campaign, and what keeps its result from being taken for done: files missing or changed, inputs, options,
-        catalogue or version other than those it was made from. An empty name stands for the batch itself.
-
-    Raises
-    ------
-    MissingInputError
-        If there is no campaign.
-    """
-    faults: list[tuple[str, str]] = []
-    for task in find_tasks(campaigns, Path(out), library, options, write):
-        faults += [(task.id, fault) for fault in _find_faults(task)]
-    try:
-        faults += [("", fault) for fault in changed_files(Path(out))]
-    except InputError as error:
-        faults.append(("", str(error)))
-    return tuple(faults)
-
-
-def _find_faults(task: Task) -> list[str]:
-    """Return what keeps the result of a campaign from being taken for done."""
-    try:
-        record = read_record(task.folder)
-        if record.status == "broken":
-            return [f"broken: {record.reason}"]
-        inputs = fingerprint(task.manifest, task.options, task.library, version("sindyjoint"))
-    except SindyJointError as error:
-        return [str(error)]
-    faults = changed_outputs(record, task.folder)
-    faults += [] if record.inputs == inputs else ["was made from other files, options, catalogue or version"]
-    missing = sorted(set(_extras(task)) - set(record.extras))
-    return faults + ([f"has no {', '.join(missing)}"] if missing else [])
-
-
 def find_tasks(
     campaigns: str | Path | Sequence[str | Path],
     out: Path,
@@ -330,7 +280,7 @@ def run_task(task: Task) -> tuple[CampaignRecord, bool]:
         last = last_result(task.folder)
         if last is not None and not is_valid(last, task.folder, inputs):
             last = None
-        if last is not None and set(_extras(task)) <= set(last.extras):
+        if last is not None and set(extras_of(task)) <= set(last.extras):
             _record(last, task.folder)
             return last, False
         result = discover(task.manifest, task.library, **task.options)
@@ -340,7 +290,7 @@ def run_task(task: Task) -> tuple[CampaignRecord, bool]:
         return _recorded_broken(task, broken(task.id, task.label, error, inputs)), True
 
 
-def _extras(task: Task) -> list[str]:
+def extras_of(task: Task) -> list[str]:
     """Return the names of what is requested beyond model and factors."""
     write = task.write
     if write is None:
@@ -395,7 +345,7 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
             result=result.to_dict(),
             inputs=inputs,
             outputs=outputs,
-            extras=sorted({*_extras(task), *(last.extras if last is not None else ())}),
+            extras=sorted({*extras_of(task), *(last.extras if last is not None else ())}),
         )
         (stage / RECORD_FILE).write_text(record.to_json(), encoding="utf-8", newline="\n")
         (stage / SUMS).write_text(sums_text(outputs), encoding="utf-8", newline="\n")

@@ -1,4 +1,4 @@
-"""Folders of results written half, or changed since: refused by whoever reads them, mended by the next run."""
+"""Folders of results that were written half, or changed since: refused by readers, mended by the next run."""
 
 import hashlib
 import json

@@ -57,6 +57,7 @@ def test_the_folder_holds_what_was_promised(results, discovery):
     figures = ["coefficients", "covariance", "fit", "loops", "map", "path", "residual"]
     assert names == sorted(
         [
+            "SHA256SUMS",
             "model.json",
             "report.html",
             "terms.csv",
@@ -177,20 +178,20 @@ def test_plot_refuses(results, tmp_path, arguments, error, message):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("figures/data.json", "{", r"data.json': not JSON \("),
-        ("figures/data.json", "[" * 100_000, "data.json': (nested too deeply|not JSON)"),
+        ("figures/data.json", "{", r"data.json: is not JSON \("),
+        ("figures/data.json", "[" * 100_000, "data.json: is nested too deeply"),
         (
             "figures/data.json",
             "{}",
             "data.json': not a saved result: 'kind' is None; expected one of ReportData, Ver",
         ),
-        ("figures/data.json", "\xff", "data.json': not JSON"),
-        ("model.json", "{}", "model.json': not a joint model"),
+        ("figures/data.json", "\xff", "data.json': is not UTF-8 text"),
+        ("model.json", "{}", "model.json: not a joint model"),
     ],
 )
 def test_damaged_results_name_the_file(results, tmp_path, name, text, message):
     folder = tmp_path / "results"
-    shutil.copytree(results, folder)
+    shutil.copytree(results, folder, ignore=shutil.ignore_patterns("SHA256SUMS"))
     (folder / name).write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=message):
         load_results(folder)
@@ -209,7 +210,7 @@ def test_damaged_results_name_the_file(results, tmp_path, name, text, message):
 )
 def test_changed_data_are_refused_in_one_line(results, tmp_path, change, message):
     folder = tmp_path / "results"
-    shutil.copytree(results, folder)
+    shutil.copytree(results, folder, ignore=shutil.ignore_patterns("SHA256SUMS"))
     record = json.loads((folder / "figures" / "data.json").read_text(encoding="utf-8"))
     change(record)
     (folder / "figures" / "data.json").write_text(json.dumps(record), encoding="utf-8")
@@ -233,7 +234,7 @@ def test_a_field_that_an_earlier_version_did_not_save_takes_its_default(tmp_path
 
 def test_data_of_another_model_are_refused(results, tmp_path):
     folder = tmp_path / "results"
-    shutil.copytree(results, folder)
+    shutil.copytree(results, folder, ignore=shutil.ignore_patterns("SHA256SUMS"))
     record = json.loads((folder / "model.json").read_text())
     record["terms"][0]["coefficient"] *= 2
     (folder / "model.json").write_text(json.dumps(record))
