@@ -31,7 +31,6 @@ from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E4
 from tests.diagnosis.foreign_judgement import KINDS, SURE, ZEROS, judge  # noqa: E402
 from tests.diagnosis.foreign_laws import SAME  # noqa: E402
 
-
 BASE = {
     "linear_stiffness", "quadratic_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction",
 }  # fmt: skip
@@ -86,7 +85,7 @@ def line_of(r: dict) -> str:
 def false_names(r: dict) -> list[str]:
     """Return the laws that were named with more than 0.8, and are not what was hidden.
 
-    Nor a channel's zero, nor one of the five terms, which come back as a step where an effect made them needless before.
+    Nor a channel's zero, nor one of the five terms, which come back as a step where an effect once made them needless.
     """
     hidden = SAME.get(r["name"], {r["name"]}) | BASE
     sure = [s for s in r.get("steps", ()) if s["probability"] > SURE]
