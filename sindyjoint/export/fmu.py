@@ -27,13 +27,6 @@ def export(model: JointModel) -> Export:
     MissingExtraError
         When pythonfmu is not installed.
     """
-    try:
-        from pythonfmu.builder import FmuBuilder
-    except ImportError as error:
-        raise MissingExtraError(
-            "an FMU is made with the package pythonfmu, which is not installed; "
-            "install it with: pip install 'sindyjoint[fmu]'"
-        ) from error
     rows = exact_rows(model, "Python expression inside the unit")
     notes = [
         "input: moment, held over each communication step; outputs: angle, rate, stuck, transfer_moment; parameters: "
@@ -63,6 +56,19 @@ def export(model: JointModel) -> Export:
         angle=ascii(f"{words.angle}, {words.angle_unit}"),
     )
     documentation = "\n".join([*fidelity_lines(rows), "", *not_carried(rows), *notes, ""])
+    data = _packed(module, text, documentation)
+    return Export("fmu", {"joint.fmu": data}, rows, tuple(notes))
+
+
+def _packed(module: str, text: str, documentation: str) -> bytes:
+    """Return the unit of a script, and leave no trace of having made it."""
+    try:
+        from pythonfmu.builder import FmuBuilder
+    except ImportError as error:
+        raise MissingExtraError(
+            "an FMU is made with the package pythonfmu, which is not installed; "
+            "install it with: pip install 'sindyjoint[fmu]'"
+        ) from error
     with tempfile.TemporaryDirectory(prefix="sindyjoint-") as temporary:
         folder = Path(temporary)
         script = folder / f"{module}.py"
@@ -84,4 +90,4 @@ def export(model: JointModel) -> Export:
             for name in set(sys.modules) - modules:
                 if name == module:
                     del sys.modules[name]
-    return Export("fmu", {"joint.fmu": data}, rows, tuple(notes))
+    return data

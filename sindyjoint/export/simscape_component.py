@@ -10,7 +10,7 @@ from sympy.printing.str import StrPrinter
 
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel
-from sindyjoint.export.code import law_of_elements
+from sindyjoint.export.code import DIRECTION, law_of_elements, template
 from sindyjoint.export.text import ascii_line, number
 
 
@@ -51,73 +51,45 @@ def component(model: JointModel, name: str, head: str) -> str:
     """
     rotation = model.joint.motion == "rotation"
     law = law_of_elements(model)
-    domain = "rotational.rotational" if rotation else "translational.translational"
     load, unit, angle, rate = ("t", "N*m", "rad", "w") if rotation else ("f", "N", "m", "v")
     states = [f"z{index + 1}" for index in range(len(law.states))]
-    symbols = {
-        sympy.Symbol(f"z[{i}]", real=True): sympy.Symbol(name, real=True) for i, name in enumerate(states)
-    }
-    direction = sympy.Symbol("direction", real=True)
-    symbols[direction] = sympy.sign(variable_symbols()[1])
-
-    def written(expression: Any) -> str:
-        return SimscapePrinter().doprint(expression.xreplace(symbols)).replace("**", "^")
-
-    lines = [
-        f"component {name}",
-        "% Elements of a joint; beside spring, damper and friction blocks",
-        "",
-        "nodes",
-        f"    R = foundation.mechanical.{domain}; % R:right",
-        f"    C = foundation.mechanical.{domain}; % C:left",
-        "end",
-        "",
-        "parameters",
-        *(
-            f"    {name} = {{{number(value)}, '1'}}; % {what.replace(chr(37), '')}"
-            for name, value, what in law.numbers
+    return template("elements.ssc.txt").substitute(
+        name=name,
+        head=head.rstrip("\n"),
+        domain="rotational.rotational" if rotation else "translational.translational",
+        load=load,
+        unit=unit,
+        angle=angle,
+        rate=rate,
+        parameters="\n".join(
+            f"    {constant} = {{{number(value)}, '1'}}; % {what}" for constant, value, what in law.numbers
         ),
-        "end",
-        "",
-        "variables",
-        f"    {load} = {{0, '{unit}'}};",
-        f"    x = {{value = {{0, '{angle}'}}, priority = priority.high}};",
-        *(
+        states="\n".join(
             f"    {z} = {{value = {{0, '1'}}, priority = priority.high}}; % {ascii_line(what)}"
             for z, what in zip(states, law.states, strict=True)
         ),
-        "end",
-        "",
-        "branches",
-        f"    {load} : R.{load} -> C.{load};",
-        "end",
-        "",
-        "equations",
-        "    let",
-        f"        theta = value(x, '{angle}');",
-        f"        omega = value(R.{rate} - C.{rate}, '{angle}/s');",
-        "    in",
-        f"        der(x) == R.{rate} - C.{rate};",
-    ]
-    for z, formula, limit in zip(states, law.rates, law.limits, strict=True):
-        free = f"der({z}) == ({written(formula)})*{{1, '1/s'}};"
-        if not math.isfinite(limit):
-            lines.append(f"        {free}")
-            continue
-        lines += [
-            f"        if abs({z}) >= {number(limit)} && {z}*omega > 0",
-            f"            der({z}) == {{0, '1/s'}};",
-            "        else",
-            f"            {free}",
-            "        end",
-        ]
-    lines += [
-        f"        {load} == ({written(law.moment)})*{{1, '{unit}'}};",
-        "    end",
-        "end",
-        "",
-        "end",
-    ]
-    first, *rest = lines
-    # The first words of the file are the component's, its comment comes behind them.
-    return "\n".join([first, head.rstrip("\n"), *rest]) + "\n"
+        rates="\n".join(
+            f"        {line}"
+            for z, formula, limit in zip(states, law.rates, law.limits, strict=True)
+            for line in _rate(z, _written(formula), limit)
+        ),
+        moment=_written(law.moment),
+    )
+
+
+def _rate(state: str, formula: str, limit: float) -> list[str]:
+    """Return the equation of a state, which stops at its limit."""
+    free = f"der({state}) == ({formula})*{{1, '1/s'}};"
+    if not math.isfinite(limit):
+        return [free]
+    full = f"if abs({state}) >= {number(limit)} && {state}*omega > 0"
+    return [full, f"    der({state}) == {{0, '1/s'}};", "else", f"    {free}", "end"]
+
+
+def _written(expression: Any) -> str:
+    """Return an expression of the law with z1 for z[0], and the sign of the rate for the direction of slip."""
+    renamed = {DIRECTION: sympy.sign(variable_symbols()[1])}
+    for symbol in expression.free_symbols:
+        if symbol.name.startswith("z["):
+            renamed[symbol] = sympy.Symbol(f"z{int(symbol.name[2:-1]) + 1}", real=True)
+    return SimscapePrinter().doprint(expression.xreplace(renamed)).replace("**", "^")
