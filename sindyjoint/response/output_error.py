@@ -233,7 +233,8 @@ class OutputError:
                     (1, record.measured.size), FAR_OFF * float(np.std(record.measured)) / record.sigma
                 )
             return np.vstack([self._weigh_residual(record, x[None]) for x in sets])
-        return (predicted - record.measured) / record.sigma
+        residual = (predicted - record.measured) / record.sigma
+        return residual if record.used is None else residual * record.used
 
     def _predict(self, record: Record, sets: Array) -> Array:
         """Response of one run for each set of parameters, shape (sets, n)."""

@@ -107,6 +107,9 @@ class Record:
         Its noise.
     skip : int
         Simulated samples before the compared ones; none where a period is simulated for all.
+    used : ndarray of bool, shape (n,), optional
+        Of a prescribed motion the compared samples in which the joint moves: at a reversal friction jumps, and which
+        side a sample is on is a matter of noise.
     inner : ndarray, shape (n_states,), optional
         Internal states that a simulation starts from: those of a joint brought from standstill to the first angle.
     cycle : Cycle, optional
@@ -134,6 +137,7 @@ class Record:
     limits: tuple[float, float]
     starts: tuple[int, ...]
     initial: int
+    used: NDArray[np.bool_] | None = None
     inner: Array | None = None
     cycle: Cycle | None = None
     columns: Array | None = None
@@ -234,7 +238,7 @@ def record_of(
     """
     first = round(states.time[0] * run.sample_rate)
     span = slice(first, first + states.n_samples)
-    drive = "motion" if prescribed(states) else choose_drive(law, states)
+    drive = "motion" if prescribed(states, spurious=True) else choose_drive(law, states)
     skip, moment = settling(states), run.moment[span]
     measured = (moment if drive == "motion" else run.angle[span])[skip:]
     noise = states.noise.moment if drive == "motion" else states.noise.angle
@@ -263,6 +267,7 @@ def record_of(
         limits=angle_limits(law, states, drive),
         starts=starts,
         initial=index,
+        used=states.moving[skip:] if drive == "motion" else None,
         inner=None
         if drive != "moment" or test.moments
         else transfer_moment(law, states.angle, states.rate, run.sample_rate)[1][:, 0],

@@ -174,12 +174,16 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     )
 
 
-def prescribed(states: ForceStates) -> bool:
+def prescribed(states: ForceStates, spurious: bool = False) -> bool:
     """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment.
 
-    A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness.
+    A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness. Of dozens of
+    harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
+    They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone.
     """
-    if states.method != "periodic" or states.frequency is None or not _sinusoidal(states):
+    if states.method != "periodic" or states.frequency is None:
+        return False
+    if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
         return False
     phase = 2 * np.pi * states.frequency * states.time
     basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
@@ -189,10 +193,7 @@ def prescribed(states: ForceStates) -> bool:
 
 
 def _sinusoidal(states: ForceStates) -> bool:
-    """Return whether the angle of periodic states has no harmonic but the first that its noise could not make.
-
-    Of the dozens that are looked at one or two of noise alone are kept now and then.
-    """
+    """Return whether the angle of periodic states has no harmonic but the first that its noise could not make."""
     assert states.frequency is not None
     count = max(1, round(states.bandwidth / states.frequency))
     phase = 2 * np.pi * states.frequency * np.outer(states.time, np.arange(1, count + 1))

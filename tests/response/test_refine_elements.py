@@ -13,6 +13,7 @@ from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.refine import refine
 from sindyjoint.response.refine_starts import spread_starts
+from sindyjoint.response.run import prescribed
 from sindyjoint.states import campaign_states
 from tests.made_models import model_of, term
 
@@ -178,3 +179,22 @@ def test_what_belongs_to_the_test_is_no_number_of_the_joint():
     # Without the test the mass that is not there is taken for a stiffer spring, and the response misses.
     assert found.model.numbers[0] - LAW.k1 > 4 * found.model.number_errors[0]
     assert max(found.after.values()) > 1.25 * max(right.after.values())
+
+
+def test_harmonics_of_noise_do_not_make_a_prescribed_motion_a_response():
+    made = campaign(SLIDER, "displacement", frequencies=[4.0], levels=[1.0])
+    (states,) = campaign_states(made)
+    assert prescribed(states) and prescribed(states, spurious=True)
+    error = states.noise.angle * np.sqrt(2 / states.n_samples)
+    phase = 2 * np.pi * 5 * states.frequency * states.time
+
+    def with_harmonic(size):
+        return replace(
+            states, angle=states.angle + size * error * np.cos(phase), bandwidth=5 * states.frequency
+        )
+
+    assert not prescribed(with_harmonic(4.0)) and prescribed(with_harmonic(4.0), spurious=True)
+    assert not prescribed(with_harmonic(20.0), spurious=True)
+    # A joint that is driven by a moment moves with harmonics of its friction.
+    (driven,) = campaign_states(campaign(SLIDER, frequencies=[4.0], levels=[1.0]))
+    assert not prescribed(driven, spurious=True)
