@@ -60,6 +60,13 @@ def simulate(
     joint: Annotated[_Joint, typer.Option(help="The paper's joint to test.")] = _Joint(
         default_of(TEST, "joint")
     ),
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="model.json, or a folder with one: the joint to test instead. Levels are then fractions of the "
+            "largest angle that it was fitted to."
+        ),
+    ] = None,
     frequencies: Annotated[
         str, typer.Option(help="Excitation frequencies in Hz, with commas.")
     ] = FREQUENCIES,
@@ -92,15 +99,23 @@ def simulate(
 
     Example: sindyjoint simulate --frequencies 3,4.5,6 --noise 0.02 --out virtual
     """
+    from dataclasses import replace
+
     import numpy as np
 
+    from sindyjoint.equation.model_file import read_model
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
     from sindyjoint.record import Campaign
+    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.tested_range import range_warnings
 
+    known = None if model is None else read_model(model)
+    law = joint.value if known is None else model_law(known)
     test = virtual_test(
-        joint.value,
+        law,
+        angle_limit=None if known is None else known.fitted.angle,
         noise=noise,
         quantisation=bits,
         raw_channels=raw,
@@ -115,11 +130,17 @@ def simulate(
     with Progress(quiet, verbose) as progress:
         progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
         made = run_tests(test, np.random.default_rng(random_state))
-        campaign = Campaign(campaign_joint(test), tuple(one.run for one in made), simulated=True)
+        tested = campaign_joint(test) if known is None else replace(known.joint, inertia=known.inertia)
+        campaign = Campaign(tested, tuple(one.run for one in made), simulated=True)
         channels = [one.raw for one in made] if raw else None
         progress.say("writing the files")
         manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if raw else None, channels)
         progress.tell(campaign)
+    if known is not None:
+        for one in campaign.runs:
+            rate = np.gradient(one.angle, 1 / one.sample_rate)
+            for warning in range_warnings(known, one.angle, rate, one.name):
+                typer.echo(warning, err=True)
     if as_json:
         runs = [
             {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}

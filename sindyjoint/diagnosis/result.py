@@ -247,6 +247,11 @@ class Diagnosis:
         return tuple(e for e in self.effects if e.effect.enters == "moment" and not e.is_term)
 
     @property
+    def element_ids(self) -> tuple[str, ...]:
+        """Effects that are elements of :attr:`whole`."""
+        return () if self.whole is None else tuple(element.effect for element in self.whole.elements)
+
+    @property
     def remainder(self) -> Gap:
         """What the model with its effects leaves beyond the noise floor."""
         pairs = zip(

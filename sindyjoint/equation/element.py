@@ -141,6 +141,11 @@ class Value:
     unit: str
     formula: str = ""
 
+    def renewed(self, value: float, error: float) -> Value:
+        """Return it with another value and standard error; the interval is ±1.96 of these."""
+        ends = (value - 1.96 * error, value + 1.96 * error)
+        return replace(self, value=value, standard_error=error, interval95=ends)
+
 
 @dataclass(frozen=True)
 class ElementState:
@@ -217,10 +222,11 @@ class JointElement:
             self.signals,
         )
 
-    def with_numbers(self, numbers: Sequence[Value]) -> JointElement:
-        """Return the element with other numbers, columns first."""
+    def with_numbers(self, numbers: Sequence[tuple[float, float]]) -> JointElement:
+        """Return the element with other values and standard errors of its :attr:`numbers`."""
+        later = tuple(old.renewed(*new) for old, new in zip(self.numbers, numbers, strict=True))
         count = len(self.columns)
-        return replace(self, columns=tuple(numbers[:count]), parameters=tuple(numbers[count:]))
+        return replace(self, columns=later[:count], parameters=later[count:])
 
     def along(self, angle: ArrayLike, rate: ArrayLike, step: float) -> Array:
         """Return its moment along a motion, shape (n,), N·m (N).

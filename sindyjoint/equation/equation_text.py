@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.element import Column, JointElement
 from sindyjoint.equation.formula import formula_latex, formula_pretty, state_symbol
 from sindyjoint.equation.model_parts import INERTIA, ModelTerm
 from sindyjoint.record import Joint
@@ -20,8 +21,9 @@ def plain_equation(joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[
         parts.insert(0, "I·θ̈" if rotates else "m·ẍ")
     rates = []
     for each, written in zip(elements, numbered(elements), strict=True):
-        parts += _columns(each, written, lambda symbol, f: _product(symbol, f, "·"), _pretty(joint.motion))
-        for name, rate, limit in _states(each, written):
+        columns, states = renamed(each, written)
+        parts += [_product(c.symbol, formula_pretty(c.expression, joint.motion), "·") for c in columns]
+        for name, rate, limit in states:
             bound = "" if limit is None else f" with |{name}| ≤ {formula_pretty(limit, joint.motion)}"
             rates.append(f"d{name}/dt = {formula_pretty(rate, joint.motion)}{bound}")
     left = "M" if rotates else "F"
@@ -40,8 +42,9 @@ def latex_equation(joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[
         parts.insert(0, r"I\,\ddot{\theta}" if rotates else r"m\,\ddot{x}")
     rates = []
     for each, written in zip(elements, numbered(elements), strict=True):
-        parts += _columns(each, written, product, _latex(joint.motion))
-        for name, rate, limit in _states(each, written):
+        columns, states = renamed(each, written)
+        parts += [product(c.symbol, formula_latex(c.expression, joint.motion)) for c in columns]
+        for name, rate, limit in states:
             letter = latex_symbol(name)
             bound = "" if limit is None else rf",\ |{letter}| \leq {formula_latex(limit, joint.motion)}"
             rates.append(rf"\dot{{{letter}}} = {formula_latex(rate, joint.motion)}{bound}")
@@ -63,38 +66,21 @@ def numbered(elements: Sequence[JointElement]) -> list[dict[str, str]]:
     return result
 
 
-def _states(element: JointElement, written: Mapping[str, str]) -> list[tuple[str, Any, Any]]:
-    form, renamed = element.form, _renaming(written)
-    return [
-        (
-            written[state.name],
-            state.rate.xreplace(renamed),
-            None if state.limit is None else state.limit.xreplace(renamed),
-        )
-        for state in form.states
+def renamed(
+    element: JointElement, written: Mapping[str, str]
+) -> tuple[list[Column], list[tuple[str, Any, Any]]]:
+    """Return columns, and name, rate and limit of each state, with the states' names as they are written."""
+    form, other = element.form, _renaming(written)
+    columns = [replace(c, expression=c.expression.xreplace(other)) for c in form.columns]
+    states = [
+        (written[s.name], s.rate.xreplace(other), None if s.limit is None else s.limit.xreplace(other))
+        for s in form.states
     ]
-
-
-def _columns(
-    element: JointElement,
-    written: Mapping[str, str],
-    product: Callable[[str, str], str],
-    formula: Callable[[Any], str],
-) -> list[str]:
-    renamed = _renaming(written)
-    return [product(c.symbol, formula(c.expression.xreplace(renamed))) for c in element.form.columns]
+    return columns, states
 
 
 def _renaming(written: Mapping[str, str]) -> dict[Any, Any]:
     return {state_symbol(name): state_symbol(new) for name, new in written.items()}
-
-
-def _pretty(motion: str) -> Callable[[Any], str]:
-    return lambda expression: formula_pretty(expression, motion)
-
-
-def _latex(motion: str) -> Callable[[Any], str]:
-    return lambda expression: formula_latex(expression, motion)
 
 
 def _ordered(terms: Sequence[ModelTerm]) -> list[ModelTerm]:

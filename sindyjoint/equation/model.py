@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.equation.element import JointElement, Value
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Joint
@@ -93,7 +93,7 @@ class JointModel:
         return self[INERTIA].coefficient if INERTIA in self else 0.0
 
     def with_terms(self, terms: Iterable[ModelTerm], covariance: ArrayLike) -> JointModel:
-        """Return the model with other terms.
+        """Return the model with other terms, and no elements.
 
         Parameters
         ----------
@@ -102,7 +102,13 @@ class JointModel:
             Of their coefficients, SI.
         """
         rows = np.asarray(covariance, dtype=np.float64).tolist()
-        return replace(self, terms=tuple(terms), covariance=tuple(map(tuple, rows)))
+        return replace(self, terms=tuple(terms), elements=(), covariance=tuple(map(tuple, rows)))
+
+    def without_elements(self) -> JointModel:
+        """Return the model of the terms alone."""
+        size = len(self.terms)
+        own = tuple(row[:size] for row in self.covariance[:size])
+        return replace(self, elements=(), covariance=own)
 
     def with_numbers(self, numbers: ArrayLike, covariance: ArrayLike | None = None) -> JointModel:
         """Return the model with other :attr:`numbers`.
@@ -123,9 +129,7 @@ class JointModel:
             for term, (value, error) in zip(self.terms, pairs[:size], strict=True)
         )
         rest = iter(pairs[size:])
-        elements = tuple(
-            each.with_numbers([_renewed(n, *next(rest)) for n in each.numbers]) for each in self.elements
-        )
+        elements = tuple(each.with_numbers([next(rest) for _ in each.numbers]) for each in self.elements)
         return replace(self, terms=terms, elements=elements, covariance=tuple(map(tuple, matrix)))
 
     def moment(self, angle: ArrayLike, rate: ArrayLike, step: float | None = None) -> NDArray[np.float64]:
@@ -248,7 +252,3 @@ def model_terms(
 
 def _interval(value: float, error: float) -> tuple[float, float]:
     return value - 1.96 * error, value + 1.96 * error
-
-
-def _renewed(number: Value, value: float, error: float) -> Value:
-    return replace(number, value=value, standard_error=error, interval95=_interval(value, error))

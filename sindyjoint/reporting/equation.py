@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
+from sindyjoint.equation.equation_text import numbered, renamed
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.text import in_words_of
 
@@ -92,7 +93,9 @@ class _StatePrinter(MathMLPresentationPrinter):
 
 
 def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
-    """Return the equation, with symbols for coefficients, as a ``<math>`` element; all text in it is escaped.
+    """Return the equation, with symbols for coefficients, as ``<math>`` elements; all text in them is escaped.
+
+    The rates of internal states follow, one in a line.
 
     ``further`` names moments that are no terms of a joint model; they are added by name.
     """
@@ -103,11 +106,17 @@ def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
         letter, variable = ("m", "x") if motion == "translation" else ("I", "θ")
         second = f'<mover accent="true"><mi>{variable}</mi><mo>¨</mo></mover>'
         parts.insert(0, f"<mi>{letter}</mi><mo>⁢</mo>{second}")
+    rates = []
+    for element, written in zip(model.elements, numbered(model.elements), strict=True):
+        columns, states = renamed(element, written)
+        parts += [_product(printer, c.symbol, c.expression) for c in columns]
+        rates += [_rate_mathml(printer, *state) for state in states]
     parts += [_named_moment(name, motion) for name in further]
     load = "F" if motion == "translation" else "M"
     # Each summand is a separate row: a browser may break the line only between them.
     right = "<mo>+</mo>".join(f"<mrow>{part}</mrow>" for part in parts) or "<mn>0</mn>"
-    return f'<math display="block"><mi>{load}</mi><mo>=</mo>{right}</math>'
+    lines = [(f"<mi>{load}</mi>", right), *rates]
+    return "".join(f'<math display="block">{left}<mo>=</mo>{right}</math>' for left, right in lines)
 
 
 def effect_mathml(effect: FittedEffect, motion: str) -> str:
@@ -120,16 +129,20 @@ def effect_mathml(effect: FittedEffect, motion: str) -> str:
             "<mo>+</mo>".join(_product(printer, c.symbol, c.expression) for c in variant.columns),
         )
     ]
-    for state in variant.states:
-        letter = symbol_mathml(state.name)
-        rate = _formula(printer, state.rate)
-        if state.limit is not None:
-            rate += (
-                f'<mo>,</mo><mspace width="1em"/><mrow><mo>|</mo>{letter}<mo>|</mo></mrow><mo>≤</mo>'
-                f"{_formula(printer, state.limit)}"
-            )
-        lines.append((f'<mover accent="true">{letter}<mo>˙</mo></mover>', rate))
+    lines += [_rate_mathml(printer, state.name, state.rate, state.limit) for state in variant.states]
     return "".join(f'<math display="block">{left}<mo>=</mo>{right}</math>' for left, right in lines)
+
+
+def _rate_mathml(printer: _StatePrinter, name: str, rate: Any, limit: Any) -> tuple[str, str]:
+    """Return the left and right side of the rate of an internal state, its limit behind it."""
+    letter = symbol_mathml(name)
+    right = _formula(printer, rate)
+    if limit is not None:
+        right += (
+            f'<mo>,</mo><mspace width="1em"/><mrow><mo>|</mo>{letter}<mo>|</mo></mrow><mo>≤</mo>'
+            f"{_formula(printer, limit)}"
+        )
+    return f'<mover accent="true">{letter}<mo>˙</mo></mover>', right
 
 
 def _named_moment(name: str, motion: str) -> str:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.text_table import TextTable, csv_text, terminal_table
+from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.text import in_words_of, rounded, superscript
 
@@ -60,7 +61,32 @@ class TermRow:
 
 
 def term_rows(model: JointModel) -> list[TermRow]:
-    """Return the terms of a model as rows to read."""
+    """Return the terms of a model as rows to read, then the numbers of its elements; these have no share."""
+    return [*_own_rows(model), *(row for element in model.elements for row in _element_rows(element, model))]
+
+
+def _element_rows(element: JointElement, model: JointModel) -> list[TermRow]:
+    motion = model.joint.motion
+    formulas = [formula_pretty(column.expression, motion) for column in element.form.columns]
+    formulas += [""] * len(element.parameters)
+    return [
+        TermRow(
+            id=f"{element.id}.{number.name}",
+            symbol=number.name,
+            name=in_words_of(motion, element.name),
+            formula=formula,
+            unit=pretty_unit(number.unit),
+            value=superscripted(rounded(number.value, number.standard_error)),
+            interval=interval_text(*number.interval95, number.standard_error),
+            coefficient=number.value,
+            standard_error=number.standard_error,
+            share=float("nan"),
+        )
+        for number, formula in zip(element.numbers, formulas, strict=True)
+    ]
+
+
+def _own_rows(model: JointModel) -> list[TermRow]:
     return [
         TermRow(
             id=term.id,
@@ -83,8 +109,11 @@ def model_table(model: JointModel) -> TextTable:
     return TextTable(
         "terms",
         "Coefficients with one standard error.",
-        ("Term", "Of", "Value", "Unit", "95 % interval"),
-        tuple((row.name, row.formula, row.value, row.unit, row.interval) for row in term_rows(model)),
+        ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval"),
+        tuple(
+            (row.name, row.symbol, row.formula or DASH, row.value, row.unit, row.interval)
+            for row in term_rows(model)
+        ),
     )
 
 
@@ -130,6 +159,12 @@ def terms_csv(model: JointModel) -> str:
         name = in_words_of(model.joint.motion, term.name)
         text = (term.id, term.symbol, name, term.formula)
         rows.append((*text, *numbers, term.unit, repr(term.unique_share)))
+    for element in model.elements:
+        for number in element.numbers:
+            values = map(repr, (number.value, number.standard_error, *number.interval95))
+            name = in_words_of(model.joint.motion, element.name)
+            text = (f"{element.id}.{number.name}", number.name, name, number.formula)
+            rows.append((*text, *values, number.unit, ""))
     return csv_text(TERM_COLUMNS, rows)
 
 
@@ -137,10 +172,14 @@ def terms_table(model: JointModel) -> Table:
     """Return the terms as a rich table for a terminal."""
     columns = ("term", "", "of", "value", "unit", "unique share")
     rows = [
-        (row.name, row.symbol, row.formula, row.value, row.unit, f"{100 * row.share:.1f} %")
+        (row.name, row.symbol, row.formula, row.value, row.unit, _share(row.share))
         for row in term_rows(model)
     ]
     return terminal_table(columns, rows, "lllrlr", ruled=True, wraps=True)
+
+
+def _share(share: float) -> str:
+    return f"{100 * share:.1f} %" if share == share else DASH
 
 
 def findings_table(findings: Sequence[Finding]) -> TextTable:

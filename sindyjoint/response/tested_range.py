@@ -30,7 +30,7 @@ def range_warnings(model: JointModel, angle: ArrayLike, rate: ArrayLike, where: 
     ):
         size = np.abs(np.asarray(signal, dtype=np.float64))
         share = float(np.mean(size > (1 + POLICY.range_slack) * tested)) if tested > 0 else 0.0
-        if share > 0:
+        if share > POLICY.range_time:
             found.append(
                 f"{name} up to {size.max():.3g} {si} where {tested:.3g} was tested ({percent(share)} of the time)"
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from sindyjoint.response.oscillation import (
     white_noise,
 )
 from sindyjoint.response.run import rms
+from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, judged
 
 Array = NDArray[np.float64]
@@ -68,8 +69,19 @@ def verify_rig(
         band = band_of(
             [_simulate_tip(response, draw, test.point, n) for draw in draw_models(model, draws, generator)]
         )
+    if simulated is not None:
+        warnings += joint_range_warnings(model, simulated, modelled)
     result = _compare_pulse(rig, test, simulated, band, failure)
     return judged(model, "rig", rig.name, tolerance, [result], warnings)
+
+
+def joint_range_warnings(model: JointModel, response: Any, modelled: Collection[str]) -> list[str]:
+    """Return what to say of joints of a rig that move beyond what their model was tested to."""
+    lines: list[str] = []
+    for name, angle, rate in zip(response.joints, response.angle, response.rate, strict=True):
+        if name in modelled:
+            lines += range_warnings(model, angle, rate, name)
+    return lines
 
 
 def _simulate_tip(response: Callable[[Law], Any], draw: JointModel, point: str, n: int) -> Array | None:

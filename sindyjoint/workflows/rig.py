@@ -17,7 +17,7 @@ from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints, joint_range_warnings
 
 Array = NDArray[np.float64]
 
@@ -34,12 +34,14 @@ class RigMotion:
     slipping, locked : ndarray, shape (modes,)
         Natural frequencies with the joints' tangent stiffness at standstill, and with locked joints, Hz.
     response : Response
+    warnings : tuple of str
     """
 
     rig: Rig
     slipping: Array
     locked: Array
     response: Response
+    warnings: tuple[str, ...] = ()
 
     @property
     def heat(self) -> dict[str, float]:
@@ -79,6 +81,7 @@ class RigMotion:
                 )
             ],
             "beams_dissipated": response.beam_dissipation,
+            "warnings": list(self.warnings),
         }  # fmt: skip
 
 
@@ -118,6 +121,7 @@ def rig_motion(
     say = progress or (lambda stage: None)
     say("reading the rig")
     made = rig if isinstance(rig, Rig) else load_rig(rig, {"model": MODEL_PLACEHOLDER})
+    known, modelled = None, set[str]()
     if model is not None:
         known = model if isinstance(model, JointModel) else read_model(model)
         if known.joint.motion != "rotation":
@@ -132,4 +136,6 @@ def rig_motion(
     structure = made.structure()
     slipping, locked = structure.frequencies(MODES), structure.frequencies(MODES, locked=True)
     say(f"simulating {made.duration:g} s")
-    return RigMotion(made, slipping, locked, made.respond())
+    response = made.respond()
+    warnings = () if known is None else tuple(joint_range_warnings(known, response, modelled))
+    return RigMotion(made, slipping, locked, response, warnings)

@@ -40,7 +40,7 @@ KINDS = {
 def work_on(campaign):
     states = campaign_states(campaign, rate_share=CAMPAIGN.rate_share)
     runs, parts, groups = cut_up(campaign.identification_runs, states, CAMPAIGN.rate_share)
-    return Work.build(campaign, runs, parts, groups, first_model(campaign, parts, None, "paper"))
+    return Work.build(campaign, runs, parts, groups, first_model(campaign, parts, None, "paper").model)
 
 
 def budget_of(campaign):

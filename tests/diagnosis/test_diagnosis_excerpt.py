@@ -41,7 +41,7 @@ def run():
     campaign = Campaign(Joint("long", inertia=0.0), (Run("long", *noisy, RATE),))
     (states,) = campaign_states(campaign)
     base = load_catalogue("paper").select(["linear_stiffness", "linear_damping"])
-    model = first_model(campaign, [states], None, base)
+    model = first_model(campaign, [states], None, base).model
     (rows,) = gap_runs([states], model, ["a"])
     return model, rows
 

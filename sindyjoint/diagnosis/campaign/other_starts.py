@@ -91,7 +91,7 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     known = set(work.model.ids)
     if not regressor.model_.terms or set(regressor.model_.ids) <= known:
         return None
-    model = first_model(campaign, work.states, regressor.model_, None, policy)
+    model = first_model(campaign, work.states, regressor.model_, None, policy).model
     later = problem.with_model(model)
     shifts = tuple(e for e in problem.found if e.shifts)
     extra = [t for t in model.terms if t.id not in known and t.id != INERTIA]

@@ -94,10 +94,10 @@ class CampaignProblem(Problem):
         states = one_after_another(campaign, campaign_states(campaign, rate_share=share))
         whole = campaign.identification_runs
         runs, parts, groups = cut_up(whole, states, share, policy)
-        fitted = first_model(campaign, parts, model, base or BASE, policy)
+        start = first_model(campaign, parts, model, base or BASE, policy, effects)
         return cls(
-            work=Work.build(campaign, runs, parts, groups, fitted, (), policy),
-            repaired=Repaired(fitted, ()),
+            work=Work.build(campaign, runs, parts, groups, start.model, start.effects, policy),
+            repaired=start,
             candidates=applicable(campaign, effects, parts),
             states=states,
             # In segments, drifts of the channels are effects like others.
@@ -157,9 +157,9 @@ class CampaignProblem(Problem):
         campaign = work.campaign.with_runs(tuple(without_drift(run, drift) for run in work.campaign.runs))
         states = campaign_states(campaign, rate_share=self.policy.rate_share)
         rows = gap_runs(states, work.model, work.groups, self.policy)
-        model = refit(rows, work.model, (), self.policy).model
-        later = Work.build(campaign, runs, states, work.groups, model, (), self.policy)
-        straight = replace(self, work=later, repaired=Repaired(model, ()), drift=drift)
+        repaired = refit(rows, work.model, self.found, self.policy)
+        later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
+        straight = replace(self, work=later, repaired=repaired, drift=drift)
         return straight, (_drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:

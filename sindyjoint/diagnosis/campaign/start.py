@@ -12,11 +12,12 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.change import MEMBER, changes, segments
 from sindyjoint.diagnosis.campaign.processing import processing_errors, without_processing
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import model_errors, refit
+from sindyjoint.diagnosis.campaign.repair import Repaired, model_errors, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.from_model import effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
@@ -165,8 +166,9 @@ def first_model(
     model: JointModel | None,
     base: Any,
     policy: DiagnosisPolicy = CAMPAIGN,
-) -> JointModel:
-    """Return the model to start from, fitted to the campaign."""
+    known: Sequence[Effect] = (),
+) -> Repaired:
+    """Return the model to start from, fitted to the campaign; its elements become effects, with their ranges."""
     from sindyjoint.discovery.estimator import JointRegressor
 
     inertia = campaign.joint.inertia
@@ -193,8 +195,13 @@ def first_model(
         frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
         simulated=campaign.simulated,
     )
-    fitted = replace(fitted, joint=campaign.joint, fitted=data)
+    effects = effects_of(fitted, known)
+    start = Repaired(replace(fitted, joint=campaign.joint, fitted=data).without_elements(), effects)
+    # No term of a model that was given is dropped before anything is found.
+    keeping = replace(policy, needless_ratio=0.0) if effects else policy
     # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
     for _ in range(2):
-        fitted = refit(gap_runs(states, fitted, group_labels(states), policy), fitted, (), policy).model
-    return fitted
+        own = gap_runs(states, start.model, group_labels(states), policy)
+        later = refit_nonlinear(own, start.model, start.effects, policy) if effects else ()
+        start = refit(own, start.model, later, keeping)
+    return start

@@ -20,10 +20,9 @@ from sindyjoint.diagnosis.campaign.repair import (
 )
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.equation.dimensions import unit_for
-from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.formula import formula_text
-from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.diagnosis.effects.parts import element_of, parts_of_law
+from sindyjoint.equation.element import JointElement, Value
+from sindyjoint.equation.model import JointModel
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 
 Array = NDArray[np.float64]
@@ -50,10 +49,9 @@ class Numbers:
     coefficients: dict[str, slice]
     inner: dict[str, slice]
 
-    def value(self, at: int, name: str, unit: str, formula: str = "") -> Value:
-        """Return one of them with its error."""
-        number, error = float(self.values[at]), float(np.sqrt(self.covariance[at, at]))
-        return Value(name, number, error, (number - 1.96 * error, number + 1.96 * error), unit, formula)
+    def value(self, at: int) -> tuple[float, float]:
+        """Return one of them with its standard error."""
+        return float(self.values[at]), float(np.sqrt(self.covariance[at, at]))
 
 
 def numbers_of(repaired: Repaired, runs: Sequence[GapRun]) -> Numbers:
@@ -132,8 +130,16 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     for each in effects:
         if not each.is_term:
             continue
-        for k, at in enumerate(_indices(numbers.coefficients[each.name])):
-            new = _term_of(each, k, motion)
+        parted, _ = parts_of_law(
+            each.name,
+            each.family,
+            each.variant,
+            each.coefficients,
+            each.values,
+            name=each.effect.name,
+            motion=motion,
+        )
+        for at, new in zip(_indices(numbers.coefficients[each.name]), parted, strict=True):
             same = next((i for i, term in enumerate(terms) if term.id == new.id), None)
             if same is None:
                 terms.append(new)
@@ -143,7 +149,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     shares = unique_shares(runs, model, [e for e in effects if not e.shifts])
     terms = [replace(t, unique_share=float(shares[part[0]])) for t, part in zip(terms, parts, strict=True)]
     inside = [e for e in effects if is_element(e)]
-    elements = tuple(element_of(each, numbers, motion) for each in inside)
+    elements = tuple(_element(each, motion) for each in inside)
     for each in inside:
         parts += [
             [at] for at in (*_indices(numbers.coefficients[each.name]), *_indices(numbers.inner[each.name]))
@@ -165,36 +171,6 @@ def _of_test(effect: FittedEffect) -> bool:
     return bool(names - known)
 
 
-def element_of(fitted: FittedEffect, numbers: Numbers, motion: str) -> JointElement:
-    """Return an effect as an element, or as a moment of the test; ids are those of the effects."""
-    variant, units = fitted.variant, fitted.variant.units(motion)
-    coefficients = _indices(numbers.coefficients[fitted.name])
-    return JointElement(
-        id=fitted.name,
-        effect=fitted.name,
-        symbol=variant.columns[0].symbol,
-        name=fitted.effect.name,
-        columns=tuple(
-            numbers.value(at, c.symbol, units[c.symbol], formula_text(c.expression))
-            for at, c in zip(coefficients, variant.columns, strict=True)
-        ),
-        parameters=tuple(
-            numbers.value(at, name, units[name])
-            for at, name in zip(_indices(numbers.inner[fitted.name]), variant.names, strict=True)
-        ),
-        states=tuple(
-            ElementState(
-                s.name,
-                s.unit if motion == "rotation" else unit_for(s.unit, motion),
-                formula_text(s.rate),
-                None if s.limit is None else formula_text(s.limit),
-            )
-            for s in variant.states
-        ),
-        signals=tuple(sorted(variant.uses & {"frequency", "time", "elapsed"})),
-    )
-
-
 def nuisances_of(
     repaired: Repaired,
     runs: Sequence[GapRun],
@@ -207,15 +183,14 @@ def nuisances_of(
     for each in repaired.effects:
         enters = "inertia" if each.name == "inertia_error" else each.effect.enters
         if enters != "moment":
-            column = each.variant.columns[0]
-            value = numbers.value(
-                numbers.coefficients[each.name].start,
-                column.symbol,
-                each.variant.units(motion)[column.symbol],
-            )
-            found.append(Nuisance(each.name, enters, value))
+            symbol = each.variant.columns[0].symbol
+            blank = Value(symbol, 0.0, 0.0, (0.0, 0.0), each.variant.units(motion)[symbol])
+            number = blank.renewed(*numbers.value(numbers.coefficients[each.name].start))
+            found.append(Nuisance(each.name, enters, number))
         elif not each.is_term and not is_element(each):
-            moments.append(element_of(each, numbers, motion))
+            places = (numbers.coefficients[each.name], numbers.inner[each.name])
+            sure = [numbers.value(at) for place in places for at in _indices(place)]
+            moments.append(_element(each, motion).with_numbers(sure))
     return TestNuisances(
         campaign="",
         nuisances=tuple(found),
@@ -225,23 +200,10 @@ def nuisances_of(
     )
 
 
+def _element(fitted: FittedEffect, motion: str) -> JointElement:
+    name, variant = fitted.effect.name, fitted.variant
+    return element_of(fitted.name, name, variant, fitted.coefficients, fitted.values, motion)
+
+
 def _indices(places: slice) -> range:
     return range(places.start, places.stop)
-
-
-def _term_of(fitted: FittedEffect, k: int, motion: str) -> ModelTerm:
-    """Return the k-th column of an effect as a term whose error is not yet known."""
-    effect, column = fitted.effect, fitted.variant.columns[k]
-    return ModelTerm(
-        id=effect.id if k == 0 else f"{effect.id}_{k + 1}",
-        symbol=column.symbol,
-        name=effect.name,
-        family=effect.family,
-        formula=column.formula,
-        parameters=tuple(zip(fitted.variant.names, map(float, fitted.values), strict=True)),
-        unit=column.unit if motion == "rotation" else unit_for(column.unit, motion),
-        coefficient=float(fitted.coefficients[k]),
-        standard_error=0.0,
-        interval95=(0.0, 0.0),
-        unique_share=0.0,
-    )

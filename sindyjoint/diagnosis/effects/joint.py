@@ -67,13 +67,19 @@ class JointLaws:
 
     def __init__(self, model: JointModel, softening_limit: tuple[float, float]):
         self.terms = tuple(term for term in model.terms if term.id != INERTIA)
+        self.elements = model.elements
         self.limit = softening_limit
         self.additions: dict[str, Addition] = {}
         self._built: dict[tuple[str, ...], ProgramLaw] = {}
 
     def numbers(self) -> dict[str, float]:
         """Return the model's own coefficients by the names they have in the law."""
-        return {place_of(term.id): term.coefficient for term in self.terms}
+        return {place_of(term.id): term.coefficient for term in self.terms} | self.fixed
+
+    @property
+    def fixed(self) -> dict[str, float]:
+        """Numbers of the model's elements, which stay as they are, by the names they have in the law."""
+        return {f"{place_of(e.id)}_{n.name}": n.value for e in self.elements for n in e.numbers}
 
     def law(self, setup: Setup) -> ProgramLaw:
         """Return the law of a setup's joint."""
@@ -95,6 +101,14 @@ class JointLaws:
                 column = sum(parts) / len(parts)
             expression += Symbol(place_of(term.id), real=True) * column
         rates: dict[str, Any] = {}
+        for element in self.elements:
+            inner = (*element.form.names, *(state.name for state in element.form.states))
+            columns, own_rates = element.form.written(
+                {name: f"{place_of(element.id)}_{name}" for name in inner}
+            )
+            for value, column in zip(element.columns, columns, strict=True):
+                expression += Symbol(f"{place_of(element.id)}_{value.name}", real=True) * column
+            rates |= own_rates
         for each, columns, own_rates in added:
             if not each.replaces:
                 for place, column in enumerate(columns):

@@ -133,7 +133,7 @@ class PulseProblem:
             if term.id == "coulomb_friction" and term.coefficient >= 0:
                 value = max(value, 0.0)
             numbers[place_of(term.id)] = value
-        return numbers
+        return numbers | self.laws.fixed
 
     def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
         """Return lower and upper bounds of the numbers."""
@@ -237,9 +237,7 @@ def prior_root(model: JointModel, least: float) -> Array:
     """Return L with L·Lᵀ the covariance of a model's coefficients (inertia left out), each ``least`` of itself more."""
     kept = [i for i, term in enumerate(model.terms) if term.id != INERTIA]
     values = model.coefficients[kept]
-    covariance = np.asarray(model.covariance, dtype=np.float64).reshape(len(model.terms), -1)[
-        np.ix_(kept, kept)
-    ]
+    covariance = model.covariance_matrix[np.ix_(kept, kept)]
     errors = np.sqrt(np.diag(covariance) + (least * values) ** 2)
     errors[errors == 0] = 1e-12
     matrix = (covariance + np.diag((least * values) ** 2)) / np.outer(errors, errors)

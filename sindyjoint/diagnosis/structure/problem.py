@@ -22,7 +22,7 @@ from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.diagnosis.structure.pulses import separating_pulses
-from sindyjoint.diagnosis.structure.result import model_after, warnings_of
+from sindyjoint.diagnosis.structure.result import model_after, warnings_of, whole_model
 from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
 from sindyjoint.diagnosis.structure.start import (
     first_fit,
@@ -219,6 +219,7 @@ class StructureProblem(Problem):
                 self.pulse, self.records, self.hidden is not None, self.drawn, bool(self.others)
             ),
             model=model_after(self.pulse, self.best),
+            whole=whole_model(self.pulse, self.best),
             hidden=self.hidden,
             source="structure",
             rig=self.pulse.rig.name,

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.effects.joint import FRICTION, place_of
+from sindyjoint.diagnosis.effects.parts import parts_of_law
+from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, prior_root
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.response.model_law import with_coefficients
+
+Array = NDArray[np.float64]
+
+# Step of the differences, in the scaled numbers of the fit.
+STEP = 1e-4
 
 
 def model_after(problem: PulseProblem, best: Fit) -> JointModel:
@@ -19,14 +29,65 @@ def model_after(problem: PulseProblem, best: Fit) -> JointModel:
     root = prior_root(model, problem.policy.model_error)
     values = model.coefficients.copy()
     values[kept] += root @ best.x[2 : problem.priors]
+    covariance = model.covariance_matrix[: values.size, : values.size]
+    own = slice(2, problem.priors)
+    covariance[np.ix_(kept, kept)] = root @ _inverse(best)[own, own] @ root.T
+    return with_coefficients(model, values, (covariance + covariance.T) / 2)
+
+
+def whole_model(problem: PulseProblem, best: Fit) -> JointModel:
+    """Return the model with what the effects change in the joint's law: terms, and elements with a memory.
+
+    Effects outside of the joint belong to the structure. The covariance is that of the fit, by linearisation.
+    """
+    changes = [change for change in problem.found if change.inside]
+    after = model_after(problem, best)
+    if not changes:
+        return after
+    whole = _assembled(problem, after, changes, best.x)
+    slopes = np.empty((whole.numbers.size, best.x.size))
+    low, high = problem.bounds()
+    for place in range(best.x.size):
+        step = np.zeros(best.x.size)
+        step[place] = STEP if best.x[place] + STEP <= high[place] else -STEP
+        moved = _assembled(problem, after, changes, best.x + step)
+        slopes[:, place] = (moved.numbers - whole.numbers) / step[place]
+    covariance = slopes @ _inverse(best) @ slopes.T
+    return whole.with_numbers(whole.numbers, (covariance + covariance.T) / 2)
+
+
+def _assembled(problem: PulseProblem, after: JointModel, changes: Sequence[Change], x: Array) -> JointModel:
+    """Return the whole model of some numbers of the fit; its errors are not yet known."""
+    numbers = problem.setup(x).numbers
+    additions = [(change, problem.laws.additions.get(change.way)) for change in changes]
+    replacing = [each for _, each in additions if each is not None and each.replaces]
+    terms, elements = [], list(after.elements)
+    for term in after.terms:
+        if not (term.id == FRICTION and replacing):
+            terms.append(replace(term, coefficient=numbers.get(place_of(term.id), term.coefficient)))
+    for change, addition in additions:
+        if addition is None:
+            continue
+        names = [f"c{k}" for k in range(len(addition.variant.columns))]
+        coefficients = [numbers.get(addition.name(name), 0.0) for name in names]
+        if addition.replaces:
+            # It carries the friction: its column comes to `level` under steady slip.
+            friction = numbers[place_of(FRICTION)] / len(replacing)
+            coefficients = [friction / numbers[addition.name("level")]]
+        values = [numbers[addition.name(name)] for name in addition.variant.names]
+        more, element = parts_of_law(change.effect, change.family, addition.variant, coefficients, values)
+        terms += more
+        elements += [element] if element is not None else []
+    return replace(after, terms=tuple(terms), elements=tuple(elements), covariance=())
+
+
+def _inverse(best: Fit) -> Array:
+    """Return the covariance of the numbers of a fit, from its Jacobian in units of noise."""
     normal = best.jacobian.T @ best.jacobian
     scale = np.sqrt(np.diag(normal))
     scale[scale == 0] = 1.0
-    inverse = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
-    covariance = np.asarray(model.covariance, dtype=np.float64).reshape(values.size, -1).copy()
-    own = slice(2, problem.priors)
-    covariance[np.ix_(kept, kept)] = root @ inverse[own, own] @ root.T
-    return with_coefficients(model, values, (covariance + covariance.T) / 2)
+    inverse: Array = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+    return inverse
 
 
 def warnings_of(

@@ -114,10 +114,9 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             if np.isfinite(getattr(result.initial, name))
         ]
         named = ", ".join(spelled(step.effect, motion) for step in result.steps) or "none"
-        lines = [
-            mathml(result.whole or result.model, [in_words_of(motion, e.effect.name) for e in result.moments])
-        ]
-        lines += [effect_mathml(effect, motion) for effect in result.moments]
+        others = [e for e in result.moments if e.name not in result.element_ids]
+        lines = [mathml(result.whole or result.model, [in_words_of(motion, e.effect.name) for e in others])]
+        lines += [effect_mathml(effect, motion) for effect in others]
         return {
             "title": f"{result.model.joint.name}: what its model lacks",
             "badge": badge,

@@ -75,6 +75,8 @@ class RigView(View[RigMotion, RigFigures]):
         for name, values in result.response.displacement.items():
             deflection = _amount(float(np.abs(values).max()), "m")
             console.print(f"largest deflection at {escape(name)}: {deflection}")
+        for warning in result.warnings:
+            console.print(f"- {escape(warning)}")
 
     def details(self, result: RigMotion) -> Iterator[str]:
         """Yield how it was simulated, and the balance of its energy."""
