@@ -85,7 +85,9 @@ class SimulatedRun:
     @property
     def simulated_response(self) -> Array | None:
         """Its prediction; ``None`` where the simulation failed."""
-        return self.simulated_moment if self.drive == "motion" else self.simulated_angle
+        if self.drive == "motion":
+            return None if self.failure else self.simulated_moment
+        return self.simulated_angle
 
     @property
     def response_scale(self) -> float:

@@ -90,14 +90,8 @@ def _joint_covariance(
         parts = [all_columns(run, model, adding)]
         parts += [e.variant.along(run.motion, e.values) for e in shifts]
         for each in adding:
-            for k, value in enumerate(each.values):
-                step = np.zeros(each.values.size)
-                step[k] = STEP * value
-                high, low = (
-                    each.variant.along(run.motion, each.values + sign * step) @ each.coefficients
-                    for sign in (1, -1)
-                )
-                parts.append(((high - low) / (2 * step[k]))[:, None])
+            for k in range(each.values.size):
+                parts.append(_slope_by(run, each, k)[:, None])
         return np.hstack(parts)
 
     whole = stack(runs, jacobian)
@@ -105,6 +99,22 @@ def _joint_covariance(
     linear = coefficients_of(model, adding)
     residual = target - whole[:, : linear.size] @ linear
     return scaled_covariance(whole, residual)
+
+
+def _slope_by(run: GapRun, effect: FittedEffect, k: int) -> Array:
+    """Return the derivative of an effect's moment by a nonlinear parameter.
+
+    At the edge of its range the law may not exist on one side: the difference is then taken on the other.
+    """
+    step = np.zeros(effect.values.size)
+    step[k] = STEP * effect.values[k]
+    sides = {}
+    for sign in (-1, 0, 1):
+        moment = effect.variant.along(run.motion, effect.values + sign * step) @ effect.coefficients
+        if np.isfinite(moment).all():
+            sides[sign] = moment
+    low, high = min(sides), max(sides)
+    return np.asarray((sides[high] - sides[low]) / ((high - low) * step[k]), dtype=np.float64)
 
 
 def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
