@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from sindyjoint.files.manifest import Manifest
-from sindyjoint.mechanics.rigs import RigFile
+from sindyjoint.mechanics.rig_file import RigFile
 
 PAGE = Path(__file__).parent / "guide" / "keys.md"
 

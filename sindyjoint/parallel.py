@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -21,6 +20,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol, TypeVar
 
+from sindyjoint.clock import clocks_running, run_timed
 from sindyjoint.errors import InputError, MissingExtraError, WorkerError
 from sindyjoint.threads import single_threaded
 
@@ -109,46 +109,13 @@ def side_by_side(
     with ``threads=False`` one after the other.
     """
     there = _here.get() or (_Threads() if threads else _Serial())
-    clocks = _clocks.get()
+    clocks = clocks_running()
     if not clocks:
         return ordered_map(there, function, tasks, shared)
-    timed = ordered_map(there, _run_timed, tasks, (function, *shared))
+    timed = ordered_map(there, run_timed, tasks, (function, *shared))
     for clock in clocks:
         clock.elsewhere += sum(seconds for _, seconds, process in timed if process != os.getpid())
     return [result for result, _, _ in timed]
-
-
-class ProcessorTime:
-    """Processor time of this process, and of what :func:`side_by_side` had others do, while it is entered.
-
-    Wall time would say how busy a machine is, and not what was asked of it.
-    """
-
-    def __init__(self) -> None:
-        self.elsewhere = 0.0
-        self._start = time.process_time()
-
-    @property
-    def seconds(self) -> float:
-        """Spent so far."""
-        return time.process_time() - self._start + self.elsewhere
-
-    def __enter__(self) -> ProcessorTime:
-        self.elsewhere, self._start = 0.0, time.process_time()
-        self._token = _clocks.set((*_clocks.get(), self))
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        _clocks.reset(self._token)
-
-
-_clocks: ContextVar[tuple[ProcessorTime, ...]] = ContextVar("clocks", default=())
-
-
-def _run_timed(function: Callable[..., R], *given: Any) -> tuple[R, float, int]:
-    """Return a result, the processor time that its thread took for it, and the process that did it."""
-    start = time.thread_time()
-    return function(*given), time.thread_time() - start, os.getpid()
 
 
 @contextmanager

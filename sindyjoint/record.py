@@ -6,7 +6,6 @@ for radian and newton for newton-metre. The attribute names stay those of the ro
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -16,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import delayed
 from sindyjoint.text import control_character, printable
 
 Motion = Literal["rotation", "translation"]
@@ -370,8 +368,7 @@ class Campaign:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What every report on the campaign says first."""
-        virtual = ("the campaign is simulated (a virtual test), not measured",) if self.simulated else ()
-        return (*virtual, *self.notes)
+        return (*["the campaign is simulated (a virtual test), not measured"] * self.simulated, *self.notes)
 
     def __repr__(self) -> str:
         virtual = "simulated " if self.simulated else ""
@@ -393,44 +390,13 @@ class Campaign:
         (3.0, 0.002)
         """
         # Units are converted in files, which is above this module and fetched when it is needed.
-        made: Campaign = import_module("sindyjoint.files.arrays").campaign_from_arrays(**signals)
-        return made
+        return import_module("sindyjoint.files.arrays").campaign_from_arrays(**signals)
 
     @classmethod
     def from_frames(cls, frames: Mapping[str, Any], **options: Any) -> Campaign:
         """Return a campaign of data frames by name; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
-        made: Campaign = import_module("sindyjoint.files.arrays").campaign_from_frames(frames, **options)
-        return made
+        return import_module("sindyjoint.files.arrays").campaign_from_frames(frames, **options)
 
     def with_runs(self, runs: tuple[Run, ...]) -> Campaign:
         """Return the same campaign with other runs."""
         return replace(self, runs=tuple(runs))
-
-
-def content_hash(campaign: Campaign) -> str:
-    """Return the hash by which a campaign is known: of the samples, rates and frequencies of its runs.
-
-    What a run is used for, and where its file lies, do not change it.
-    """
-    digest = hashlib.sha256(campaign.joint.motion.encode())
-    for run in campaign.runs:
-        digest.update(repr((run.name, float(run.sample_rate), run.frequency, run.n_samples)).encode())
-        for signal in (run.moment, run.angle, run.rate):
-            digest.update(b"-" if signal is None else np.ascontiguousarray(signal).tobytes())
-        if run.whole is not None and run.source is not None:
-            digest.update(run.source.sha256.encode())
-    return f"sha256:{digest.hexdigest()}"
-
-
-def aligned_run(run: Run, delay: float) -> Run:
-    """Return a run whose motion comes ``delay`` s later, by cubic splines, without the ends where it is not known.
-
-    A lag of the moment behind the motion is thereby undone.
-    """
-    samples = delay * run.sample_rate
-    lost = int(np.ceil(abs(samples))) + 1
-    kept = slice(lost, run.n_samples - lost)
-    rate = None if run.rate is None else delayed(run.rate, samples)[kept]
-    valid = None if run.valid is None else run.valid[kept]
-    angle = delayed(run.angle, samples)[kept]
-    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid)

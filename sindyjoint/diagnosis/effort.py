@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sindyjoint.parallel import ProcessorTime
+from sindyjoint.clock import ProcessorTime
 
 
 @dataclass(eq=False)

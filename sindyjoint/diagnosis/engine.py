@@ -8,13 +8,13 @@ from typing import Generic
 
 import numpy as np
 
+from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis.advice import advise
 from sindyjoint.diagnosis.loop import Progress, add_effects
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Say, Start
 from sindyjoint.diagnosis.result import Diagnosis, Step
 from sindyjoint.diagnosis.verdict import UNKNOWN, Gaps, Residual, discount, judge
-from sindyjoint.parallel import ProcessorTime
 from sindyjoint.text import percent, spelled
 
 

@@ -9,11 +9,11 @@ from typing import Any, Generic
 
 import numpy as np
 
+from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, P, Say
 from sindyjoint.diagnosis.ranking import Ranking, admissible_part
 from sindyjoint.diagnosis.result import Gap, Step
-from sindyjoint.parallel import ProcessorTime
 
 # Of the rivals of a step so many are told, with more than this probability.
 RIVALS, LEAST_RIVAL = 6, 1e-4

@@ -21,8 +21,9 @@ from sindyjoint.equation.catalogue import Reference, load_catalogue, term_column
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import delayed, scaled_least_squares
-from sindyjoint.record import Campaign, aligned_run
+from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
+from sindyjoint.states.campaigns import aligned_run
 from sindyjoint.states.record import ForceStates
 from sindyjoint.text import quantities
 

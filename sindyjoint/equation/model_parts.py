@@ -77,7 +77,7 @@ class Fitted:
         Hz.
     simulated : bool
     data : str
-        Hash of the campaign's content; see :func:`~sindyjoint.record.content_hash`. Empty where it is not known.
+        Hash of the campaign's content, see :func:`~sindyjoint.states.campaigns.content_hash`; empty where not known.
     versions : tuple of (str, str)
         Names and versions of what fitted it.
     """

@@ -30,10 +30,11 @@ from sindyjoint.equation.model_record import (
 )
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import FormulaLaw, Law, SumLaw
-from sindyjoint.record import Campaign, Joint, Run, aligned_run, content_hash
+from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response.element_law import TEST_SIGNALS, Instant, parts_of, sum_law
 from sindyjoint.response.model_law import model_law
 from sindyjoint.states import ForceStates
+from sindyjoint.states.campaigns import aligned_run, content_hash
 
 SCHEMA = 1
 KIND = "TestNuisances"
@@ -66,7 +67,7 @@ class TestNuisances:
     Parameters
     ----------
     campaign : str
-        Content hash of the campaign; see :func:`~sindyjoint.record.content_hash`.
+        Content hash of the campaign; see :func:`~sindyjoint.states.campaigns.content_hash`.
     joint : str
         Its joint's name.
     nuisances : tuple of Nuisance

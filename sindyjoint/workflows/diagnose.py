@@ -23,9 +23,10 @@ from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
-from sindyjoint.record import Campaign, content_hash
+from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import fitted_to, the_campaign
 

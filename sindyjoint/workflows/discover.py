@@ -18,10 +18,11 @@ from sindyjoint.errors import InputError
 from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
-from sindyjoint.record import Campaign, content_hash
+from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
 from sindyjoint.versions import versions

@@ -14,7 +14,7 @@ from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError
-from sindyjoint.record import Campaign, content_hash
+from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Enters, Nuisance, TestNuisances, read_test
 from sindyjoint.response.output_error_parts import Nuisance as Kind
 from sindyjoint.response.refine import Refinement
@@ -23,6 +23,7 @@ from sindyjoint.response.run import WINDOW, pooled_nrmse, prescribed, simulate_r
 from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, force_states, one_after_another, transfer_noise
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import fitted_to, the_campaign
 from sindyjoint.workflows.policy import POLICY

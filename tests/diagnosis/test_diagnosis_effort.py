@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import pytest
 
+from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis import advice, engine
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.files import write_campaign
-from sindyjoint.parallel import ProcessorTime, side_by_side, spread
+from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 

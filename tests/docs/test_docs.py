@@ -92,7 +92,7 @@ def test_a_newcomer_gets_there_in_three_commands(tmp_path):
 def test_samples_of_manifests_and_catalogues_load(tmp_path):
     from sindyjoint.equation.catalogue import load_catalogue
     from sindyjoint.files.manifest import Manifest
-    from sindyjoint.mechanics.rigs import RigFile
+    from sindyjoint.mechanics.rig_file import RigFile
 
     manifests = catalogues = 0
     for page in PAGES:

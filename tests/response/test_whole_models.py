@@ -9,11 +9,11 @@ from sindyjoint.equation.element import Value
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.record import content_hash
 from sindyjoint.response.model_law import draw_models, model_law
 from sindyjoint.response.nuisances import Nuisance, TestNuisances, read_test
 from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.states import force_states
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.workflows.verify import verify
 from tests.equation.test_element import JENKINS, MAXWELL, with_elements
 from tests.made_models import paper_model

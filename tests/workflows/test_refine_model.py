@@ -10,8 +10,8 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
-from sindyjoint.record import content_hash
 from sindyjoint.response.nuisances import Nuisance, TestNuisances, read_test
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.workflows import refine as refine_workflow
 from sindyjoint.workflows.diagnose import diagnose
 from sindyjoint.workflows.refine import refine, simulated_gap

@@ -1,0 +1,133 @@
+"""The tables of ``rig.toml``."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from sindyjoint.files.manifest import StrictTable
+from sindyjoint.mechanics.rig_limits import (
+    MOST_ELEMENTS,
+    MOST_PARTS,
+)
+
+
+class SectionTable(StrictTable):
+    """A rectangular section, bent over its height."""
+
+    width: str = Field(description='Across the bending, such as "60 mm".')
+    height: str = Field(description="Along the bending.")
+    youngs_modulus: str = Field(description='Such as "70 GPa".')
+    density: str = Field(description='Such as "2700 kg/m^3".')
+
+
+class PartTable(StrictTable):
+    """One part of the chain: a beam, a joint or a mass, by the key that names it."""
+
+    beam: str | None = Field(default=None, description="Name of a beam.")
+    joint: str | None = Field(default=None, description="Name of a joint.")
+    mass: str | None = Field(default=None, description="Name of a mass.")
+    length: str | None = Field(default=None, description="Of a beam.")
+    section: SectionTable | None = Field(
+        default=None, description="Of a beam, or stiffness and mass per length."
+    )
+    bending_stiffness: str | None = Field(default=None, description="Of a beam: E I.")
+    mass_per_length: str | None = Field(default=None, description="Of a beam.")
+    elements: int = Field(default=8, ge=1, le=MOST_ELEMENTS, description="Finite elements of a beam.")
+    loss_factor: float = Field(default=0.0, description="Of the beam's material.")
+    law: str | None = Field(default=None, description="Of a joint: a shipped joint, or 'model'.")
+    value: str | None = Field(default=None, description="Of a mass, or what a joint weighs: '8 kg'.")
+    inertia: str | None = Field(default=None, description="Of a mass or a joint.")
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> PartTable:
+        kinds = [kind for kind in ("beam", "joint", "mass") if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            raise ValueError("exactly one of the keys 'beam', 'joint' and 'mass' names a part")
+        section = self.section is not None
+        both = self.bending_stiffness is not None and self.mass_per_length is not None
+        if kinds[0] == "beam" and (self.length is None or section == both):
+            raise ValueError(
+                "a beam wants length, and either section or bending_stiffness and mass_per_length"
+            )
+        if kinds[0] == "joint" and self.law is None:
+            raise ValueError("a joint wants law, the name of a shipped joint or 'model'")
+        if kinds[0] == "mass" and self.value is None:
+            raise ValueError("a mass wants value, such as '8 kg'")
+        return self
+
+
+class ColumnTable(StrictTable):
+    """A column of a pulse file and its unit."""
+
+    column: str | int = Field(description="Its name, or its number from 1.")
+    unit: str = Field(description="Of its values.")
+
+
+class PulseTable(StrictTable):
+    """The force on the structure: a shape, or a file."""
+
+    point: str = Field(default="tip", description='Where the force acts: a part, or "tip".')
+    shape: Literal["rectangular", "half-sine"] | None = Field(default=None, description="Instead of a file.")
+    force: str | ColumnTable = Field(description="Peak of the shape, or a column of the file.")
+    duration: str | None = Field(default=None, description="Of the shape.")
+    file: str | None = Field(default=None, description="With the measured force.")
+    time: ColumnTable | None = Field(default=None, description="Column of the file.")
+    uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Relative standard error of the force.")
+
+    @model_validator(mode="after")
+    def _shape_or_file(self) -> PulseTable:
+        if (self.shape is None) == (self.file is None):
+            raise ValueError("expected either shape or file")
+        if self.shape is not None and (self.duration is None or not isinstance(self.force, str)):
+            raise ValueError("a shape wants force, such as '65 N', and duration, such as '5 ms'")
+        if self.file is not None and (self.time is None or isinstance(self.force, str)):
+            raise ValueError("a file wants time and force, each { column = ..., unit = ... }")
+        return self
+
+
+class OutputTable(StrictTable):
+    """What is simulated and returned."""
+
+    points: list[str] = Field(default=["tip"], description="Where the displacement is returned.")
+    duration: str = Field(default="20 s", description="Simulated from the pulse on.")
+    sample_rate: str = Field(default="1 kHz", description="Of what is returned.")
+    step: str = Field(default="0.5 ms", description="Of the simulation.")
+    modes: int = Field(default=12, ge=1, le=MOST_ELEMENTS, description="Kept of the beams.")
+
+
+class MeasuredTable(StrictTable):
+    """A measured response; its first sample is the instant at which the pulse begins."""
+
+    file: str = Field(description="With the response.")
+    time: ColumnTable = Field(description="Column of the file.")
+    displacement: ColumnTable = Field(description="Column of the file.")
+    point: str = Field(default="tip", description="Where it was measured.")
+
+
+class BaseTable(StrictTable):
+    """The base: a rigid clamp unless a stiffness is given."""
+
+    clamp_stiffness: str | None = Field(default=None, description="Rotational; omitted: rigid.")
+
+
+class RigFile(StrictTable):
+    """All of ``rig.toml``."""
+
+    name: str = Field(description="In reports.")
+    description: str = Field(default="", description="One sentence.")
+    base: BaseTable = Field(default=BaseTable(), description="The clamp.")
+    chain: list[PartTable] = Field(
+        min_length=1, max_length=MOST_PARTS, description="Parts from the base to the tip."
+    )
+    pulse: PulseTable = Field(description="What moves the structure.")
+    output: OutputTable = Field(default=OutputTable(), description="What is simulated.")
+    measured: list[MeasuredTable] = Field(
+        default=[], description="One record, or several of the same pulse, the main one first."
+    )
+
+    @field_validator("measured", mode="before")
+    @classmethod
+    def _one_or_several(cls, given: Any) -> Any:
+        return [given] if isinstance(given, dict) else given

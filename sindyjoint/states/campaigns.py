@@ -1,0 +1,40 @@
+"""By what a campaign is known, and a run with its channels aligned."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+
+from sindyjoint.numeric import delayed
+from sindyjoint.record import Campaign, Run
+
+
+def content_hash(campaign: Campaign) -> str:
+    """Return the hash by which a campaign is known: of the samples, rates and frequencies of its runs.
+
+    What a run is used for, and where its file lies, do not change it.
+    """
+    digest = hashlib.sha256(campaign.joint.motion.encode())
+    for run in campaign.runs:
+        digest.update(repr((run.name, float(run.sample_rate), run.frequency, run.n_samples)).encode())
+        for signal in (run.moment, run.angle, run.rate):
+            digest.update(b"-" if signal is None else np.ascontiguousarray(signal).tobytes())
+        if run.whole is not None and run.source is not None:
+            digest.update(run.source.sha256.encode())
+    return f"sha256:{digest.hexdigest()}"
+
+
+def aligned_run(run: Run, delay: float) -> Run:
+    """Return a run whose motion comes ``delay`` s later, by cubic splines, without the ends where it is not known.
+
+    A lag of the moment behind the motion is thereby undone.
+    """
+    samples = delay * run.sample_rate
+    lost = int(np.ceil(abs(samples))) + 1
+    kept = slice(lost, run.n_samples - lost)
+    rate = None if run.rate is None else delayed(run.rate, samples)[kept]
+    valid = None if run.valid is None else run.valid[kept]
+    angle = delayed(run.angle, samples)[kept]
+    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid)
