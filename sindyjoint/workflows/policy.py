@@ -28,8 +28,9 @@ class VerdictPolicy:
         source="chosen by judgement",
     )
     refined_gap: float = limit(
-        0.01,
-        "share by which the response gap of a diagnosis may grow by refinement, reversals of a motion among it",
+        0.005,
+        "share by which the response gap of a diagnosis may grow by refinement: at reversals of a prescribed motion it "
+        "counts samples that are not fitted",
     )
     refined_apart: float = limit(
         3.0,
