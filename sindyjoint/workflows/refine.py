@@ -237,7 +237,7 @@ def refined_diagnosis(
     if not refinement.refined:
         return replace(result, warnings=(*result.warnings, *refinement.notes))
     before, after = (simulated_gap(model, campaign, test) for model in (whole, refinement.model))
-    if not after <= before:
+    if not after <= (1 + POLICY.refined_gap) * before:
         note = (
             f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % "
             f"where it is {100 * before:.3f} %"
