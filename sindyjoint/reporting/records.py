@@ -305,6 +305,7 @@ class RigRecord(Part):
     points: list[PointPart]
     joints: list[RigJoint]
     beams_dissipated: Known
+    warnings: list[str] = []
 
 
 class FidelityPart(Part):
