@@ -26,7 +26,7 @@ def check(name, text):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A campaign with a delay, a run of it kept out, and a model."""
+    """A campaign with a delay, driven by its angle, and a model."""
     path = tmp_path_factory.mktemp("records")
     campaign = hide("channel_delay", 3, duration=4.0, frequencies=(3.0, 5.0), levels=(0.5, 0.85)).campaign
     write_campaign(campaign, path / "runs")
