@@ -18,6 +18,9 @@ Verbose = Annotated[
 ]
 
 
+LONG = 3.0
+
+
 class Progress:
     """Tell of the stages: a spinner where stderr is a terminal, or lines with the time since the start.
 
@@ -28,7 +31,8 @@ class Progress:
     verbose : bool
         A line per stage, terminal or not, and what lies behind the result.
     lines : bool
-        For commands that take long: a line per stage where stderr is no terminal, too.
+        For commands that may take long: a line per stage where stderr is no terminal, too, from :data:`LONG` seconds on.
+        What fails at once then still fails in one line.
 
     Raises
     ------
@@ -42,6 +46,7 @@ class Progress:
         self._verbose, self._stage = verbose, ""
         self._spins = not quiet and not verbose and sys.stderr.isatty()
         self._lines = verbose or (lines and not quiet and not self._spins)
+        self._silent = 0.0 if verbose else LONG
         self._status: Any = None
         self._start = time.perf_counter()
 
@@ -64,8 +69,9 @@ class Progress:
             self._status.update(stage)
             return
         before, self._stage = self._stage, stage.partition(":")[0]
-        if self._lines and self._stage != before:
-            print(f"{time.perf_counter() - self._start:7.2f} s  {stage}", file=sys.stderr, flush=True)
+        seconds = time.perf_counter() - self._start
+        if self._lines and self._stage != before and seconds >= self._silent:
+            print(f"{seconds:7.2f} s  {stage}", file=sys.stderr, flush=True)
 
     def tell(self, result: Any) -> None:
         """Show the numbers behind a result, where that was asked for."""

@@ -106,7 +106,7 @@ BAD = {
         "__import__",
         FormulaError,
     ),
-    "no TOML": ("[[effect", "not a TOML file", InputError),
+    "no TOML": ("[[effect", "is not valid TOML", InputError),
     "bounds": (
         HEAD
         + '[[effect.variant]]\ncolumns = [{ symbol = "k", formula = "sign(theta)*min(abs(theta), d)", unit = '

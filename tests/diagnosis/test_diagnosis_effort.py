@@ -112,6 +112,7 @@ def test_an_interruption_of_advice_leaves_the_diagnosis(ambiguous, tmp_path, mon
 
     write_campaign(campaign, tmp_path / "tests")
     monkeypatch.setattr(engine, "advise", interrupted)
+    monkeypatch.setattr("sindyjoint.cli.progress.LONG", 0.0)
     answer = sindyjoint("diagnose", tmp_path / "tests", "--out", tmp_path / "out", "--max-effects", "1")
     assert answer.status == 130
     # Off a terminal: a line for each stage.

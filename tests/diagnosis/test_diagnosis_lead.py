@@ -82,7 +82,7 @@ def test_an_error_of_the_processing_counts_where_it_is_seen():
     run, _, _ = driven_run(rng)
     campaign = Campaign(Joint(inertia=0.0), (run,))
     states = campaign_states(campaign, "broadband")
-    model = first_model(campaign, states, None, "paper")
+    model = first_model(campaign, states, None, "paper").model
     (row,) = gap_runs(states, model, ["tones"])
     error = 0.05 * model.fitted.moment_rms * np.sin(np.arange(row.target.size) / 9)
     there = replace(row, target=modelled(row, model, ()) + error)

@@ -24,7 +24,7 @@ def test_json_is_exact_and_goes_round(found):
 
 def test_json_is_plain(found):
     data = json.loads(found.model.to_json())
-    assert data["schema"] == 1 and data["kind"] == "JointModel"
+    assert data["schema"] == 2 and data["kind"] == "JointModel"
     assert [term["id"] for term in data["terms"]] == list(found.model.ids)
 
 
@@ -65,11 +65,11 @@ def test_misfit_is_what_noise_does_not_explain():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d.pop("terms"), "expected 'schema': 1 and 'terms'"),
-        (lambda d: d.update(schema=2), "'schema': 1"),
+        (lambda d: d.pop("terms"), "expected 'schema': 2 .or 1. and 'terms'"),
+        (lambda d: d.update(schema=3), "'schema': 2"),
         (lambda d: d["terms"][0].pop("formula"), "not a joint model"),
         (lambda d: d["terms"][0].update(colour="red"), "not a joint model"),
-        (lambda d: d["fitted"].pop("frequencies"), "not a joint model: KeyError: 'frequencies'"),
+        (lambda d: d["fitted"].pop("samples"), "not a joint model: fitted.samples is missing"),
     ],
 )
 def test_what_is_no_model_is_refused(found, change, message):

@@ -81,7 +81,7 @@ def test_any_terminal(environment, tmp_path):
     assert [answer.status for answer in answers] == [0, 0, 0]
     assert all(answer.stderr == "" and "\x1b" not in answer.stdout for answer in answers)
     files = {path.name for path in (tmp_path / "results").iterdir()}
-    assert files == {"model.json", "report.html", "terms.csv", "figures"}
+    assert files == {"model.json", "report.html", "terms.csv", "figures", "SHA256SUMS"}
     if "COLUMNS" in environment:
         wide = [line for line in answers[2].stdout.splitlines() if len(line) > 110]
         assert wide == []

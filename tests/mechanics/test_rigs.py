@@ -86,7 +86,7 @@ def test_measured_pulse(tmp_path):
         ('force = "65 N"', 'force = "65 kg"', r"\[pulse\] force: .*expected a force"),
         ('duration = "5 ms"\n', "", "a shape wants force"),
         ('point = "tip"', 'point = "top"', "point 'top' is not in the chain"),
-        ("elements = 8", "elements = 0", "elements: input should be greater"),
+        ("elements = 8", "elements = 0", "elements: expected 1 or more"),
         ("[pulse]", "[pulse", "is not valid TOML"),
         ('name = "pulse rig"', "", "key 'name' is missing"),
     ],

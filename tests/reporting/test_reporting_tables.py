@@ -104,7 +104,7 @@ def damaged(change):
         (damaged(lambda d: d.update(path=3)), "field 'path': expected a list, got 3"),
         (damaged(lambda d: d.update(verdict=3)), "field 'verdict': expected str, got 3"),
         (damaged(lambda d: d.update(loops=[])), "not a saved ReportData: expected loops and a square map"),
-        (damaged(lambda d: d["model"].pop("terms")), "not a joint model: expected 'schema': 1 and 'terms'"),
+        (damaged(lambda d: d["model"].pop("terms")), "not a joint model: expected 'schema': 2"),
     ],
 )
 def test_damaged_data_are_refused(data, message):

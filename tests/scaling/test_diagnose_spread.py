@@ -34,7 +34,8 @@ def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
     # Without advice everything else is as it was, and nothing is said of a search for runs.
     stages: list[str] = []
     alone = diagnose(campaign, effects=effects, max_effects=1, advise=False, progress=stages.append).to_dict()
-    assert alone == {**record, "advice": []} and "advice" not in stages
+    search = {"status": "not_sought", "tried": 0, "planned": 0}
+    assert alone == {**record, "advice": [], "advice_search": search} and "advice" not in stages
 
 
 def where(shared, task):

@@ -110,7 +110,8 @@ def test_older_kinds_of_a_format_are_loaded_as_a_whole(tmp_path):
     scipy_io.savemat(tmp_path / "five.mat", {"angle": np.arange(5.0)})
     assert open_blocks(tmp_path / "five.mat") is None
     (tmp_path / "one.feather").write_bytes(b"FEA1" + bytes(20))
-    assert open_blocks(tmp_path / "one.feather") is None
+    with pytest.raises(InputError, match="is Feather of version 1"):
+        open_blocks(tmp_path / "one.feather")
     (tmp_path / "bad.feather").write_bytes(b"ARROW1" + bytes(20))
     with pytest.raises(InputError, match="bad.feather"):
         open_blocks(tmp_path / "bad.feather")

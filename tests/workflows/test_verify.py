@@ -330,13 +330,13 @@ PULSE_FILE = 'file = "hammer.csv"\ntime = {{ column = "t", unit = "ms" }}\nforce
     ("change", "message"),
     [
         (('length = "0.5 m"', 'length = "0 m"'), "length is 0.0; expected a finite number above zero"),
-        (('height = "20 mm"', 'height = "-20 mm"'), "height is -0.02; expected a number above zero"),
+        (('height = "20 mm"', 'height = "-20 mm"'), "height is -0.02 in SI; expected a number above zero"),
         (('law = "inter-panel"', 'law = "elbow"'), "joint 'elbow' is not known; expected one of inter-panel"),
         (('step = "0.5 ms"', 'step = "50 ms"'), "too large for the first mode"),
         (('force = "65 N"', 'force = "65 kg"'), "[pulse] force: "),
         (
             ('youngs_modulus = "70 GPa"', 'youngs_modulus = "-70 GPa"'),
-            "youngs_modulus is -7e+10; expected a number above zero",
+            "youngs_modulus is -7e+10 in SI; expected a number above zero",
         ),
         (
             ("[pulse]", '[base]\nclamp_stiffness = "-1e5 N*m/rad"\n\n[pulse]'),
@@ -377,7 +377,7 @@ def test_bad_rigs_end_in_one_line(sindyjoint, model_file, tmp_path, change, mess
             "pulse-rig",
             "'nothing.json': no model is here; expected a model.json, or a folder with one",
         ),
-        ("text.json", "pulse-rig", "text.json: not a joint model: the text is not JSON"),
+        ("text.json", "pulse-rig", "text.json: is not JSON"),
         (
             "model.json",
             "nothing",

@@ -28,6 +28,9 @@ from sindyjoint.states.broadband import smoothing_kernels
 
 Array = NDArray[np.float64]
 
+# Standard deviations by which a misfit may grow by chance.
+SURE = 2.0
+
 
 def processing_errors(
     runs: Sequence[Run],
@@ -40,7 +43,8 @@ def processing_errors(
     """Return what the processing leaves of the simulation at the rows of each run, N·m.
 
     None where a run repeats or is free, where the simulation does not follow it, or where what the model leaves of the
-    measurement is no smaller without it: the simulation then moves another way at the reversals, or sticks elsewhere.
+    measurement is clearly larger without it: the simulation then moves another way at the reversals, or sticks
+    elsewhere.
     """
     errors = [
         None if row.folded or row.half_cycles is not None else _error(run, state, row, model, effects, policy)
@@ -53,10 +57,15 @@ def processing_errors(
 
 
 def is_seen(error: Array, row: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> bool:
-    """Return whether the measurement holds an error of the processing: what the model leaves is smaller without it."""
+    """Return whether the measurement may hold an error of the processing, and does not clearly deny it.
+
+    What the model leaves then grows without it by no more than chance does: with rows r of unit noise and the error e
+    in their units, (r − e)² − r² has a standard deviation of 2·|e|.
+    """
     left = row.target - modelled(row, model, effects)
     with_it, without_it = row.white(left), row.white(left - error)
-    return bool(without_it @ without_it < with_it @ with_it)
+    chance = SURE * 2 * float(np.linalg.norm(with_it - without_it))
+    return bool(without_it @ without_it - with_it @ with_it < chance)
 
 
 def without_processing(rows: Sequence[GapRun], errors: Sequence[Array | None]) -> tuple[GapRun, ...]:
