@@ -20,6 +20,8 @@ WIDEST = 0.38
 JUST_BELOW = 0.9
 # And, in parts of that end, where a filter that cuts there does not yet fall.
 BEFORE = (0.5, 0.7)
+# Fewest bins of a spectrum there, and the ratio of its densities up to which they are level.
+FEWEST_BINS, LEVEL = 6, 10.0
 # Differences of values that are alike but for rounding, relative to the largest value; and by how much a difference may
 # miss a multiple of the quantisation step, in steps.
 ROUNDING, OFF_STEP = 1e-9, 0.02
@@ -212,8 +214,11 @@ def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> flo
     # By power: between the lines of a multisine there is noise, too, but not what ends.
     if not below.any() or np.average(shared[below], weights=density[below]) >= POLICY.shared_below_end:
         return None
-    before = below & (frequency < BEFORE[1] * end.bandwidth)
-    return float(np.sqrt(np.median(density[before if before.any() else below]) * sample_rate / 2))
+    before = density[below & (frequency < BEFORE[1] * end.bandwidth)]
+    # Within the lobe of a tone, or on its slope, there is no level of noise to be read.
+    if before.size < FEWEST_BINS or np.ptp(np.log(np.quantile(before, (0.1, 0.9)))) > np.log(LEVEL):
+        return None
+    return float(np.sqrt(np.median(before) * sample_rate / 2))
 
 
 def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool:

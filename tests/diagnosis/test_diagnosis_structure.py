@@ -41,7 +41,18 @@ HIDDEN = [
 ]
 OWN_NUMBER = {"beam_loss": "delta_eta", "lumped_mass": "delta_m", "dahl": "theta_y"}
 
-KEYS = ["schema", "verdict", "reason", "gap", "budget", "where", "steps", "advice", "advice_search", "warnings"]
+KEYS = [
+    "schema",
+    "verdict",
+    "reason",
+    "gap",
+    "budget",
+    "where",
+    "steps",
+    "advice",
+    "advice_search",
+    "warnings",
+]
 
 
 @pytest.mark.slow
