@@ -31,8 +31,8 @@ class Progress:
     verbose : bool
         A line per stage, terminal or not, and what lies behind the result.
     lines : bool
-        For commands that may take long: a line per stage where stderr is no terminal, too, from :data:`LONG` seconds on.
-        What fails at once then still fails in one line.
+        For commands that may take long: a line per stage where stderr is no terminal, too, but not in the first
+        :data:`LONG` seconds. What fails at once then still fails in one line.
 
     Raises
     ------
