@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sindyjoint.cli.app import app
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
@@ -78,7 +79,8 @@ def test_presliding_found_in_a_structure_predicts_another_pulse():
         measured = MeasuredResponse("tip", record, rig.sample_rate)
         return replace(rig, excitation=rig.excitation.scaled(scale), measured=measured)
 
-    result = diagnose_structure(tested(1.0), advise=False, max_effects=1)
+    effects = select_effects(load_effects(), ["dahl_friction", "maxwell_branch", "cubic_damping"])
+    result = diagnose_structure(tested(1.0), effects=effects, advise=False, max_effects=1)
     (element,) = result.whole.elements
     assert element.effect == "dahl_friction" and "coulomb_friction" not in result.whole
     other = tested(0.8)
