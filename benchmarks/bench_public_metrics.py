@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -130,11 +131,11 @@ def by_refinement(campaign, folder: Path) -> str:
     return " ".join(model.ids)
 
 
-def by_diagnosis(campaign, folder: Path) -> str:
+def by_diagnosis(campaign, folder: Path, refine: bool = False) -> str:
     """Write the model of a diagnosis with what belongs to the test."""
     from sindyjoint.workflows.diagnose import diagnose
 
-    found = diagnose(campaign, advise=False)
+    found = diagnose(campaign, advise=False, refine=refine)
     model = found.whole or found.model
     (folder / "model.json").write_text(model.to_json())
     if found.test:
@@ -142,7 +143,12 @@ def by_diagnosis(campaign, folder: Path) -> str:
     return " ".join([*model.ids, *(each.id for each in model.elements)])
 
 
-DOORS = {"discover": by_discovery, "refined": by_refinement, "diagnose": by_diagnosis}
+DOORS = {
+    "discover": by_discovery,
+    "refined": by_refinement,
+    "diagnose": by_diagnosis,
+    "diagnose-refined": partial(by_diagnosis, refine=True),
+}
 
 
 def rows(each: PublicSet, data: Path, door: str) -> list[list[str]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import TestNuisances
@@ -123,7 +123,10 @@ def refine(
     states = campaign_states(campaign) if states is None else states
     kinds = tuple(dict.fromkeys(nuisance))
     runs = campaign.identification_runs
-    problem = OutputError.of(model, runs, states, kinds, window, test)
+    try:
+        problem = OutputError.of(model, runs, states, kinds, window, test)
+    except SimulationError as error:
+        return Refinement(model, False, f"not refined: {error}", {}, {}, {}, ())
     problem, left_out = problem.drop_failing_runs()
     if not problem.runs:
         return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())

@@ -198,3 +198,14 @@ def test_harmonics_of_noise_do_not_make_a_prescribed_motion_a_response():
     # A joint that is driven by a moment moves with harmonics of its friction.
     (driven,) = campaign_states(campaign(SLIDER, frequencies=[4.0], levels=[1.0]))
     assert not prescribed(driven, spurious=True)
+
+
+def test_a_start_that_no_simulation_can_follow_is_said():
+    wild = replace(
+        jenkins(),
+        states=(ElementState("z", "rad", "omega + 1e6*z*abs(z)/theta_y"),),
+        id="wild",
+        effect="wild",
+    )
+    found = refine(model_with(wild), campaign(SLIDER, frequencies=[4.0], levels=[1.0]))
+    assert not found.refined and found.reason.startswith("not refined: an internal state is no longer finite")
