@@ -163,7 +163,8 @@ class VerificationView(View[Verification, Verification]):
         console.print(
             f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}{virtual}\n"
         )
-        console.print(f"  {escape(result.model.equation())}\n")
+        lines = result.model.equation().split("; ")  # the rates of internal states stand below
+        console.print("\n".join(f"  {escape(line)}" for line in lines) + "\n")
         load = quantities(result.model.joint.motion).moment.lower()
         columns = (
             "run", "simulated by", "response NRMSE", "RMSE", "noise", f"{load} NRMSE", "amplitude", "period",
