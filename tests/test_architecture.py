@@ -8,7 +8,18 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "sindyjoint"
 
 # Layer by layer, from the bottom: what each part of the package may import. Itself it always may.
-BASE = {"errors", "record", "text", "policy", "numeric", "documents", "checksums", "shown", "options"}
+BASE = {
+    "errors",
+    "source",
+    "record",
+    "text",
+    "policy",
+    "numeric",
+    "documents",
+    "checksums",
+    "shown",
+    "options",
+}
 DOOR = BASE | {"rig", "files"}
 DATA = BASE | {"parallel", "threads", "clock", "states", "equation"}
 EXPLAINS = DATA | {"discovery", "files"}
@@ -21,7 +32,8 @@ ALLOWED = {
     "options": {"errors"},
     "policy": set(),
     "numeric": set(),
-    "record": {"errors", "text"},
+    "source": {"errors"},
+    "record": {"errors", "text", "source"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
     "threads": set(),
@@ -40,12 +52,13 @@ ALLOWED = {
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "batch": EXPLAINS,
-    "workflows": DIAGNOSES | {"paper", "batch", "versions"},
+    "judgement": (DIAGNOSES - {"diagnosis"}) | {"paper"},
+    "workflows": DIAGNOSES | {"paper", "batch", "judgement", "versions"},
 }
-BELOW_TOP = DIAGNOSES | {"paper", "batch", "workflows", "versions"}
+BELOW_TOP = DIAGNOSES | {"paper", "batch", "judgement", "workflows", "versions"}
 ALLOWED |= {
     "reporting": BELOW_TOP,
-    "export": BELOW_TOP - {"workflows"},
+    "export": BELOW_TOP - {"workflows", "judgement"},
     "cli": BELOW_TOP | {"reporting", "export", "__init__"},
     "__main__": {"cli"},
 }

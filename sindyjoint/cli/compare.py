@@ -14,7 +14,7 @@ from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.comparison import Comparison
+    from sindyjoint.judgement.comparison import Comparison
 
 COMPARE = "workflows.compare:compare"
 

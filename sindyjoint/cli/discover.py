@@ -24,7 +24,7 @@ from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.discovery import Discovery
+    from sindyjoint.judgement.discovery import Discovery
     from sindyjoint.workflows.refine import RefinedModel
 
 

@@ -58,8 +58,8 @@ def tables(
 
     Example: sindyjoint reproduce tables
     """
+    from sindyjoint.judgement.paper_tables import check_tables, table_findings
     from sindyjoint.reporting.results.reproduction import show_checks
-    from sindyjoint.workflows.paper_tables import check_tables, table_findings
 
     checks = check_tables()
     findings = table_findings(checks)

@@ -17,7 +17,8 @@ from sindyjoint.files.readers import read_table, sha256_of
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.record import Campaign, Joint, LongRecord, Motion, Run, Source
+from sindyjoint.record import Campaign, Joint, Motion, Run
+from sindyjoint.source import LongRecord, Source
 
 CHANNEL_KEYS = tuple(key for keys in KEYS.values() for name, (key, _) in keys.items() if name != "inertia")
 # Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more

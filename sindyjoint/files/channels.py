@@ -21,8 +21,9 @@ from sindyjoint.files.timeaxis import (
     with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
-from sindyjoint.record import ColumnUnit, FileUnit, Motion, SensorNoise
+from sindyjoint.record import Motion
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
+from sindyjoint.source import ColumnUnit, FileUnit, SensorNoise
 
 Array = NDArray[np.float64]
 

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.judgement.headline import Excitations, Headline, make_headline
 from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
-from sindyjoint.workflows.headline import Excitations, Headline, make_headline
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias
     from sindyjoint.discovery.evidence import Evidence
+    from sindyjoint.judgement.discovery import Discovery
     from sindyjoint.states import ForceStates
-    from sindyjoint.workflows.discovery import Discovery
 
 Array = NDArray[np.float64]
 

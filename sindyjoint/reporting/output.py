@@ -15,7 +15,7 @@ from sindyjoint.reporting.registry import draw_all, view_of
 from sindyjoint.reporting.saved import DATA_FILE, saved_text
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.discovery import Discovery
+    from sindyjoint.judgement.discovery import Discovery
 
 
 def write_results(

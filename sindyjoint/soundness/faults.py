@@ -9,24 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.broadband_delay import find_broadband_delay
-from sindyjoint.soundness.broadband_kin import find_broadband_kin
-from sindyjoint.soundness.copies import find_repeated_blocks, find_scaled_copies
-from sindyjoint.soundness.course import find_course
 from sindyjoint.soundness.cycle import cycles_of, spectra_of
-from sindyjoint.soundness.declared_units import find_unit_mismatches
+from sindyjoint.soundness.detectors.broadband_delay import find_broadband_delay
+from sindyjoint.soundness.detectors.broadband_kin import find_broadband_kin
+from sindyjoint.soundness.detectors.copies import find_repeated_blocks, find_scaled_copies
+from sindyjoint.soundness.detectors.course import find_course
+from sindyjoint.soundness.detectors.declared_units import find_unit_mismatches
+from sindyjoint.soundness.detectors.floor import find_coarse_steps, find_mains, find_noise
+from sindyjoint.soundness.detectors.held import find_dead, find_held
+from sindyjoint.soundness.detectors.kin import find_odd_runs
+from sindyjoint.soundness.detectors.lines import find_lines
+from sindyjoint.soundness.detectors.lost import find_lost
+from sindyjoint.soundness.detectors.saturation import find_saturation
+from sindyjoint.soundness.detectors.shape import find_filters
+from sindyjoint.soundness.detectors.sizes import (
+    find_coverage,
+    find_inertia,
+    find_offsets,
+    find_signs,
+    find_sizes,
+)
+from sindyjoint.soundness.detectors.spikes import find_spikes
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.floor import find_coarse_steps, find_mains, find_noise
-from sindyjoint.soundness.held import find_dead, find_held
-from sindyjoint.soundness.kin import find_odd_runs
-from sindyjoint.soundness.lines import find_lines
-from sindyjoint.soundness.lost import find_lost
 from sindyjoint.soundness.profile import Profile, profile_of
-from sindyjoint.soundness.saturation import find_saturation
-from sindyjoint.soundness.shape import find_filters
-from sindyjoint.soundness.sizes import find_coverage, find_inertia, find_offsets, find_signs, find_sizes
 from sindyjoint.soundness.spans import bridged
-from sindyjoint.soundness.spikes import find_spikes
 from sindyjoint.soundness.words import Words, words_of
 
 Array = NDArray[np.float64]

@@ -37,10 +37,10 @@ from sindyjoint.files.atomic import (
     write_text,
 )
 from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.soundness.check import check_accepted
 from sindyjoint.workflows.discover import discover
-from sindyjoint.workflows.discovery import Discovery
 
 CAMPAIGNS = "campaigns"
 # Bytes of a campaign's name: with what stands before and behind it, file systems take 255.

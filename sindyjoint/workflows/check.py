@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from sindyjoint.discovery.segments import LONGEST
+from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign

@@ -19,6 +19,10 @@ from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, SizeScore
+from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.held_out_response import add_responses
+from sindyjoint.judgement.independence import frequency_tests
 from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
@@ -26,11 +30,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import require_sound
 from sindyjoint.text import in_words_of
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.workflows.discover import discover, regressor_options
-from sindyjoint.workflows.discovery import Discovery
-from sindyjoint.workflows.held_out_response import add_responses
-from sindyjoint.workflows.independence import frequency_tests
 
 # Each name may join several catalogues: without the terms of the paper, special ones stand in for those.
 LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")

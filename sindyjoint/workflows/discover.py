@@ -11,10 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
-from sindyjoint.discovery.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.judgement.discovery import Discovery, stopped_by_data
+from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.second_search import campaign_model, search_again, softened
+from sindyjoint.judgement.verdict import judge, noise_alike, undecided_by_data
 from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import executor
@@ -26,10 +30,6 @@ from sindyjoint.states.campaigns import content_hash
 from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
 from sindyjoint.versions import versions
-from sindyjoint.workflows.discovery import Discovery, stopped_by_data
-from sindyjoint.workflows.policy import POLICY
-from sindyjoint.workflows.second_search import campaign_model, search_again, softened
-from sindyjoint.workflows.verdict import judge, noise_alike, undecided_by_data
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Corrected

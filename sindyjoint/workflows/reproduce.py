@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
@@ -21,7 +22,6 @@ from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.verification import Verification
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states
-from sindyjoint.workflows.paper_tables import TableCheck, check_tables, table_findings
 from sindyjoint.workflows.verify import verify
 
 Array = NDArray[np.float64]

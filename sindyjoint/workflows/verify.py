@@ -14,6 +14,7 @@ from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.judgement.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
@@ -25,7 +26,6 @@ from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.policy import POLICY
 
 DRAWS = 20
 

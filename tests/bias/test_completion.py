@@ -8,11 +8,11 @@ import sympy
 
 from sindyjoint.bias.completion import completed_states
 from sindyjoint.bias.policy import POLICY
+from sindyjoint.judgement.verdict import PAPER_TERMS
 from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.discover import discover
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 INERTIA = 1.5
 HEAVY = replace(INTER_PANEL, inertia=INERTIA)

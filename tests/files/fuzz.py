@@ -327,8 +327,8 @@ def _formats(folder: Path) -> dict[str, Target]:
     """Return the data files."""
     import io
 
+    import made_files as made
     import scipy.io
-    import test_files_readers as made
 
     text = _table()
     old = io.BytesIO()

@@ -8,11 +8,11 @@ import pytest
 from random_joints import TRUE_IDS, maxwell_campaign, random_plan, rising_stiffness
 
 from sindyjoint.bias.replicates import make_replicates
+from sindyjoint.judgement.independence import frequency_tests
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.workflows.discover import discover
-from sindyjoint.workflows.independence import frequency_tests
 
 STANDARD = dict(frequencies=(3.0, 4.0, 5.0, 6.0), levels=(0.92, 0.63, 0.35), sample_rate=500.0, duration=5.0)
 

@@ -9,9 +9,9 @@ from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.result import Advice, AdviceSearch, Diagnosis, Gap, RecordGap, RunGap, Step
 from sindyjoint.discovery.frequency import frequency_test
+from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.verification import Band, RunVerification, Verification
-from sindyjoint.workflows.comparison import Choice, ChosenTerm, Comparison
 
 
 def verification(name="bench joint", runs=("pulse at tip",), subject="a rig", failed=False):

@@ -12,14 +12,15 @@ from test_reporting_figures import laid_out
 from test_reporting_page import read
 
 from sindyjoint.errors import InputError
-from sindyjoint.record import Campaign, Run, Source
+from sindyjoint.judgement.comparison import Comparison
+from sindyjoint.record import Campaign, Run
 from sindyjoint.reporting.figures.verification import KEPT_SAMPLES, thinned
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.registry import draw, draw_all, drawable, kinds_of, view_of
 from sindyjoint.reporting.saved import load_results, saved_text
 from sindyjoint.reporting.style import figure_bytes
-from sindyjoint.workflows.comparison import Comparison
+from sindyjoint.source import Source
 
 HOSTILES = {
     "verification": lambda: verification(HOSTILE, (HOSTILE, "two"), subject=HOSTILE),

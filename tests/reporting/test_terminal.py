@@ -8,11 +8,11 @@ import pytest
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
+from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.record import Joint
 from sindyjoint.reporting.registry import show
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.workflows.discovery import Discovery
-from sindyjoint.workflows.verdict import Verdict
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.segments import Task, work
+from sindyjoint.discovery.large.segments import Task, work
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
 from sindyjoint.files.campaign import load_segment

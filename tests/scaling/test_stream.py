@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import JointRegressor
-from sindyjoint.discovery.tables import discover_rows
+from sindyjoint.discovery.large.tables import discover_rows
 from sindyjoint.equation.catalogue import Reference
 from sindyjoint.errors import InputError
 from sindyjoint.files.blocks import open_blocks
@@ -231,7 +231,7 @@ def test_what_cannot_be_is_refused(tmp_path):
 
 PEAK = """
 import sys
-from sindyjoint.discovery.tables import discover_rows
+from sindyjoint.discovery.large.tables import discover_rows
 columns = {"angle": 1, "rate": 2, "moment": 3}
 fit = discover_rows(sys.argv[1], "paper", columns=columns)
 # Not ru_maxrss: what the parent used counts there.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.broadband_kin import find_broadband_kin
+from sindyjoint.soundness.detectors.broadband_kin import find_broadband_kin
 from sindyjoint.soundness.words import words_of
 
 RATE, DURATION, NOISE = 400.0, 10.0, 0.01

@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import butter, cheby2, ellip, sosfilt
 
 from sindyjoint.errors import InputError
-from sindyjoint.record import Run, SensorNoise
+from sindyjoint.record import Run
+from sindyjoint.source import SensorNoise
 from sindyjoint.states import force_states, pooled_noise
 from sindyjoint.states.noise import coherent_to_the_top, moment_noise, motion_noise, quantisation_step
 

@@ -9,9 +9,9 @@ import sindyjoint
 from sindyjoint.errors import InputError, UnknownNameError, UnsoundError
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.record import LongRecord
 from sindyjoint.soundness.check import check_campaign
 from sindyjoint.soundness.finding import Finding
+from sindyjoint.source import LongRecord
 from sindyjoint.workflows.batch import batch
 from sindyjoint.workflows.compare import compare
 from sindyjoint.workflows.diagnose import diagnose

@@ -15,6 +15,7 @@ from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.discovery.methods import METHODS
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.judgement.held_out_response import response_error
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -23,7 +24,6 @@ from sindyjoint.reporting.registry import view_of
 from sindyjoint.reporting.results.comparison import long_csv
 from sindyjoint.reporting.text_table import TextTable
 from sindyjoint.workflows.compare import compare
-from sindyjoint.workflows.held_out_response import response_error
 
 
 @pytest.fixture(scope="module")

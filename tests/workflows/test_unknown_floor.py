@@ -11,7 +11,8 @@ from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.equation.model import JointModel
-from sindyjoint.record import Campaign, Joint, Run, SensorNoise
+from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.source import SensorNoise
 from sindyjoint.workflows.discover import discover
 
 RATE, N = 500.0, 8000

@@ -16,7 +16,7 @@ from sindyjoint.text import spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.workflows.comparison import Comparison
+    from sindyjoint.judgement.comparison import Comparison
 
 
 def inclusion_height(result: Comparison) -> float:

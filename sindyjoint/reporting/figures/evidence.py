@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from sindyjoint.discovery.frequency import FrequencyTest
-    from sindyjoint.workflows.comparison import Comparison
+    from sindyjoint.judgement.comparison import Comparison
 
 # A parameter counts as the same at two frequencies when it differs by less than this.
 EQUIVALENCE = 0.10

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.reporting.figures.check import CheckData, gather_check, kinds_of_check
 from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.provenance import Provenance, provenance
@@ -20,7 +21,6 @@ from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.words import words_of
-from sindyjoint.workflows.discovery import Discovery
 
 BADGES = {"sound": "confirmed", "doubtful": "undecided", "unsound": "refuted"}
 HEADLINES = {

@@ -10,6 +10,7 @@ import numpy as np
 
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
+from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.figures.comparison import KINDS
 from sindyjoint.reporting.provenance import Provenance, provenance
@@ -19,10 +20,9 @@ from sindyjoint.reporting.text_table import DASH, TextTable, aligned, csv_text, 
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import quantities, rounded, spelled
-from sindyjoint.workflows.comparison import Comparison
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.comparison import Choice
+    from sindyjoint.judgement.comparison import Choice
 
 
 class ComparisonView(View[Comparison, Comparison]):

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.errors import InputError
+from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.headline import Headline
 from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.data import ReportData, gather
 from sindyjoint.reporting.equation import mathml, symbol_html
@@ -31,8 +33,6 @@ from sindyjoint.reporting.text_table import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import quantities, rounded
-from sindyjoint.workflows.discovery import Discovery
-from sindyjoint.workflows.headline import Headline
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -20,7 +20,7 @@ from sindyjoint.text import percent
 from sindyjoint.workflows.reproduce import Reproduction
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.paper_tables import TableCheck
+    from sindyjoint.judgement.paper_tables import TableCheck
     from sindyjoint.workflows.reproduce import JointReproduction
 
 WIDTH = 118  # characters, for the widest of the tables

@@ -9,8 +9,8 @@ import numpy as np
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError
-from sindyjoint.workflows.comparison import Choice
-from sindyjoint.workflows.discovery import Discovery
+from sindyjoint.judgement.comparison import Choice
+from sindyjoint.judgement.discovery import Discovery
 
 
 def add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:

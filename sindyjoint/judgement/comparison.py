@@ -7,11 +7,11 @@ from typing import Any
 
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import summarize
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.workflows.discovery import Discovery
 
 SCHEMA = 1
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
+from sindyjoint.judgement.headline import Excitations, Headline, is_of_the_paper, make_headline
+from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.record import Campaign
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
-from sindyjoint.workflows.headline import Excitations, Headline, is_of_the_paper, make_headline
-from sindyjoint.workflows.verdict import Verdict, unjudged
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sindyjoint.judgement.paper_tables import check_tables, half_unit, table_findings
 from sindyjoint.mechanics import laws
 from sindyjoint.paper import FREQUENCIES, INTER_PANEL, PANEL_ROOT, PULSE, SYMBOLS, TABLES
-from sindyjoint.workflows.paper_tables import check_tables, half_unit, table_findings
 
 SOURCE = Path(__file__).parents[3] / "shared" / "paper" / "tables.toml"
 

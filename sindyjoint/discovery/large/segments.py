@@ -16,14 +16,15 @@ import numpy as np
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.discovery.passes import Segment, largest_of, pass_over
+from sindyjoint.discovery.large.passes import Segment, largest_of, pass_over
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, run_factors
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.files.campaign import FEWEST, load_segment
 from sindyjoint.parallel import Executor
-from sindyjoint.record import Campaign, LongRecord
+from sindyjoint.record import Campaign
+from sindyjoint.source import LongRecord
 from sindyjoint.states import ForceStates, force_states, regression_rows
 from sindyjoint.states.rows import group_labels
 

@@ -6,8 +6,8 @@ import pytest
 
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
+from sindyjoint.judgement.headline import Excitations, is_of_the_paper, make_headline
 from sindyjoint.record import Joint
-from sindyjoint.workflows.headline import Excitations, is_of_the_paper, make_headline
 
 WHOLE = Excitations((3.0, 4.0, 5.0), ("low", "mid", "high"), 9)
 

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
+from sindyjoint.judgement.policy import POLICY
 from sindyjoint.paper import JOINTS
 from sindyjoint.text import list_some, percent, quantities, spelled
-from sindyjoint.workflows.policy import POLICY
 
 Colour = Literal["good", "fair", "poor"]
 _ORDER: tuple[Colour, ...] = ("good", "fair", "poor")

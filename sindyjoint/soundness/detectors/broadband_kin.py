@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Campaign, Run
+from sindyjoint.soundness.detectors.kin import Rows, find_odd_runs, rows_of_motions, scale_of, solve
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.kin import Rows, find_odd_runs, rows_of_motions, scale_of, solve
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
 from sindyjoint.states.build import force_states

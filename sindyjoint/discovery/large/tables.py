@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.accumulate import FactorSum, Tiles
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
-from sindyjoint.discovery.passes import Segment, largest_of, pass_over, relative
+from sindyjoint.discovery.large.passes import Segment, largest_of, pass_over, relative
 from sindyjoint.discovery.rows import PARTS, SEGMENTS
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
-from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.kin import (
+from sindyjoint.soundness.detectors.kin import (
     Columns,
     Scale,
     flexible_columns,
@@ -19,6 +18,7 @@ from sindyjoint.soundness.kin import (
     scale_of,
     solve,
 )  # fmt: skip
+from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
 

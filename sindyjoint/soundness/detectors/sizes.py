@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.cycle import Cycles, synthesise
+from sindyjoint.soundness.detectors.kin import rows_of, scale_of, solve
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.kin import rows_of, scale_of, solve
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile
 from sindyjoint.soundness.words import Words

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import JointRegressor, discover
+from sindyjoint.judgement.verdict import PAPER_TERMS
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.states import campaign_states, regression_rows
-from sindyjoint.workflows.verdict import PAPER_TERMS
 
 PLAN = {"frequencies": [3, 4, 5], "levels": [0.9, 0.6, 0.35], "noise": 0.01, "random_state": 0}
 

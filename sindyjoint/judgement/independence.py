@@ -10,9 +10,9 @@ from sindyjoint.bias.correction import Bias
 from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.discovery.frequency import FrequencyTest, frequency_test, group_estimates
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
+from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.states import ForceStates
 from sindyjoint.states.rows import group_labels
-from sindyjoint.workflows.discovery import Discovery
 
 
 def frequency_tests(

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.discovery.segments import SampleCount
+from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, pooled_noise, regression_rows
 from sindyjoint.text import in_words_of, quantities, spelled
-from sindyjoint.workflows.policy import POLICY
-from sindyjoint.workflows.verdict import Verdict
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor

@@ -11,11 +11,11 @@ import numpy as np
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
+from sindyjoint.judgement.policy import POLICY
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.text import in_words_of, spelled
-from sindyjoint.workflows.policy import POLICY
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.delay import ChannelDelay
