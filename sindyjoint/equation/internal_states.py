@@ -101,9 +101,9 @@ def _integrate_run(states, motion, parameters, limits, program):
     angle, rate, h, passes, substeps = motion
     n, k = angle.size, program.outputs.size
     # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
-    z, slope, last = np.empty(k), np.empty(k), np.empty(k)
+    z, slope, last, older = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
     for j in range(k):
-        z[j] = last[j] = angle[0] if np.isfinite(limits[j]) else 0.0
+        z[j] = last[j] = older[j] = angle[0] if np.isfinite(limits[j]) else 0.0
     known = parameters.size + program.constants.size
     base = 2 + k + known
     registers = stacked(base + program.operations.shape[0])
@@ -151,6 +151,12 @@ def _integrate_run(states, motion, parameters, limits, program):
             largest = np.max(np.abs(states[j]))
             if abs(z[j] - last[j]) > 1e-7 * largest:
                 settled = False
-            last[j] = z[j]
         if settled and turn > 0:
             break
+        # Of one that forgets slowly three ends of passes tell the limit, as of a geometric series (Aitken 1926).
+        for j in range(k):
+            came, comes = last[j] - older[j], z[j] - last[j]
+            older[j], last[j] = last[j], z[j]
+            if turn % 3 == 2 and abs(comes) < abs(came):
+                value = z[j] + comes * comes / (came - comes)
+                z[j] = last[j] = min(max(value, -limits[j]), limits[j])

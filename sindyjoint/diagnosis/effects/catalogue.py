@@ -122,7 +122,7 @@ class Variant(Form):
 
     def along(self, motion: MeasuredMotion | JoinedMotions, values: Array) -> Array:
         """Return the columns at the kept samples of a motion, or of several, shape (m, n_columns)."""
-        motions = motion if isinstance(motion, JoinedMotions) else JoinedMotions.of([motion])
+        motions = motion if isinstance(motion, JoinedMotions) else motion.joined
         states = self.states_along(motions, values) if self.states else ()
         return self._function(*motions.signals, *states, *map(float, values))
 

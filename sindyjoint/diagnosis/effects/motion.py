@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,11 @@ class MeasuredMotion:
     substeps: int = 1
     follow: int = 1
     lead: tuple[Array, Array] | None = None
+
+    @cached_property
+    def joined(self) -> JoinedMotions:
+        """The motion as columns of an effect see it."""
+        return JoinedMotions.of([self])
 
     def rough(self) -> MeasuredMotion:
         """Return the motion for searching: internal states are integrated in longer steps."""
