@@ -236,7 +236,8 @@ def _gridded(rough: GapRegression, effect: Effect) -> list[_Grid]:
     grids = []
     for variant in effect.variants:
         bounds = variant.bounds(rough.reference)
-        axes = [np.linspace(*np.log(ends), n) for ends, n in zip(bounds, _shape(len(bounds)), strict=True)]
+        ends = zip(*np.log(bounds).T, _shape(len(bounds)), strict=True) if len(bounds) else ()
+        axes = [np.linspace(low, high, n) for low, high, n in ends]
         points = (
             np.array(np.meshgrid(*axes, indexing="ij")).reshape(len(bounds), -1).T
             if axes

@@ -101,10 +101,10 @@ class JoinedMotions:
         Where the followed samples of each motion end.
     timing : tuple of ndarray
         Per motion: s between followed samples, passes, parts of a step.
-    kept : tuple of (ndarray, int)
-        Per motion: its kept samples, and every how-manieth sample is followed.
-    begun : tuple of int
-        How many of the followed samples of each motion are its lead.
+    before : ndarray of int, shape (m,)
+        The followed sample before each kept one.
+    share : ndarray, shape (m,)
+        Of the way from there to the next followed one.
     """
 
     signals: tuple[Array, ...]
@@ -112,8 +112,8 @@ class JoinedMotions:
     rate: Array
     ends: NDArray[np.int64]
     timing: tuple[Array, NDArray[np.int64], NDArray[np.int64]]
-    kept: tuple[tuple[NDArray[np.intp], int], ...]
-    begun: tuple[int, ...]
+    before: NDArray[np.intp]
+    share: Array
 
     @classmethod
     def of(cls, motions: Sequence[MeasuredMotion]) -> JoinedMotions:
@@ -127,18 +127,26 @@ class JoinedMotions:
         leads = [_followed_lead(m) for m in motions]
         angles = [np.append(lead[0], m.angle[:: m.follow]) for lead, m in zip(leads, motions, strict=True)]
         rates = [np.append(lead[1], _followed_rate(m)) for lead, m in zip(leads, motions, strict=True)]
+        ends = np.cumsum([angle.size for angle in angles])
+        places = []
+        for m, end in zip(motions, ends, strict=True):
+            # Past the last followed sample its value holds.
+            last = (m.angle.size - 1) // m.follow
+            places.append(np.minimum(m.keep / m.follow, last) + (end - last - 1))
+        place = np.concatenate(places)
+        before = np.minimum(place.astype(np.intp), ends[-1] - 2)
         return cls(
             signals=tuple(np.concatenate(parts) for parts in zip(*kept, strict=True)),
             angle=np.concatenate(angles),
             rate=np.concatenate(rates),
-            ends=np.cumsum([angle.size for angle in angles]),
+            ends=ends,
             timing=(
                 np.array([m.step * m.follow for m in motions]),
                 np.array([PASSES if m.repeats else 1 for m in motions]),
                 np.array([m.substeps for m in motions]),
             ),
-            kept=tuple((m.keep, m.follow) for m in motions),
-            begun=tuple(lead[0].size for lead in leads),
+            before=before,
+            share=place - before,
         )
 
     def states(self, parameters: Array, limits: Array, program: tuple[Any, ...]) -> Array:
@@ -147,13 +155,8 @@ class JoinedMotions:
 
         integrate: Any = integrate_runs
         states = integrate(self.angle, self.rate, self.ends, self.timing, parameters, limits, program)
-        parts, begin = [], 0
-        for (keep, every), lead, end in zip(self.kept, self.begun, self.ends, strict=True):
-            own = states[:, begin + lead : end]
-            places = every * np.arange(own.shape[1])
-            parts.append(own[:, keep] if every == 1 else np.array([np.interp(keep, places, z) for z in own]))
-            begin = end
-        return np.hstack(parts)
+        here = states[:, self.before]
+        return here + self.share * (states[:, self.before + 1] - here)
 
 
 def _followed_lead(motion: MeasuredMotion) -> tuple[Array, Array]:
