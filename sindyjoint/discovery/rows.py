@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.utils.validation import check_array
 
 from sindyjoint.discovery.accumulate import Base, FactorSum, GramSum, Tiles, accurate
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
@@ -195,6 +194,8 @@ def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float
     """Return the weights of rows as an array; a number weighs every row alike."""
     if sample_weight is None:
         return None
+    from sklearn.utils.validation import check_array
+
     weight = check_array(
         np.full(count, sample_weight) if isinstance(sample_weight, int | float) else sample_weight,
         dtype=np.float64,

@@ -6,6 +6,7 @@ test whose manifest is deleted, on workbooks, on LabVIEW files, and on the publi
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -24,6 +25,20 @@ TOLD = {
              "--set", "force.gain=35.15065188 N/V", "--set", "displacement=qm", "--set", "displacement.unit=m"),
     "friction-damper": ("--set", "mass=0 kg"),
 }  # fmt: skip
+
+
+# Ends what a command said, where one process runs several, and its status behind that.
+END = "\x1e"
+IN_ONE = f"""
+import json, sys
+from sindyjoint.cli import main
+for words in json.loads(sys.argv[1]):
+    try:
+        main(words)
+    except SystemExit as leave:
+        print({END!r}, int(leave.code or 0), {END!r}, sep="", end="", flush=True)
+    print({END!r}, end="", file=sys.stderr)
+"""
 
 
 @dataclass(frozen=True)
@@ -55,19 +70,36 @@ def walk(
     quick: Sequence[str] = (),
 ) -> list[Answered]:
     """Type the commands, one after the other, and return what each said."""
-    answers = []
-    for words in commands(folder, results, told, quick):
-        run = subprocess.run(
-            [sys.executable, "-m", "sindyjoint", *words],
-            capture_output=True,
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-            env={**os.environ, **(env or {})},
-            stdin=subprocess.DEVNULL,
-        )
-        answers.append(Answered(" ".join(["sindyjoint", *words]), run.returncode, run.stdout, run.stderr))
-    return answers
+    return [
+        _typed([sys.executable, "-m", "sindyjoint"], words, env)
+        for words in commands(folder, results, told, quick)
+    ]
+
+
+def walk_in_one(
+    folder: Path, results: Path, env: Mapping[str, str] | None = None, quick: Sequence[str] = ()
+) -> list[Answered]:
+    """Type the commands in one new process, which loads its libraries once, and return what each said."""
+    typed = commands(folder, results, quick=quick)
+    whole = _typed([sys.executable, "-c", IN_ONE], [json.dumps(typed)], env)
+    stdout, stderr = whole.stdout.split(END), whole.stderr.split(END)
+    said = zip(typed, stdout[1::2], stdout[:-1:2], stderr[:-1], strict=True)
+    return [
+        Answered(" ".join(["sindyjoint", *words]), int(status), out, err) for words, status, out, err in said
+    ]
+
+
+def _typed(program: Sequence[str], words: Sequence[str], env: Mapping[str, str] | None) -> Answered:
+    run = subprocess.run(
+        [*program, *words],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+        env={**os.environ, **(env or {})},
+        stdin=subprocess.DEVNULL,
+    )
+    return Answered(" ".join(["sindyjoint", *words]), run.returncode, run.stdout, run.stderr)
 
 
 def without_manifest(source: Path, folder: Path) -> Path:

@@ -1,7 +1,7 @@
 """The first hour, on made and on public data: three commands, no edited line, a report at the end."""
 
 import pytest
-from first_hour import PUBLIC, TOLD, walk, without_manifest
+from first_hour import PUBLIC, TOLD, commands, walk, walk_in_one, without_manifest
 from odd_folders import campaign, labview, workbook  # on the path by first_hour
 
 from sindyjoint.files import write_campaign
@@ -49,11 +49,11 @@ def test_made_data(write, truth, tmp_path):
 @pytest.mark.shared
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction-damper", "emps", "arm-joint"])
-def test_public_data(name, tmp_path):
+def test_public_data(name, tmp_path, sindyjoint):
     if not (PUBLIC / name).is_dir():
         pytest.skip(f"public data {name} is not beside the checkout")
     folder = without_manifest(PUBLIC / name, tmp_path / name)
-    answers = walk(folder, tmp_path / "results", TOLD.get(name, ()))
+    answers = [sindyjoint(*words) for words in commands(folder, tmp_path / "results", TOLD.get(name, ()))]
     assert answers[0].status == 0 and "guessed" not in answers[0].stdout, answers[0].stderr
     assert answers[2].status == 0, answers[2].stderr
     ends_in_a_report([answers[0], answers[0], answers[2]], tmp_path / "results", simulated=False)
@@ -77,7 +77,7 @@ def test_any_terminal(environment, tmp_path):
     )
     write_campaign(made, tmp_path / "tests").unlink()
     quick = ("--library", "paper", "--no-correct")
-    answers = walk(tmp_path / "tests", tmp_path / "results", env=environment, quick=quick)
+    answers = walk_in_one(tmp_path / "tests", tmp_path / "results", environment, quick)
     assert [answer.status for answer in answers] == [0, 0, 0]
     assert all(answer.stderr == "" and "\x1b" not in answer.stdout for answer in answers)
     files = {path.name for path in (tmp_path / "results").iterdir()}
