@@ -102,16 +102,17 @@ def test_many_effects_are_less_likely_than_one_that_nobody_knows():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name, seed",
+    "name, seed, most",
     [
-        ("second_resonance", 1),
-        ("second_resonance", 2),
-        ("relay", 2),
-        ("clipping", 3),
+        ("second_resonance", 1, None),
+        ("second_resonance", 2, 2),
+        ("relay", 2, 2),
+        ("clipping", 3, None),
     ],
 )
-def test_what_is_in_no_catalogue_is_unknown(name, seed):
-    result = diagnose(hide(name, seed).campaign, advise=False)
+def test_what_is_in_no_catalogue_is_unknown(name, seed, most):
+    """Also where the search must end before it has found nothing more."""
+    result = diagnose(hide(name, seed).campaign, advise=False, **({"max_effects": most} if most else {}))
     assert result.verdict == "unknown"
     assert all(step.probability <= 0.5 for step in result.steps)
     assert all("unknown" in dict(step.rivals) for step in result.steps)

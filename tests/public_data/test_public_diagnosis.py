@@ -65,7 +65,10 @@ def test_a_friction_damper_has_a_gap_before_its_friction(public_data):
 
 def test_the_silverbox_has_a_cubic_stiffness(public_data):
     result = diagnose(
-        public_data("silverbox"), base=terms("inertia", "linear_damping", "linear_stiffness"), advise=False
+        public_data("silverbox"),
+        base=terms("inertia", "linear_damping", "linear_stiffness"),
+        max_effects=2,
+        advise=False,
     )
     names = [s.effect for s in result.steps]
     # Its input has a zero error, a quarter of the signal of this record.

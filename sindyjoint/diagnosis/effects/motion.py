@@ -156,7 +156,9 @@ class JoinedMotions:
         integrate: Any = integrate_runs
         states = integrate(self.angle, self.rate, self.ends, self.timing, parameters, limits, program)
         here = states[:, self.before]
-        return here + self.share * (states[:, self.before + 1] - here)
+        # A state that no step can follow is infinite, and its column refused by whoever asked for it.
+        with np.errstate(invalid="ignore"):
+            return here + self.share * (states[:, self.before + 1] - here)
 
 
 def _followed_lead(motion: MeasuredMotion) -> tuple[Array, Array]:
