@@ -217,7 +217,19 @@ def test_the_command_writes_a_page_and_says_what_the_contract_says(capsys, tmp_p
     out = tmp_path / "out"
     with pytest.raises(SystemExit) as leave:
         main(
-            ["diagnose", str(rig), "--model", str(tmp_path / "model.json"), "--out", str(out), "--json", "-q"]
+            [
+                "diagnose",
+                str(rig),
+                "--model",
+                str(tmp_path / "model.json"),
+                "--out",
+                str(out),
+                "--json",
+                "-q",
+                "--no-advice",
+                "--max-effects",
+                "1",
+            ]
         )
     assert not leave.value.code
     told = json.loads(capsys.readouterr().out)
