@@ -108,45 +108,12 @@ def broadband_states(
     InputError
         If the record is too short for the kernel.
     """
-    from scipy.signal import fftconvolve
-
     filtered_angle = noise_before_filter(run.angle, run.moment, run.sample_rate)
-    end = signal_end(run.angle, run.sample_rate, filtered_angle)
-    highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)
-    cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
-    low, first, second = smoothing_kernels(cutoff, run.sample_rate)
-    half = low.size // 2
-    if run.n_samples < 4 * low.size:
-        cutoff = min(WIDEST * run.sample_rate, 72 * run.sample_rate / run.n_samples)
-        low, first, second = smoothing_kernels(cutoff, run.sample_rate)
-        half = low.size // 2
-        if run.n_samples < 3 * low.size:
-            raise InputError(
-                f"{run.label}: {run.n_samples} samples are too few to differentiate; expected at "
-                f"least {3 * low.size}"
-            )
-    edge = 0 if repeated else half
+    cutoff, kernels = _kernels_for(run, bandwidth, filtered_angle)
+    low, first, _ = kernels
+    edge = 0 if repeated else low.size // 2
     middle = slice(edge, run.n_samples - edge)
-
-    def smooth(signal: Array, kernel: Array) -> Array:
-        if repeated:
-            signal = np.concatenate([signal[-half:], signal, signal[:half]])
-        return fftconvolve(signal, kernel, mode="valid")
-
-    angle = smooth(run.angle - run.angle[0], low) + run.angle[0]
-    declared = run.noise
-    angle_noise, angle_measured = motion_noise(run.angle, run.sample_rate, declared.angle)
-    if declared.angle is None and filtered_angle is not None:
-        angle_noise, angle_measured = filtered_angle, True
-    if run.rate is None:
-        # Centred first: a large offset times the kernel's rounding would show in the second derivative.
-        rate, acceleration = (smooth(run.angle - np.mean(run.angle), k) for k in (first, second))
-        rate_noise, acceleration_noise = (angle_noise * float(np.linalg.norm(k)) for k in (first, second))
-        motion_measured = angle_measured
-    else:
-        rate, acceleration = smooth(run.rate, low), smooth(run.rate, first)
-        of_rate, motion_measured = motion_noise(run.rate, run.sample_rate, declared.rate)
-        rate_noise, acceleration_noise = (of_rate * float(np.linalg.norm(k)) for k in (low, first))
+    angle, rate, acceleration = _smooth_motion(run, kernels, repeated)
     if dwells(rate):
         share, guard_periods = POLICY.sticking_rate_share, POLICY.sticking_guard
     else:
@@ -155,12 +122,8 @@ def broadband_states(
         int(np.ceil(guard_periods * run.sample_rate / cutoff)),
         int(POLICY.broadband_guard_limit * _measure_reversal_spacing(rate)),
     )
-    of_moment, moment_measured = moment_noise(run.moment, run.sample_rate, declared.moment)
-    shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
-    filtered = noise_before_filter(run.moment, run.angle, run.sample_rate)
-    if declared.moment is None and filtered is not None:
-        of_moment, moment_measured = filtered, True
-    slowest = rate_limit(rate, rate_noise, share if rate_share is None else rate_share)
+    noise = _noise_floor(run, kernels, filtered_angle)
+    slowest = rate_limit(rate, noise.rate, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
     if run.valid is not None:
         # What the kernel weighs most reaches half a period of the cut-off to either side.
@@ -179,14 +142,7 @@ def broadband_states(
         moving=moving,
         block=np.minimum(np.arange(angle.size) * BLOCKS // angle.size, BLOCKS - 1),
         replicate=None,
-        noise=NoiseFloor(
-            of_moment,
-            angle_noise,
-            rate_noise,
-            acceleration_noise,
-            measured=moment_measured and (declared.moment is not None or not shared),
-            motion_measured=angle_measured and motion_measured and (declared.angle is not None or not shared),
-        ),
+        noise=noise,
         method="broadband",
         bandwidth=cutoff,
         dropped=edge / run.sample_rate,
@@ -195,6 +151,74 @@ def broadband_states(
         slowest=slowest,
         guard=guard,
         lead=None if repeated else _lead(run.angle, low, first),
+    )
+
+
+def _kernels_for(
+    run: Run, bandwidth: float | None, filtered_angle: float | None
+) -> tuple[float, tuple[Array, Array, Array]]:
+    """Return the cut-off of the smoothing kernels, Hz, and the kernels; a short record has a higher one."""
+    end = signal_end(run.angle, run.sample_rate, filtered_angle)
+    highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)
+    cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
+    kernels = smoothing_kernels(cutoff, run.sample_rate)
+    if run.n_samples < 4 * kernels[0].size:
+        cutoff = min(WIDEST * run.sample_rate, 72 * run.sample_rate / run.n_samples)
+        kernels = smoothing_kernels(cutoff, run.sample_rate)
+        least = 3 * kernels[0].size
+        if run.n_samples < least:
+            raise InputError(
+                f"{run.label}: {run.n_samples} samples are too few to differentiate; expected at least {least}"
+            )
+    return cutoff, kernels
+
+
+def _smooth_motion(
+    run: Run, kernels: tuple[Array, Array, Array], repeated: bool
+) -> tuple[Array, Array, Array]:
+    """Return angle, rate and acceleration of a run by convolution."""
+    from scipy.signal import fftconvolve
+
+    low, first, second = kernels
+    half = low.size // 2
+
+    def smooth(signal: Array, kernel: Array) -> Array:
+        if repeated:
+            signal = np.concatenate([signal[-half:], signal, signal[:half]])
+        return fftconvolve(signal, kernel, mode="valid")
+
+    angle = smooth(run.angle - run.angle[0], low) + run.angle[0]
+    if run.rate is not None:
+        return angle, smooth(run.rate, low), smooth(run.rate, first)
+    # Centred first: a large offset times the kernel's rounding would show in the second derivative.
+    centred = run.angle - np.mean(run.angle)
+    return angle, smooth(centred, first), smooth(centred, second)
+
+
+def _noise_floor(run: Run, kernels: tuple[Array, Array, Array], filtered_angle: float | None) -> NoiseFloor:
+    """Return the noise of the moment and of what the kernels make of the angle's, or of the measured rate's."""
+    declared = run.noise
+    angle, angle_measured = motion_noise(run.angle, run.sample_rate, declared.angle)
+    if declared.angle is None and filtered_angle is not None:
+        angle, angle_measured = filtered_angle, True
+    low, first, second = (float(np.linalg.norm(kernel)) for kernel in kernels)
+    if run.rate is None:
+        rate, acceleration, motion_measured = angle * first, angle * second, angle_measured
+    else:
+        of_rate, motion_measured = motion_noise(run.rate, run.sample_rate, declared.rate)
+        rate, acceleration = of_rate * low, of_rate * first
+    of_moment, moment_measured = moment_noise(run.moment, run.sample_rate, declared.moment)
+    shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
+    filtered = noise_before_filter(run.moment, run.angle, run.sample_rate)
+    if declared.moment is None and filtered is not None:
+        of_moment, moment_measured = filtered, True
+    return NoiseFloor(
+        of_moment,
+        angle,
+        rate,
+        acceleration,
+        measured=moment_measured and (declared.moment is not None or not shared),
+        motion_measured=angle_measured and motion_measured and (declared.angle is not None or not shared),
     )
 
 
