@@ -13,6 +13,7 @@ import pytest
 from sindyjoint.cli import main
 from sindyjoint.files import write_campaign
 from sindyjoint.workflows.diagnose import diagnose
+from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_effects import hide
 
 NAMED = [
@@ -22,19 +23,6 @@ NAMED = [
     ("maxwell_branch", 1, {"maxwell_branch", "fractional_damping"}),
     ("channel_delay", 0, {"channel_delay"}),
     ("angle_drift", 1, {"angle_drift"}),
-]
-
-KEYS = [
-    "schema",
-    "verdict",
-    "reason",
-    "gap",
-    "budget",
-    "where",
-    "steps",
-    "advice",
-    "advice_search",
-    "warnings",
 ]
 
 

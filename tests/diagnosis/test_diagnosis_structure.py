@@ -16,6 +16,7 @@ from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
 from sindyjoint.mechanics.rigs import RIG_FOLDER, MeasuredResponse, load_rig
 from sindyjoint.workflows.diagnose import diagnose_structure
+from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_structures import hide
 from tests.made_models import paper_model
 
@@ -40,19 +41,6 @@ HIDDEN = [
     ("dahl", 1, 0.003, {"dahl_friction", "bouc_wen_hysteresis", "lugre_friction", "jenkins_element"}),
 ]
 OWN_NUMBER = {"beam_loss": "delta_eta", "lumped_mass": "delta_m", "dahl": "theta_y"}
-
-KEYS = [
-    "schema",
-    "verdict",
-    "reason",
-    "gap",
-    "budget",
-    "where",
-    "steps",
-    "advice",
-    "advice_search",
-    "warnings",
-]
 
 
 @pytest.mark.slow

@@ -8,13 +8,6 @@ from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states, regression_rows
 from sindyjoint.workflows.discover import discover
 
-PAPER = (
-    "linear_stiffness",
-    "quadratic_stiffness",
-    "cubic_stiffness",
-    "linear_damping",
-    "coulomb_friction",
-)
 TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
 PLAN = dict(frequencies=[3, 4, 5, 6], levels=[0.9, 0.6, 0.35], duration=4.0, noise=0.01, random_state=0)
 

@@ -15,15 +15,9 @@ from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.equation.catalogue import Catalogue, load_catalogue
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.paper import TERMS as IDS
 from sindyjoint.workflows.discover import discover
 
-IDS = (
-    "linear_stiffness",
-    "quadratic_stiffness",
-    "cubic_stiffness",
-    "linear_damping",
-    "coulomb_friction",
-)
 TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
 FEATURES = "the check feeds {} features; a force state has two (angle, rate) or three (with acceleration)"
 EXPECTED_FAILURES = {

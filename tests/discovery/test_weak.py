@@ -8,7 +8,8 @@ from sindyjoint.discovery.crossvalidation import find
 from sindyjoint.discovery.weak import integral_weights, weak_evidence
 from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.mechanics.virtual import virtual_campaign
-from tests.discovery.conftest import PAPER, TRUTH
+from sindyjoint.paper import TERMS as PAPER
+from tests.discovery.conftest import TRUTH
 
 
 def test_integrals_of_a_derivative_are_those_by_parts():
