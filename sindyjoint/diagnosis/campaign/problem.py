@@ -17,6 +17,7 @@ from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.joint_zero import zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
+from sindyjoint.diagnosis.campaign.number_bias import without_bias
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
@@ -206,9 +207,13 @@ class CampaignProblem(Problem):
         return fitted.variant.units(self.work.campaign.joint.motion)
 
     def finished(self) -> Self:
-        """Return the problem with the coefficients of free motion refined on the simulated response."""
+        """Return the problem with its numbers freed of what the processing does to them.
+
+        The coefficients of free motion are refined on the simulated response instead.
+        """
         if not is_free(self.work.campaign):
-            return self
+            unbiased = without_bias(self.work, self.repaired)
+            return self if unbiased is self.repaired else replace(self, repaired=unbiased)
         return replace(
             self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
         )

@@ -84,21 +84,20 @@ def _slice(at: count[int], size: int) -> slice:
 def _joint_covariance(
     runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], adding: Sequence[FittedEffect]
 ) -> Array:
-    shifts = [e for e in effects if e.shifts]
-
-    def jacobian(run: GapRun) -> Array:
-        parts = [all_columns(run, model, adding)]
-        parts += [e.variant.along(run.motion, e.values) for e in shifts]
-        for each in adding:
-            for k in range(each.values.size):
-                parts.append(_slope_by(run, each, k)[:, None])
-        return np.hstack(parts)
-
-    whole = stack(runs, jacobian)
+    whole = stack(runs, lambda run: jacobian(run, model, effects))
     target = np.concatenate([run.white(run.target) for run in runs])
     linear = coefficients_of(model, adding)
     residual = target - whole[:, : linear.size] @ linear
     return scaled_covariance(whole, residual)
+
+
+def jacobian(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the derivative of the moment by every number of a repaired model, in the order of :class:`Numbers`."""
+    adding = [e for e in effects if not e.shifts]
+    parts = [all_columns(run, model, adding)]
+    parts += [e.variant.along(run.motion, e.values) for e in effects if e.shifts]
+    parts += [_slope_by(run, each, k)[:, None] for each in adding for k in range(each.values.size)]
+    return np.hstack(parts)
 
 
 def _slope_by(run: GapRun, effect: FittedEffect, k: int) -> Array:
