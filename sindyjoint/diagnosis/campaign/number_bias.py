@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.diagnosis.campaign.regression import stack
@@ -27,6 +28,8 @@ from sindyjoint.record import Run
 from sindyjoint.response.model_law import with_coefficients
 from sindyjoint.states import ForceStates, force_states
 
+Array = NDArray[np.float64]
+
 # Beyond this share of a number one linear step does not tell what the processing does to it.
 LARGEST = 0.2
 
@@ -35,7 +38,8 @@ def without_bias(work: Work, repaired: Repaired) -> Repaired:
     """Return a repaired model whose numbers are freed of what the processing of repeating runs does to them.
 
     As it is where it has no element, where runs do not repeat, where the simulation does not follow them, or where a
-    number would move by more than a fifth. A share of the correction stays in the errors, as of any correction.
+    number would move by more than a fifth. A share of the correction stays in the errors, as of any correction, and
+    what no change of the numbers takes off the replicate's rows counts as their error.
     """
     model, effects = repaired.model, repaired.effects
     if not any(is_element(e) for e in effects) or not all(row.folded for row in work.rows):
@@ -45,14 +49,16 @@ def without_bias(work: Work, repaired: Repaired) -> Repaired:
         return repaired
     numbers = numbers_of(repaired, work.rows)
     left = np.concatenate([row.white(row.target - modelled(row, model, effects)) for row in rows])
-    moved, _ = least_squares(stack(rows, lambda row: jacobian(row, model, effects)), left)
+    slopes = stack(rows, lambda row: jacobian(row, model, effects))
+    moved, _ = least_squares(slopes, left)
+    remaining = _covariance_of(slopes, left - slopes @ moved)
     shifted = [e.name for e in effects if e.shifts]
     for name in shifted:
         moved[numbers.coefficients[name]] = 0.0
     if np.any(np.abs(moved) > LARGEST * np.abs(numbers.values)):
         return repaired
     values = numbers.values - moved
-    covariance = numbers.covariance + np.outer(moved, moved) * BIAS.uncertain_share**2
+    covariance = numbers.covariance + np.outer(moved, moved) * BIAS.uncertain_share**2 + remaining
     size = len(model.terms)
     later = tuple(
         e
@@ -68,6 +74,14 @@ def without_bias(work: Work, repaired: Repaired) -> Repaired:
         effects=later,
         covariance=covariance,
     )
+
+
+def _covariance_of(slopes: Array, errors: Array) -> Array:
+    """Return the covariance of numbers whose rows err by so much, with unknown sign (White 1980, equation 3)."""
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    inverse = np.linalg.pinv(slopes / size)
+    found: Array = (inverse * errors**2) @ inverse.T / np.outer(size, size)
+    return found
 
 
 def _replicated(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> tuple[GapRun, ...] | None:
