@@ -1,0 +1,112 @@
+"""Run every example and write the guide's gallery: text, picture and output of each.
+
+python docs/write_gallery.py                  # some minutes
+python docs/write_gallery.py 07_diagnose      # only examples whose name begins so; the others stay as they are
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+EXAMPLES = DOCS.parent / "examples"
+PAGE = DOCS / "gallery.md"
+KEPT = DOCS / "gallery"
+
+HEAD = """\
+# Gallery
+
+Every program of `examples/`, with what it prints and draws. Each runs by itself in less than a minute. `docs/write_gallery.py`
+runs them and writes this page; all data are simulated.
+"""
+
+
+def programs() -> list[Path]:
+    """Return the example programs, in order."""
+    return sorted(EXAMPLES.glob("[0-9][0-9]_*.py"))
+
+
+def notebooks() -> list[Path]:
+    """Return the notebooks, the first steps first."""
+    return sorted(EXAMPLES.glob("*.ipynb"), reverse=True)
+
+
+def text_of(program: Path) -> tuple[str, str]:
+    """Return title and description of a program: the first line of its docstring, and the rest without its usage."""
+    parts = (ast.get_docstring(ast.parse(program.read_text(encoding="utf-8"))) or "").split("\n\n")
+    body = [" ".join(part.split()) for part in parts[1:] if not part.strip().startswith("python ")]
+    return parts[0].rstrip("."), "\n\n".join(body)
+
+
+def run(program: Path) -> None:
+    """Run a program and keep what it printed and drew."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, str(program), folder],
+            capture_output=True,
+            encoding="utf-8",
+            env=os.environ | {"PYTHONPATH": str(DOCS.parent), "MPLBACKEND": "agg", "PYTHONIOENCODING": "utf-8"},
+        )
+        if done.returncode:
+            raise SystemExit(f"{program.name} failed:\n{done.stderr}")
+        shutil.copy(Path(folder) / f"{program.stem}.png", KEPT / f"{program.stem}.png")
+    lines = [line for line in done.stdout.splitlines() if not line.startswith("picture:")]
+    (KEPT / f"{program.stem}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def section(program: Path) -> str:
+    """Return the section of a program."""
+    title, body = text_of(program)
+    return f"""\
+({program.stem})=
+## {title}
+
+{body}
+
+![{title}](gallery/{program.stem}.png)
+
+```{{literalinclude}} gallery/{program.stem}.txt
+:language: text
+```
+
+<details><summary><code>examples/{program.name}</code></summary>
+
+```{{literalinclude}} ../examples/{program.name}
+:language: python
+```
+
+</details>
+"""
+
+
+def notebook_section(path: Path) -> str:
+    """Return the entry of a notebook: its title, its first words, and the file."""
+    first = "".join(json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"])
+    title, _, body = first.partition("\n")
+    return f"## Notebook: {title.lstrip('# ')}\n\n{body.strip()}\n\n{{download}}`{path.name} <../examples/{path.name}>`\n"
+
+
+def page() -> str:
+    """Return the page: thumbnails that lead to the sections, then the sections."""
+    thumbnails = "\n".join(
+        f"[![{text_of(program)[0]}](gallery/{program.stem}.png)](#{program.stem})" for program in programs()
+    )
+    grid = f"```{{container}} thumbnails\n{thumbnails}\n```\n"
+    parts = [HEAD, grid, *map(section, programs()), *map(notebook_section, notebooks())]
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    KEPT.mkdir(exist_ok=True)
+    for example in programs():
+        if len(sys.argv) == 1 or example.stem.startswith(tuple(sys.argv[1:])):
+            print(example.name, file=sys.stderr)
+            run(example)
+    PAGE.write_text(page(), encoding="utf-8")
