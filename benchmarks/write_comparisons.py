@@ -1,10 +1,10 @@
-"""Make the guide's page of measured comparisons by running the benchmarks.
+"""Write the comparisons on the guide's page *Measured* by running the benchmarks.
 
     python benchmarks/write_comparisons.py            # all seeds: half an hour of one core
     python benchmarks/write_comparisons.py --size middle    # a fifth of that
     python benchmarks/write_comparisons.py --size quick     # a few seeds each
 
-Every table of ``docs/comparisons.md`` is what a benchmark printed, under the command that printed it.
+Every table between the two marks of ``docs/guide/measured.md`` is what a benchmark printed, under its command.
 """
 
 from __future__ import annotations
@@ -18,15 +18,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "docs" / "comparisons.md"
+PAGE = HERE.parent / "docs" / "guide" / "measured.md"
+BEGIN, END = "<!-- written by benchmarks/write_comparisons.py -->\n", "<!-- end -->\n"
 
-HEAD = """# Measured comparisons
-
-Every table on this page was printed by the command above it; `python benchmarks/write_comparisons.py` makes the page
-anew. Joints, noise and seeds are those of virtual tests: the truth is known, and nobody chose the data.
-
-Made with {versions}. {size}
-"""
+HEAD = "`python benchmarks/write_comparisons.py` writes this section. Made with {versions}. {size}\n"
 SIZES = {
     "full": "All seeds were run.",
     "middle": "Of the seeds a part was run; each command says how many, and the script without `--size` runs all.",
@@ -105,10 +100,11 @@ def main() -> None:
         print(script, *arguments, file=sys.stderr)
         command = " ".join(["python", f"benchmarks/{script}", *arguments])
         text.append(
-            f"## {title}\n\n{what}\n\n```sh\n{command}\n```\n\n```text\n{run(script, arguments)}\n```\n"
+            f"### {title}\n\n{what}\n\n```sh\n{command}\n```\n\n```text\n{run(script, arguments)}\n```\n"
         )
-    PAGE.parent.mkdir(exist_ok=True)
-    PAGE.write_text("\n".join(text), encoding="utf-8")
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    after = rest.partition(END)[2]
+    PAGE.write_text(f"{before}{BEGIN}\n{chr(10).join(text)}\n{END}{after}", encoding="utf-8")
     print(PAGE, file=sys.stderr)
 
 
