@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -23,8 +24,8 @@ KEPT = DOCS / "gallery"
 HEAD = """\
 # Gallery
 
-Every program of `examples/`, with what it prints and draws. Each runs by itself in less than a minute. `docs/write_gallery.py`
-runs them and writes this page; all data are simulated.
+Every program of `examples/`, with what it prints and draws. Each runs by itself in less than a minute.
+`docs/write_gallery.py` runs them and writes this page; all data are simulated.
 """
 
 
@@ -39,10 +40,11 @@ def notebooks() -> list[Path]:
 
 
 def text_of(program: Path) -> tuple[str, str]:
-    """Return title and description of a program: the first line of its docstring, and the rest without its usage."""
+    """Return title and description of a program: its docstring without usage, cut at the first colon or question."""
     parts = (ast.get_docstring(ast.parse(program.read_text(encoding="utf-8"))) or "").split("\n\n")
+    title, rest = re.split(r"(?<=[:?]) ", " ".join(parts[0].split()), maxsplit=1)
     body = [" ".join(part.split()) for part in parts[1:] if not part.strip().startswith("python ")]
-    return parts[0].rstrip("."), "\n\n".join(body)
+    return title.rstrip(":"), "\n\n".join([rest[0].upper() + rest[1:], *body])
 
 
 def run(program: Path) -> None:
@@ -52,7 +54,8 @@ def run(program: Path) -> None:
             [sys.executable, str(program), folder],
             capture_output=True,
             encoding="utf-8",
-            env=os.environ | {"PYTHONPATH": str(DOCS.parent), "MPLBACKEND": "agg", "PYTHONIOENCODING": "utf-8"},
+            env=os.environ
+            | {"PYTHONPATH": str(DOCS.parent), "MPLBACKEND": "agg", "PYTHONIOENCODING": "utf-8"},
         )
         if done.returncode:
             raise SystemExit(f"{program.name} failed:\n{done.stderr}")
@@ -90,15 +93,15 @@ def notebook_section(path: Path) -> str:
     """Return the entry of a notebook: its title, its first words, and the file."""
     first = "".join(json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"])
     title, _, body = first.partition("\n")
-    return f"## Notebook: {title.lstrip('# ')}\n\n{body.strip()}\n\n{{download}}`{path.name} <../examples/{path.name}>`\n"
+    link = f"{{download}}`{path.name} <../examples/{path.name}>`"
+    return f"## Notebook: {title.lstrip('# ')}\n\n{body.strip()}\n\n{link}\n"
 
 
 def page() -> str:
     """Return the page: thumbnails that lead to the sections, then the sections."""
-    thumbnails = "\n".join(
-        f"[![{text_of(program)[0]}](gallery/{program.stem}.png)](#{program.stem})" for program in programs()
-    )
-    grid = f"```{{container}} thumbnails\n{thumbnails}\n```\n"
+    titles = {program.stem: text_of(program)[0] for program in programs()}
+    items = [f"- [![]({KEPT.name}/{name}.png) {title}](#{name})" for name, title in titles.items()]
+    grid = "\n".join(["```{container} thumbnails", *items, "```", ""])
     parts = [HEAD, grid, *map(section, programs()), *map(notebook_section, notebooks())]
     return "\n".join(parts)
 

@@ -21,13 +21,13 @@ PICTURES: dict[str, tuple[str, tuple[tuple[str, float, float], ...]]] = {
     "report-first": (
         ".lead",
         (
-            (".lead .tag", 1.0, 0.0),
-            (".lead .answer", 1.0, 0.2),
-            (".lead .lights", 0.0, 0.5),
+            (".lead .kicker", 0.4, 0.5),
+            (".lead .answer", 1.6, 0.5),
+            (".lead .lights", 0.98, 0.2),
             (".lead .equation", 1.0, 0.5),
-            (".lead .next", 0.0, 0.5),
+            (".lead .next", 0.98, 0.8),
             (".lead .hero svg", 0.97, 0.05),
-            (".lead .facts", 0.37, 0.75),
+            (".lead .facts", 0.3, 0.13),
         ),
     ),
     "report-terms": (
@@ -36,30 +36,30 @@ PICTURES: dict[str, tuple[str, tuple[tuple[str, float, float], ...]]] = {
             ("#terms-table th:nth-child(4)", 0.35, 0.5),
             ("#terms-table th:nth-child(6)", 0.1, 0.5),
             ("#terms-table th:nth-child(7)", 0.1, 0.5),
-            ("#terms .warnings", 0.0, 0.5),
+            ("#terms .warnings", 0.55, 0.15),
         ),
     ),
     "report-map": (
         "#map",
         (
-            ("#map3d select", 1.0, 0.0),
+            ("#map3d .controls", 0.68, 0.5),
             ("#map3d canvas", 0.42, 0.45),
-            ("#map3d canvas", 0.8, 0.2),
+            ("#map3d canvas", 0.72, 0.22),
             ("#figure-map svg", 0.53, 0.06),
-            ("#figure-map svg", 0.1, 0.56),
+            ("#figure-map svg", 0.4, 0.7),
             ("#figure-map svg", 0.79, 0.83),
         ),
     ),
     "report-loops": (
         "#loops2d",
-        (("#loops2d select", 1.0, 0.0), ("#loops2d canvas", 0.14, 0.5), ("#loops2d canvas", 0.6, 0.25)),
+        (("#loops2d .controls", 0.5, 0.5), ("#loops2d canvas", 0.137, 0.72), ("#loops2d canvas", 0.6, 0.17)),
     ),
     "report-residual": (
         "#residual",
         (
-            ("#figure-residual svg", 0.1, 0.1),
-            ("#figure-residual svg", 0.62, 0.08),
-            ("#figure-residual svg", 0.1, 0.6),
+            ("#figure-residual svg", 0.03, 0.02),
+            ("#figure-residual svg", 0.57, 0.02),
+            ("#figure-residual svg", 0.03, 0.52),
         ),
     ),
     "report-choice": (
@@ -68,7 +68,7 @@ PICTURES: dict[str, tuple[str, tuple[tuple[str, float, float], ...]]] = {
             ("#figure-path svg", 0.17, 0.75),
             ("#figure-path svg", 0.78, 0.3),
             ("#figure-coefficients svg", 0.32, 0.2),
-            ("#figure-covariance svg", 0.55, 0.3),
+            ("#figure-covariance svg", 0.74, 0.03),
         ),
     ),
 }
@@ -78,8 +78,9 @@ MARK = """([selector, x, y, number]) => {
     const mark = document.createElement("div");
     mark.textContent = number;
     Object.assign(mark.style, {
-        position: "absolute", zIndex: 99, width: "26px", height: "26px", borderRadius: "50%", font: "bold 16px/26px sans-serif",
-        textAlign: "center", color: "white", background: "#c2185b", boxShadow: "0 0 0 2px white",
+        position: "absolute", zIndex: 99, width: "26px", height: "26px", borderRadius: "50%",
+        font: "bold 16px/26px sans-serif", textAlign: "center", color: "white", background: "#c2185b",
+        boxShadow: "0 0 0 2px white",
         left: `${scrollX + box.left + x * box.width - 13}px`, top: `${scrollY + box.top + y * box.height - 13}px`,
     });
     document.body.append(mark);
@@ -98,10 +99,12 @@ def main() -> None:
         page_file = sindyjoint.discover(example()).report(folder) / "report.html"
         chromium = shutil.which("chromium") or playwright.chromium.executable_path
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
-        page = browser.new_page(viewport={"width": 1080, "height": 900}, color_scheme="light", bypass_csp=True)
+        page = browser.new_page(
+            viewport={"width": 1080, "height": 900}, color_scheme="light", bypass_csp=True
+        )
         page.goto(page_file.as_uri())
         page.wait_for_timeout(1000)
-        page.add_style_tag(content=".bar { position: static !important }")
+        page.add_style_tag(content=".bar { position: static !important } section, .widget { padding: 8px }")
         for name, (section, callouts) in PICTURES.items():
             for number, (selector, x, y) in enumerate(callouts, 1):
                 page.evaluate(MARK, [selector, x, y, number])

@@ -2,8 +2,8 @@
 
     python examples/03_custom_terms.py [folder for the picture]
 
-The joint of this virtual test has detents: a moment that is periodic in the angle, which no shipped catalogue holds. With
-the five terms it stays in the residual; a catalogue with one more term finds it.
+The joint of this virtual test has detents: a moment that is periodic in the angle, which no shipped catalogue holds.
+With the five terms it stays in the residual; a catalogue with one more term finds it.
 """
 
 import sys
@@ -60,7 +60,9 @@ for axes, result, title in zip(
 ):
     for state in result.states:
         residual = state.transfer_moment(0.02) - result.model.moment(state.angle, state.rate)
-        axes.plot(1e3 * state.angle[state.moving][::7], residual[state.moving][::7], ".", color="#0072b2", ms=1)
+        axes.plot(
+            1e3 * state.angle[state.moving][::7], residual[state.moving][::7], ".", color="#0072b2", ms=1
+        )
     share = result.model.fitted.residual_rms / result.model.fitted.moment_rms
     axes.set(xlabel="angle, mrad", title=f"{title}: residual {share:.1%}")
     axes.axhline(0, color="0.5", lw=0.8)

@@ -39,7 +39,9 @@ for (name, result), (response, period) in zip(cases.items(), rows, strict=True):
     response.set(xlabel="time, s", ylabel="tip, mm", title=f"{name}: {result.verdict}")
     for half_cycles, style, label in zip(run.oscillations, ("o", "x"), ("measured", "model"), strict=True):
         color = "#0072b2" if label == "measured" else "0.1"
-        period.plot(1e3 * half_cycles.amplitude[1:], 1e3 * half_cycles.period, style, ms=3, color=color, label=label)
+        period.plot(
+            1e3 * half_cycles.amplitude[1:], 1e3 * half_cycles.period, style, ms=3, color=color, label=label
+        )
     period.set(xscale="log", xlabel="amplitude, mm", ylabel="period, ms", title="period over amplitude")
     period.set_xticks([0.1, 0.2, 0.5, 1.0], ["0.1", "0.2", "0.5", "1"])
     period.minorticks_off()

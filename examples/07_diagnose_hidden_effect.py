@@ -26,8 +26,8 @@ for advice in result.advice:
     )
 print(f"hidden was: {result.hidden}")
 
-figure = Figure(figsize=(11, 4.5), layout="constrained")
-left, right = figure.subplots(1, 2, width_ratios=[1.6, 1])
+figure = Figure(figsize=(12, 4.5), layout="constrained")
+left, right = figure.subplots(1, 2, width_ratios=[2, 1])
 result.plot("gap", left)
 result.plot("rivals", right)
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results")

@@ -1,4 +1,4 @@
-"""A four-panel wing with discovered joints: natural frequencies, a transient, and the energy that each joint dissipates.
+"""A four-panel wing with discovered joints: natural frequencies, a transient, and the energy dissipated by each joint.
 
 python examples/08_four_panel_wing.py [folder for the picture]
 """

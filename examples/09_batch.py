@@ -35,7 +35,7 @@ def make_campaigns(folder: Path) -> None:
 
 
 def main() -> None:
-    """Make the campaigns, discover all joints, print which one differs and how the coefficients depend on temperature."""
+    """Make the campaigns, discover all joints, print which one differs and the trends over temperature."""
     with tempfile.TemporaryDirectory() as folder:
         make_campaigns(Path(folder) / "campaigns")
         result = batch(Path(folder) / "campaigns", Path(folder) / "results", "paper")
