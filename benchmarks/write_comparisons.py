@@ -32,10 +32,9 @@ SIZES = {
 PARTS = (
     (
         "pysindy on the same campaigns",
-        "How often exactly the paper's five terms come back, from the same candidates and the same runs. `plain` is "
-        "pysindy as it comes; `oracle` has the best of 31 thresholds picked by someone who knows the answer; `plugged` "
-        "is pysindy with `TermLibrary` and `UniqueShareSTLSQ` on force states, `bare` the same without labels of the "
-        "rows.",
+        "Campaigns with exactly the paper's five terms, from the same candidates and runs. `plain`: pysindy with its "
+        "defaults; `oracle`: the best of 31 thresholds, by the truth; `plugged`: pysindy with `TermLibrary` and "
+        "`UniqueShareSTLSQ` on force states; `bare`: the same without labels of the rows.",
         "bench_pysindy.py",
         {
             "full": ["--seeds", "20", "--joints", "inter-panel", "panel-root", "random"],
@@ -45,7 +44,7 @@ PARTS = (
     ),
     (
         "The paper's averaged map and surface fit",
-        "Errors of the coefficients beside the paper's own way: cells of the map averaged, a surface fitted.",
+        "Errors of the coefficients, compared with the paper's method: averaged cells of the map, a fitted surface.",
         "bench_map_fit.py",
         {
             "full": ["--seeds", "20", "--noise", "0.01"],
@@ -55,7 +54,7 @@ PARTS = (
     ),
     (
         "Recovery of the paper's joints",
-        "How often the five terms, and nothing else, come back, and how far the coefficients are off.",
+        "Campaigns with exactly the five terms, and errors of the coefficients.",
         "bench_recovery_paper.py",
         {
             "full": ["--seeds", "50", "--noise", "0.001", "0.01", "0.05"],
@@ -65,7 +64,7 @@ PARTS = (
     ),
     (
         "Simulation",
-        "Steps of the stick–slip joint and of the rig beside SciPy and OpenSees.",
+        "Time of the stick–slip joint and of the rig, compared with SciPy and OpenSees.",
         "bench_simulation.py",
         {"full": [], "middle": [], "quick": []},
     ),

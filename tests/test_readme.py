@@ -7,8 +7,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = [
@@ -45,28 +43,6 @@ def test_the_extras_that_it_names_exist():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     named = set(re.findall(r'"\.\[(\w+)\]"', README)) | set(re.findall(r"\.\[(\w+)\]", README))
     assert named and named <= set(project["optional-dependencies"])
-
-
-def test_its_campaign_is_one(tmp_path):
-    from sindyjoint.files import load_campaign
-    from sindyjoint.mechanics.virtual import virtual_campaign
-
-    sample = re.search(r"```toml\n(.*?)```", README, re.S)[1]
-    made = virtual_campaign(frequencies=[3, 4, 5], levels=[0.3, 0.55, 0.8], duration=2.0, random_state=0)
-    levels = {"0.3": "low", "0.55": "middle", "0.8": "high"}
-    files = {f"{run.frequency:g}Hz-{levels[run.level]}.csv": run for run in made.runs}
-    for name, run in (files | {"check.csv": files["4Hz-high.csv"]}).items():
-        rows = "\n".join(
-            f"{t},{m},{a}" for t, m, a in zip(run.time, run.moment, 1e3 * run.angle, strict=True)
-        )
-        (tmp_path / name).write_text("time,moment,angle\n" + rows + "\n")
-    (tmp_path / "campaign.toml").write_text(sample, encoding="utf-8")
-    campaign = load_campaign(tmp_path)
-    # Three levels at three frequencies, and a run that is never fitted.
-    excitations = {(run.frequency, run.level) for run in campaign.identification_runs}
-    assert excitations == {(hertz, level) for hertz in (3, 4, 5) for level in levels.values()}
-    assert [run.name for run in campaign.validation_runs] == ["check"]
-    assert campaign.validation_runs[0].angle == pytest.approx(files["4Hz-high.csv"].angle)
 
 
 def test_it_explains_every_field_of_the_record(sindyjoint):

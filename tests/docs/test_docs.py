@@ -207,12 +207,17 @@ def test_the_guide_names_files_that_exist():
 
 
 def test_a_newcomer_gets_there_in_three_commands(tmp_path):
+    from sindyjoint.files import load_campaign
+
     commands = commands_of(START)
     # The first installs: the script that checks everything types it in a fresh clone.
     assert len(commands) <= 3
     assert commands[0] in (ROOT / "README.md").read_text(encoding="utf-8")
     assert "tests/docs/fresh_clone.py" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     write_own_data(START, tmp_path / "hinge")
+    runs = load_campaign(tmp_path / "hinge").runs
+    levels = {"low", "middle", "high"}
+    assert {(run.frequency, run.level) for run in runs} == {(f, each) for f in (3, 4, 5) for each in levels}
     for command in commands[1:]:
         words = shlex.split(command)
         assert words[0] == ".venv/bin/sindyjoint"
