@@ -7,6 +7,7 @@ python docs/write_gallery.py 07_diagnose      # only examples whose name begins 
 from __future__ import annotations
 
 import ast
+import base64
 import json
 import os
 import re
@@ -77,6 +78,7 @@ def section(program: Path) -> str:
 
 ```{{literalinclude}} gallery/{program.stem}.txt
 :language: text
+:class: output
 ```
 
 <details><summary><code>examples/{program.name}</code></summary>
@@ -89,12 +91,36 @@ def section(program: Path) -> str:
 """
 
 
+def keep_outputs(notebook: Path) -> None:
+    """Keep what a notebook, as it is stored, printed, and its last picture."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    outputs = [output for cell in cells for output in cell.get("outputs", ())]
+    printed = ["".join(output["text"]) for output in outputs if output["output_type"] == "stream"]
+    (KEPT / f"{notebook.stem}.txt").write_text("\n".join(printed), encoding="utf-8")
+    for output in outputs:
+        if "image/png" in output.get("data", {}):
+            picture = base64.b64decode("".join(output["data"]["image/png"]))
+            (KEPT / f"{notebook.stem}.png").write_bytes(picture)
+
+
 def notebook_section(path: Path) -> str:
-    """Return the entry of a notebook: its title, its first words, and the file."""
+    """Return the entry of a notebook: its title, its first words, its output, and the file."""
     first = "".join(json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"])
     title, _, body = first.partition("\n")
-    link = f"{{download}}`{path.name} <../examples/{path.name}>`"
-    return f"## Notebook: {title.lstrip('# ')}\n\n{body.strip()}\n\n{link}\n"
+    title = title.lstrip("# ")
+    picture = f"![{title}](gallery/{path.stem}.png)\n\n" if (KEPT / f"{path.stem}.png").exists() else ""
+    return f"""\
+## Notebook: {title}
+
+{body.strip()}
+
+{picture}```{{literalinclude}} gallery/{path.stem}.txt
+:language: text
+:class: output
+```
+
+{{download}}`{path.name} <../examples/{path.name}>`
+"""
 
 
 def page() -> str:
@@ -112,4 +138,6 @@ if __name__ == "__main__":
         if len(sys.argv) == 1 or example.stem.startswith(tuple(sys.argv[1:])):
             print(example.name, file=sys.stderr)
             run(example)
+    for each in notebooks():
+        keep_outputs(each)
     PAGE.write_text(page(), encoding="utf-8")

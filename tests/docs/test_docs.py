@@ -81,6 +81,18 @@ def test_the_api_page_has_every_name_that_a_program_imports(name):
     assert sorted(each for each in imported if f":: {each}\n" not in API) == []
 
 
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_every_campaign_has_three_levels_at_three_frequencies(name):
+    lists = {
+        (keyword.arg, len(keyword.value.elts))
+        for node in ast.walk(PROGRAMS[name])
+        if isinstance(node, ast.Call)
+        for keyword in node.keywords
+        if keyword.arg in ("frequencies", "levels") and isinstance(keyword.value, ast.List | ast.Tuple)
+    }
+    assert {each for each in lists if each[1] < 3} == set()
+
+
 def documented():
     """Names of fields and methods of the classes on the API page."""
     for module, _, name in (
@@ -137,7 +149,7 @@ def test_the_gallery_has_every_example_with_its_picture_and_output():
         assert f"## {gallery.text_of(program)[0]}\n" in page
         assert (DOCS / "gallery" / f"{program.stem}.png").stat().st_size > 10_000
         assert (DOCS / "gallery" / f"{program.stem}.txt").stat().st_size > 50
-    assert {path.stem for path in (DOCS / "gallery").iterdir()} == {path.stem for path in gallery.programs()}
+    assert {path.stem for path in (DOCS / "gallery").iterdir()} == {Path(name).stem for name in examples}
 
 
 def test_the_callouts_of_the_report_are_explained():
