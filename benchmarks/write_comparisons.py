@@ -1,10 +1,10 @@
-"""Make the guide's page of measured comparisons by running the benchmarks.
+"""Write the comparisons on the guide's page *Measured* by running the benchmarks.
 
     python benchmarks/write_comparisons.py            # all seeds: half an hour of one core
     python benchmarks/write_comparisons.py --size middle    # a fifth of that
     python benchmarks/write_comparisons.py --size quick     # a few seeds each
 
-Every table of ``docs/comparisons.md`` is what a benchmark printed, under the command that printed it.
+Every table between the two marks of ``docs/guide/measured.md`` is what a benchmark printed, under its command.
 """
 
 from __future__ import annotations
@@ -18,15 +18,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "docs" / "comparisons.md"
+PAGE = HERE.parent / "docs" / "guide" / "measured.md"
+BEGIN, END = "<!-- written by benchmarks/write_comparisons.py -->\n", "<!-- end -->\n"
 
-HEAD = """# Measured comparisons
-
-Every table on this page was printed by the command above it; `python benchmarks/write_comparisons.py` makes the page
-anew. Joints, noise and seeds are those of virtual tests: the truth is known, and nobody chose the data.
-
-Made with {versions}. {size}
-"""
+HEAD = "`python benchmarks/write_comparisons.py` writes this section. Made with {versions}. {size}\n"
 SIZES = {
     "full": "All seeds were run.",
     "middle": "Of the seeds a part was run; each command says how many, and the script without `--size` runs all.",
@@ -37,10 +32,9 @@ SIZES = {
 PARTS = (
     (
         "pysindy on the same campaigns",
-        "How often exactly the paper's five terms come back, from the same candidates and the same runs. `plain` is "
-        "pysindy as it comes; `oracle` has the best of 31 thresholds picked by someone who knows the answer; `plugged` "
-        "is pysindy with `TermLibrary` and `UniqueShareSTLSQ` on force states, `bare` the same without labels of the "
-        "rows.",
+        "Campaigns with exactly the paper's five terms, from the same candidates and runs. `plain`: pysindy with its "
+        "defaults; `oracle`: the best of 31 thresholds, by the truth; `plugged`: pysindy with `TermLibrary` and "
+        "`UniqueShareSTLSQ` on force states; `bare`: the same without labels of the rows.",
         "bench_pysindy.py",
         {
             "full": ["--seeds", "20", "--joints", "inter-panel", "panel-root", "random"],
@@ -50,7 +44,7 @@ PARTS = (
     ),
     (
         "The paper's averaged map and surface fit",
-        "Errors of the coefficients beside the paper's own way: cells of the map averaged, a surface fitted.",
+        "Errors of the coefficients, compared with the paper's method: averaged cells of the map, a fitted surface.",
         "bench_map_fit.py",
         {
             "full": ["--seeds", "20", "--noise", "0.01"],
@@ -60,7 +54,7 @@ PARTS = (
     ),
     (
         "Recovery of the paper's joints",
-        "How often the five terms, and nothing else, come back, and how far the coefficients are off.",
+        "Campaigns with exactly the five terms, and errors of the coefficients.",
         "bench_recovery_paper.py",
         {
             "full": ["--seeds", "50", "--noise", "0.001", "0.01", "0.05"],
@@ -70,7 +64,7 @@ PARTS = (
     ),
     (
         "Simulation",
-        "Steps of the stick–slip joint and of the rig beside SciPy and OpenSees.",
+        "Time of the stick–slip joint and of the rig, compared with SciPy and OpenSees.",
         "bench_simulation.py",
         {"full": [], "middle": [], "quick": []},
     ),
@@ -105,10 +99,11 @@ def main() -> None:
         print(script, *arguments, file=sys.stderr)
         command = " ".join(["python", f"benchmarks/{script}", *arguments])
         text.append(
-            f"## {title}\n\n{what}\n\n```sh\n{command}\n```\n\n```text\n{run(script, arguments)}\n```\n"
+            f"### {title}\n\n{what}\n\n```sh\n{command}\n```\n\n```text\n{run(script, arguments)}\n```\n"
         )
-    PAGE.parent.mkdir(exist_ok=True)
-    PAGE.write_text("\n".join(text), encoding="utf-8")
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    after = rest.partition(END)[2]
+    PAGE.write_text(f"{before}{BEGIN}\n{chr(10).join(text)}\n{END}{after}", encoding="utf-8")
     print(PAGE, file=sys.stderr)
 
 

@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 project = "sindyjoint"
 author = "The sindyjoint authors"
+copyright = author
 release = version = version_of("sindyjoint")
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
@@ -20,8 +21,12 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_ivar = True
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "_templates"]
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["guide.css"]
+templates_path = ["_templates"]
+html_show_sphinx = False
 # MathML is typeset by the browser: the guide asks nothing of the net.
 html_math_renderer = "mathml"
 html_title = f"sindyjoint {release}"

@@ -22,7 +22,7 @@ print(f"The paper's term set is {found.verdict.verdict}: {found.verdict.reason}.
 figure = Figure(figsize=(10, 4.2), layout="constrained")
 loops, path = figure.subplots(1, 2, width_ratios=[1.25, 1])
 
-# Left: one period of three runs at 4 Hz. While the joint sticks, its moment is no function of its motion.
+# Left: one period of three runs at 4 Hz. While the joint sticks, its moment is no function of angle and rate.
 for state in [state for state in found.states if round(state.frequency) == 4]:
     period = slice(0, round(state.sample_rate / state.frequency) + 1)
     angle, rate, moving = state.angle[period], state.rate[period], state.moving[period]

@@ -1,9 +1,9 @@
-"""Own data: CSV files and a campaign.toml, read, discovered, and held against a run that was kept back.
+"""Data files: CSV files and a campaign.toml, read, discovered, and compared with a run that no fit has used.
 
     python examples/02_own_data.py [folder for the picture]
 
-The files are made here, by a virtual test, the way a data logger would write them: millimetres, microstrain turned
-to newton-metres by a gain, a header, a time column. Put your own files in their place.
+A virtual test makes the files as a data logger would write them: a header, a time column, volts that a gain turns into
+newton-metres, milliradians. Put your files in their place.
 """
 
 import sys
@@ -62,7 +62,7 @@ state = force_states(kept_back)
 measured, model = state.transfer_moment(found.model.inertia), found.model.moment(state.angle, state.rate)
 error = np.sqrt(np.mean((measured - model)[state.moving] ** 2) / np.mean(measured[state.moving] ** 2))
 print(
-    f"run {kept_back.name}, never used for fitting: the model misses {error:.1%} of its moment, noise included"
+    f"run {kept_back.name}, never used for fitting: the residual is {error:.1%} of its RMS moment, noise included"
 )
 
 figure = Figure(figsize=(9, 3.6), layout="constrained")
@@ -79,7 +79,7 @@ axes.set(
     ylim=(-9, 7),
     xlabel="time, s",
     ylabel="transfer moment, N·m",
-    title=f"{kept_back.name}, kept back: {error:.1%} of it missed",
+    title=f"{kept_back.name}, not fitted: residual {error:.1%} of RMS",
 )
 axes.legend(ncols=2, loc="lower center", bbox_to_anchor=(0.5, -0.02), framealpha=1)
 

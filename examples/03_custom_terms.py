@@ -1,9 +1,9 @@
-"""A candidate term of one's own: a catalogue is a TOML file, and it includes the shipped ones.
+"""A new candidate term: a catalogue is a TOML file, and it can include the shipped ones.
 
     python examples/03_custom_terms.py [folder for the picture]
 
-The joint of this virtual test has detents: a moment that comes and goes with the angle, which no shipped catalogue
-knows. The five-term law leaves it in the residual; a catalogue with one more line finds it.
+The joint of this virtual test has detents: a moment that is periodic in the angle, which no shipped catalogue holds.
+With the five terms it stays in the residual; a catalogue with one more term finds it.
 """
 
 import sys
@@ -59,10 +59,12 @@ for axes, result, title in zip(
     figure.subplots(1, 2, sharey=True), (plain, found), ("five terms", "five terms and detents"), strict=True
 ):
     for state in result.states:
-        left = state.transfer_moment(0.02) - result.model.moment(state.angle, state.rate)
-        axes.plot(1e3 * state.angle[state.moving][::7], left[state.moving][::7], ".", color="#0072b2", ms=1)
+        residual = state.transfer_moment(0.02) - result.model.moment(state.angle, state.rate)
+        axes.plot(
+            1e3 * state.angle[state.moving][::7], residual[state.moving][::7], ".", color="#0072b2", ms=1
+        )
     share = result.model.fitted.residual_rms / result.model.fitted.moment_rms
-    axes.set(xlabel="angle, mrad", title=f"{title}: {share:.1%} left")
+    axes.set(xlabel="angle, mrad", title=f"{title}: residual {share:.1%}")
     axes.axhline(0, color="0.5", lw=0.8)
 figure.axes[0].set_ylabel("residual, N·m")
 

@@ -21,7 +21,7 @@ rows = regression_rows(campaign_states(campaign), campaign.joint.inertia)
 every = slice(None, None, 10)  # a tenth of the rows is enough for a picture
 X, y, groups = rows.X[every], rows.y[every], rows.groups[every]  # θ and θ̇, transfer moment, frequency
 
-# A sensor mounted the other way round, put right inside the pipeline, so that it is part of what is validated.
+# A sensor mounted the other way round, corrected inside the pipeline, so that validation covers it.
 turned = Pipeline(
     [("sign", FunctionTransformer(np.negative)), ("joint", JointRegressor("paper", threshold=0.005))]
 )
@@ -48,7 +48,7 @@ for library, colour, marker in zip(grid["library"], ("#0072b2", "#009e73", "#d55
     )
     axes.lines[-1].set_markersize(11 if marker == "o" else 6)
 axes.set(
-    xlabel="threshold: least share of the moment a term carries alone",
+    xlabel="threshold: least unique share of a term",
     ylabel="held-out error, % of RMS moment",
 )
 axes.set_yticks([2, 3, 5, 10, 20], ["2", "3", "5", "10", "20"])

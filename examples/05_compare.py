@@ -1,21 +1,18 @@
-"""Does the answer hang on the method? The same question to every selector, frequency and library.
+"""Does the result depend on the method? The same campaign for several methods, each frequency and each library.
 
     python examples/05_compare.py [folder for the picture]
 
-A square of the picture: that method, frequency or library chose that term. In its first row the area of a square is the
-share of resampled campaigns that choose it: how much of the answer is luck.
+A square in the picture: that method, frequency or library chose that term. In the first row the area of a square is the
+fraction of resampled campaigns in which the term is chosen.
 """
 
 import sys
 from pathlib import Path
 
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.registry import draw
-from sindyjoint.reporting.style import figure_bytes
-from sindyjoint.workflows.compare import compare
+import sindyjoint
 
-campaign = virtual_campaign(frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], duration=4, random_state=5)
-found = compare(campaign, methods=("stlsq", "best_subset", "frols"), replicates=50, random_state=5)
+campaign = sindyjoint.simulate(frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], duration=4, random_state=5)
+found = sindyjoint.compare(campaign, methods=("stlsq", "best_subset", "frols"), replicates=50, random_state=5)
 
 print(found.agreement)
 for choice in (*found.methods, *found.frequencies, *found.libraries):
@@ -26,5 +23,5 @@ for test in found.tests:
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 folder.mkdir(parents=True, exist_ok=True)
-(folder / "05_compare.png").write_bytes(figure_bytes(draw("inclusion", found), "png", dpi=130))
+found.plot("inclusion").savefig(folder / "05_compare.png", dpi=130)
 print(f"picture: {folder / '05_compare.png'}")

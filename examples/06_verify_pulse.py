@@ -1,4 +1,4 @@
-"""Verify a discovered joint in a structure: hit the pulse rig, compare 20 s of its motion with the simulation.
+"""Verify a discovered joint in a structure: a pulse on the rig, and 20 s of its motion compared with the simulation.
 
 python examples/06_verify_pulse.py [folder for the picture]
 """
@@ -10,17 +10,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import sindyjoint
-from sindyjoint.workflows.verify import verify
 
 # The model comes from vibration tests of the joint alone (here virtual ones).
 model = sindyjoint.discover().model
 print(model.equation())
 
 # It takes the joint's place between two beams. The first truth holds nothing that the model lacks; in the second one
-# friction gives way over 50 µrad before it slips, which no test that ignores reversals would show.
+# the friction element deflects by 50 µrad before it slips (presliding).
 cases = {
-    "truth as discovered": verify(model, "pulse-rig", draws=10),
-    "truth with presliding": verify(model, "pulse-rig", draws=10, presliding=5e-5),
+    "truth as discovered": sindyjoint.verify(model, "pulse-rig", draws=10),
+    "truth with presliding": sindyjoint.verify(model, "pulse-rig", draws=10, presliding=5e-5),
 }
 
 figure = Figure(figsize=(10, 6), layout="constrained")
@@ -38,9 +37,11 @@ for (name, result), (response, period) in zip(cases.items(), rows, strict=True):
     )
     response.plot(run.time[early], 1e3 * run.simulated[early], "--", color="0.1", lw=1, label="model")
     response.set(xlabel="time, s", ylabel="tip, mm", title=f"{name}: {result.verdict}")
-    for swings, style, label in zip(run.oscillations, ("o", "x"), ("measured", "model"), strict=True):
+    for half_cycles, style, label in zip(run.oscillations, ("o", "x"), ("measured", "model"), strict=True):
         color = "#0072b2" if label == "measured" else "0.1"
-        period.plot(1e3 * swings.amplitude[1:], 1e3 * swings.period, style, ms=3, color=color, label=label)
+        period.plot(
+            1e3 * half_cycles.amplitude[1:], 1e3 * half_cycles.period, style, ms=3, color=color, label=label
+        )
     period.set(xscale="log", xlabel="amplitude, mm", ylabel="period, ms", title="period over amplitude")
     period.set_xticks([0.1, 0.2, 0.5, 1.0], ["0.1", "0.2", "0.5", "1"])
     period.minorticks_off()

@@ -1,4 +1,4 @@
-"""Diagnose a virtual test in which the seed hid an effect: where the gap lies, what it is, how much smaller it gets.
+"""Diagnose a virtual test with a hidden effect: where the gap lies, which effect causes it, the gap before and after.
 
 python examples/07_diagnose_hidden_effect.py [folder for the picture]
 """
@@ -8,11 +8,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from sindyjoint.reporting.figures.diagnosis import gap_by_step, rivals
-from sindyjoint.workflows.diagnose import diagnose
+import sindyjoint
 
 # The same in one line of a shell: sindyjoint diagnose --random-state 2 --out diagnosis
-result = diagnose(random_state=2)
+result = sindyjoint.diagnose(random_state=2)
 print(f"{result.verdict}: {result.reason}")
 for place in result.where:
     print(f"- {place.words}")
@@ -27,10 +26,10 @@ for advice in result.advice:
     )
 print(f"hidden was: {result.hidden}")
 
-figure = Figure(figsize=(11, 4.5), layout="constrained")
-left, right = figure.subplots(1, 2, width_ratios=[1.6, 1])
-gap_by_step(result, left)
-rivals(result, right)
+figure = Figure(figsize=(12, 4.5), layout="constrained")
+left, right = figure.subplots(1, 2, width_ratios=[2, 1])
+result.plot("gap", left)
+result.plot("rivals", right)
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 folder.mkdir(parents=True, exist_ok=True)
 figure.savefig(folder / "07_diagnose_hidden_effect.png", dpi=110)

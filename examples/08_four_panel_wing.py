@@ -1,4 +1,4 @@
-"""A four-panel wing with a discovered joint at three hinges: frequencies, a transient, and who dissipates it.
+"""A four-panel wing with discovered joints: natural frequencies, a transient, and the energy dissipated by each joint.
 
 python examples/08_four_panel_wing.py [folder for the picture]
 """
@@ -14,7 +14,7 @@ from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.response.model_law import model_law
 
-# Two joints are tested alone; what is found of them stands in the wing.
+# Two joints are tested one by one; the models found take their places in the wing.
 laws = {
     name: model_law(sindyjoint.discover(virtual_campaign(name, random_state=0)).model)
     for name in ("inter-panel", "panel-root")
@@ -30,7 +30,7 @@ for mode, (low, high) in enumerate(zip(slipping, locked, strict=True), 1):
 
 response = wing.respond()
 total = response.joint_dissipation.sum() + response.beam_dissipation
-print(f"{1e3 * total:.2f} mJ became heat in {response.time[-1]:.0f} s:")
+print(f"{1e3 * total:.2f} mJ dissipated in {response.time[-1]:.0f} s:")
 parts = dict(zip(response.joints, response.joint_dissipation, strict=True)) | {
     "panels": response.beam_dissipation
 }
@@ -48,7 +48,7 @@ motion.set(
 )
 motion.legend(frameon=False)
 heat.barh(list(parts), [100 * value / total for value in parts.values()], color="#0072b2")
-heat.set(xlabel="share of the dissipated energy, %", title="who dissipates it")
+heat.set(xlabel="share of the dissipated energy, %", title="dissipated energy")
 heat.invert_yaxis()
 for name, angle in zip(response.joints, response.angle, strict=True):
     angles.plot(response.time, 1e6 * angle, lw=1, label=name)

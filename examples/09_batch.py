@@ -1,6 +1,6 @@
-"""Many joints: eight virtual test campaigns at eight temperatures; one joint has a worn damper, and is found.
+"""Many joints: eight virtual campaigns at eight temperatures; the batch finds the joint with half the damping.
 
-Run: python examples/09_batch.py [folder for the picture]
+python examples/09_batch.py [folder for the picture]
 """
 
 import sys
@@ -11,7 +11,6 @@ from pathlib import Path
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.registry import draw
 from sindyjoint.workflows.batch import batch
 
 
@@ -26,8 +25,8 @@ def make_campaigns(folder: Path) -> None:
         campaign = virtual_campaign(
             law,
             drive="displacement",
-            frequencies=(3.0, 5.0),
-            levels=(0.9, 0.5),
+            frequencies=(3.0, 4.0, 5.0),
+            levels=(0.9, 0.6, 0.4),
             duration=3.0,
             random_state=number,
         )
@@ -36,7 +35,7 @@ def make_campaigns(folder: Path) -> None:
 
 
 def main() -> None:
-    """Make the campaigns, discover all joints, tell which one differs and what the temperature does."""
+    """Make the campaigns, discover all joints, print which one differs and the trends over temperature."""
     with tempfile.TemporaryDirectory() as folder:
         make_campaigns(Path(folder) / "campaigns")
         result = batch(Path(folder) / "campaigns", Path(folder) / "results", "paper")
@@ -49,7 +48,7 @@ def main() -> None:
                 f"{trend.coefficient} with the {trend.covariate}: {trend.slope:.3g} per K (p = {trend.p_adjusted:.1g})"
             )
     picture = Path(sys.argv[1] if len(sys.argv) > 1 else ".") / "09_batch.png"
-    draw("joints", result).savefig(picture, dpi=150)
+    result.plot("joints").savefig(picture, dpi=150)
     print(f"run again: {again.kept} of {len(again.records)} campaigns were kept")
 
 

@@ -1,9 +1,9 @@
-"""Are the data sound? A campaign with faults, what the check says of it, and what is left out of the fit.
+"""Are the data sound? A campaign with two faults, the findings of the check, and the samples that no fit uses.
 
     python examples/10_check_data.py [folder for the picture]
 
-The faults are put in here: spikes of a loose cable in one run, an amplifier at the end of its range in another. The
-check finds both, leaves those samples out, and the coefficients stay what they are without the faults.
+The faults are spikes of a loose cable in one run and a saturated amplifier in another. The check finds both and masks
+those samples; the coefficients stay within their standard errors.
 """
 
 import sys
@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 
 import sindyjoint
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.registry import draw
-from sindyjoint.reporting.style import figure_bytes
 
-sound = virtual_campaign(frequencies=[3, 4.5], levels=[0.9, 0.6, 0.4], duration=6, noise=0.01, random_state=5)
+sound = sindyjoint.simulate(
+    frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], duration=6, noise=0.01, random_state=5
+)
 loose, limited, *others = sound.runs
 angle = loose.angle.copy()
 angle[[700, 2300, 4100, 4101]] += 0.05
@@ -47,5 +46,5 @@ for term in found.model.terms:
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 folder.mkdir(parents=True, exist_ok=True)
-(folder / "10_check_data.png").write_bytes(figure_bytes(draw("channels", check), "png", dpi=110))
+check.plot("channels").savefig(folder / "10_check_data.png", dpi=110)
 print(f"picture: {folder / '10_check_data.png'}")

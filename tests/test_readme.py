@@ -7,8 +7,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = [
@@ -47,24 +45,6 @@ def test_the_extras_that_it_names_exist():
     assert named and named <= set(project["optional-dependencies"])
 
 
-def test_its_campaign_is_one(tmp_path):
-    from sindyjoint.files import load_campaign, write_campaign
-    from sindyjoint.mechanics.virtual import virtual_campaign
-
-    sample = re.search(r"```toml\n(.*?)```", README, re.S)[1]
-    made = virtual_campaign(frequencies=[3], levels=[0.4, 0.8], duration=2.0, random_state=0)
-    write_campaign(made, tmp_path / "made")
-    for run, name in zip(made.runs, ("3Hz-low.csv", "3Hz-high.csv"), strict=True):
-        rows = "\n".join(
-            f"{t},{m},{a}" for t, m, a in zip(run.time, run.moment, 1e3 * run.angle, strict=True)
-        )
-        (tmp_path / name).write_text("time,moment,angle\n" + rows + "\n")
-    (tmp_path / "campaign.toml").write_text(sample, encoding="utf-8")
-    campaign = load_campaign(tmp_path)
-    assert [run.use for run in campaign.runs] == ["identify", "validate"]
-    assert campaign.runs[1].angle == pytest.approx(made.runs[1].angle)
-
-
 def test_it_explains_every_field_of_the_record(sindyjoint):
     record = json.loads(sindyjoint("discover", "--json", "--library", "paper").stdout)
     table = README[README.index("| field | meaning |") : README.index("## Python and scikit-learn")]
@@ -95,8 +75,9 @@ def test_its_python_sample_runs(tmp_path):
 def test_links_and_files_exist():
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         assert "://" in target or (ROOT / target).exists(), target
-    for name in ("CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", ".ci/run"):
-        assert (ROOT / name).is_file()
+    for name in ("CITATION.cff", "CODE_OF_CONDUCT.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE"):
+        assert f"({name})" in README and (ROOT / name).is_file(), name
+    assert (ROOT / ".ci" / "run").is_file()
     for folder in re.findall(r"`(libraries|tests|benchmarks|examples)/`", README):
         assert (ROOT / folder).is_dir()
 

@@ -50,7 +50,7 @@ class Step:
     held_out : ndarray, shape (n_runs,)
         Mean squared error of each run under the fit to the other groups; empty with one group.
     group_t_ratios : ndarray, shape (k,)
-        |coefficient| / its jackknife standard error over groups; infinite with fewer than three.
+        absolute coefficient / its jackknife standard error over groups; infinite with fewer than three.
     """
 
     fit: Fit

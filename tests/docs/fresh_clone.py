@@ -49,8 +49,9 @@ def write_own_data(page, folder):
     (manifest,) = blocks(page, "toml")
     folder.mkdir()
     (folder / "campaign.toml").write_text(manifest, encoding="utf-8")
+    levels = {"low": 4e-4, "middle": 5.5e-4, "high": 7e-4}
     for seed, run in enumerate(tomllib.loads(manifest)["run"]):
-        logged(folder / run["file"], run["frequency"], 7e-4 if run["level"] == "high" else 4e-4, seed)
+        logged(folder / run["file"], run["frequency"], levels[run["level"]], seed)
 
 
 def main():

@@ -1,9 +1,13 @@
 """The guide keeps its word: it builds without a warning, commands run, samples load, public names are documented."""
 
+import ast
+import importlib.util
+import json
 import re
 import shlex
 import subprocess
 import sys
+import tempfile
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -47,6 +51,150 @@ def test_no_public_name_is_undocumented(module):
         assert (getattr(home, name).__doc__ or "").strip(), name
 
 
+def programs():
+    """Every Python program that a reader meets: examples, notebooks, samples of README and guide."""
+    for path in sorted((ROOT / "examples").glob("*.py")):
+        yield path.name, path.read_text(encoding="utf-8")
+    for path in sorted((ROOT / "examples").glob("*.ipynb")):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        yield path.name, "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    for page in (ROOT / "README.md", *PAGES):
+        yield page.name, "\n".join(blocks(page.read_text(encoding="utf-8"), "python"))
+
+
+PROGRAMS = {name: ast.parse(text) for name, text in programs()}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_api_page_has_every_name_that_a_program_imports(name):
+    imported = {
+        f"{node.module}.{alias.name}"
+        for node in ast.walk(PROGRAMS[name])
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sindyjoint")
+        for alias in node.names
+    }
+    imported |= {
+        f"sindyjoint.{node.attr}"
+        for node in ast.walk(PROGRAMS[name])
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "sindyjoint"
+    }
+    assert sorted(each for each in imported if f":: {each}\n" not in API) == []
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_every_campaign_has_three_levels_at_three_frequencies(name):
+    lists = {
+        (keyword.arg, len(keyword.value.elts))
+        for node in ast.walk(PROGRAMS[name])
+        if isinstance(node, ast.Call)
+        for keyword in node.keywords
+        if keyword.arg in ("frequencies", "levels") and isinstance(keyword.value, ast.List | ast.Tuple)
+    }
+    assert {each for each in lists if each[1] < 3} == set()
+
+
+def documented():
+    """Names of fields and methods of the classes on the API page."""
+    for module, _, name in (
+        path.rpartition(".") for path in re.findall(r"autoclass:: (\S+)", API) if path.count(".")
+    ):
+        kind = getattr(import_module(module), name)
+        yield from dir(kind)
+        yield from re.findall(r"^ *(\w+)(?:, \w+)* :", kind.__doc__, re.M)
+        yield from getattr(kind, "__dataclass_fields__", ())
+
+
+def foreign():
+    """Names that programs use of Python, NumPy, Matplotlib, scikit-learn and pysindy."""
+    import matplotlib.axes
+    import matplotlib.figure
+    import matplotlib.lines
+    import numpy
+    import pysindy
+    import sklearn.model_selection
+
+    kinds = (Path, str, list, dict, sys, tempfile, json, numpy, numpy.ndarray, matplotlib.axes.Axes)
+    kinds += (matplotlib.figure.Figure, matplotlib.lines.Line2D, pysindy, pysindy.SINDy)
+    kinds += (sklearn.model_selection.GridSearchCV, tempfile.TemporaryDirectory)
+    fitted = {"best_estimator_", "best_params_", "cv_results_"}
+    return fitted.union(*map(dir, kinds))
+
+
+def test_the_api_page_has_every_field_that_a_program_uses():
+    used = {
+        node.attr: name
+        for name, tree in PROGRAMS.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") != "sindyjoint"
+    }
+    known = {*documented(), *foreign()}
+    assert {attribute: name for attribute, name in used.items() if attribute not in known} == {}
+
+
+def written_by(name):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_gallery_has_every_example_with_its_picture_and_output():
+    # After a change of an example: python docs/write_gallery.py
+    gallery = written_by("write_gallery")
+    page = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert page == gallery.page()
+    examples = {path.name for path in (ROOT / "examples").iterdir() if path.suffix in (".py", ".ipynb")}
+    assert {path.name for path in (*gallery.programs(), *gallery.notebooks())} == examples
+    for program in gallery.programs():
+        assert f"## {gallery.text_of(program)[0]}\n" in page
+        assert (DOCS / "gallery" / f"{program.stem}.png").stat().st_size > 10_000
+        assert (DOCS / "gallery" / f"{program.stem}.txt").stat().st_size > 50
+    assert {path.stem for path in (DOCS / "gallery").iterdir()} == {Path(name).stem for name in examples}
+
+
+def test_the_callouts_of_the_report_are_explained():
+    page = (DOCS / "guide" / "report.md").read_text(encoding="utf-8")
+    for name, (_, callouts) in pictures_of_the_report().items():
+        after = page.split(f"images/{name}.png)", 1)[1].split("![", 1)[0]
+        # The list ends at the first line that is no item: a table, text, or a heading.
+        items = re.match(r"\n\n((?:\d+\. .*\n(?:   .*\n)*)+)", after)[1]
+        assert len(re.findall(r"^\d+\. ", items, re.M)) == len(callouts), name
+
+
+def pictures_of_the_report():
+    """Return what the script draws, without importing the browser that it needs."""
+    tree = ast.parse((DOCS / "write_report_pictures.py").read_text(encoding="utf-8"))
+    (value,) = (
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.AnnAssign) and getattr(node.target, "id", "") == "PICTURES"
+    )
+    return ast.literal_eval(value)
+
+
+def test_every_figure_of_the_guide_has_a_command():
+    # Rates of success stand on one page, under the commands that make them.
+    for page in (ROOT / "README.md", *PAGES):
+        text = page.read_text(encoding="utf-8")
+        if page.name not in ("measured.md", "policies.md", "changelog.md"):
+            assert not re.search(r"\d+ of \d+ \|", text), page.name
+    sections = (DOCS / "guide" / "measured.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    for section in sections:
+        assert re.search(r"(python|sindyjoint|tests/|examples/)", section), section.splitlines()[0]
+
+
+def test_the_keys_page_has_every_key():
+    from sindyjoint.files.manifest import manifest_schema
+    from sindyjoint.mechanics.rig_file import RigFile
+
+    page = (DOCS / "guide" / "keys.md").read_text(encoding="utf-8")
+    for schema in (manifest_schema(), RigFile.model_json_schema()):
+        for table in (schema, *schema.get("$defs", {}).values()):
+            for key, field in table.get("properties", {}).items():
+                assert f"| `{key}` |" in page, key
+                assert field.get("description") or "$ref" in str(field), key
+
+
 def test_every_command_has_a_line():
     from sindyjoint.cli.app import app
 
@@ -72,12 +220,17 @@ def test_the_guide_names_files_that_exist():
 
 
 def test_a_newcomer_gets_there_in_three_commands(tmp_path):
+    from sindyjoint.files import load_campaign
+
     commands = commands_of(START)
     # The first installs: the script that checks everything types it in a fresh clone.
     assert len(commands) <= 3
     assert commands[0] in (ROOT / "README.md").read_text(encoding="utf-8")
     assert "tests/docs/fresh_clone.py" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     write_own_data(START, tmp_path / "hinge")
+    runs = load_campaign(tmp_path / "hinge").runs
+    levels = {"low", "middle", "high"}
+    assert {(run.frequency, run.level) for run in runs} == {(f, each) for f in (3, 4, 5) for each in levels}
     for command in commands[1:]:
         words = shlex.split(command)
         assert words[0] == ".venv/bin/sindyjoint"

@@ -51,7 +51,7 @@ def test_every_folder_that_decides_has_a_policy():
         "response",
         "soundness",
         "states",
-        "workflows",
+        "judgement",
     }
     assert needed <= {name.split()[0] for name in POLICIES}
 
