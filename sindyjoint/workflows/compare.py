@@ -100,10 +100,18 @@ def compare(
         raise InputError(
             f"{replicates} replicates and a margin of {margin!r} given; expected at least 10 and a positive one"
         )
+    # Each method has the same seed, whichever is done first.
+    if isinstance(random_state, np.random.Generator):
+        random_state = int(random_state.integers(2**32))
+    clock = _Clock(progress or (lambda stage: None))
     with spread(jobs, workers, cluster):
-        return _compared(
-            campaign, library, names, libraries, replicates, margin, random_state, progress, options
-        )
+        found = clock.run(
+            "discovering", discover, campaign, library, random_state=random_state, method=names[0],
+            progress=progress, **options,
+        )  # fmt: skip
+        if found.stopped is not None:
+            require_sound(found.stopped)
+        return _compared(found, names, libraries, replicates, margin, random_state, options, clock)
 
 
 def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -116,28 +124,16 @@ def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _compared(
-    campaign: Campaign | str | Path | None,
-    library: Any,
+    found: Discovery,
     names: tuple[str, ...],
     libraries: Sequence[str],
     replicates: int,
     margin: float,
     random_state: Any,
-    progress: Callable[[str], None] | None,
     options: dict[str, Any],
+    clock: _Clock,
 ) -> Comparison:
-    clock = _Clock(progress or (lambda stage: None))
-    # Each method has the same seed, whichever is done first.
-    if isinstance(random_state, np.random.Generator):
-        random_state = int(random_state.integers(2**32))
-    with_time = clock.start("discovering")
-    found = discover(
-        campaign, library, random_state=random_state, method=names[0], progress=progress, **options
-    )
-    if found.stopped is not None:
-        require_sound(found.stopped)
     evidence = found.regressor.evidence_
-    clock.stop(with_time)
     rule: dict[str, Any] = {
         "significance": found.regressor.significance,
         "least_share": found.regressor.least_share_,
@@ -156,15 +152,6 @@ def _compared(
     )
     model, bias = _model(found)
     tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
-    columns = [evidence.ids.index(term) for term in found.model.ids if term in evidence.ids]
-    words = (
-        tuple(
-            in_words_of(found.model.joint.motion, in_words(pair, *_reach(found.model)))
-            for pair in inseparable(evidence, columns)
-        )
-        if columns
-        else ()
-    )
     return Comparison(
         joint=found.campaign.joint.name,
         motion=found.campaign.joint.motion,
@@ -180,7 +167,7 @@ def _compared(
         tests=tests,
         bias=bias,
         model=model,
-        undetermined=words,
+        undetermined=_undetermined(found),
         warnings=(
             *found.warnings,
             *(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
@@ -191,6 +178,14 @@ def _compared(
     )
 
 
+def _undetermined(found: Discovery) -> tuple[str, ...]:
+    """Return in words which terms of the model the runs cannot tell apart."""
+    evidence, model = found.regressor.evidence_, found.model
+    columns = [evidence.ids.index(term) for term in model.ids if term in evidence.ids]
+    pairs = inseparable(evidence, columns) if columns else ()
+    return tuple(in_words_of(model.joint.motion, in_words(pair, *_reach(model))) for pair in pairs)
+
+
 class _Clock:
     """Names the stages as they begin and keeps the time that each takes."""
 
@@ -198,17 +193,11 @@ class _Clock:
         self.say = say
         self.seconds: dict[str, float] = {}
 
-    def start(self, stage: str) -> tuple[str, float]:
-        self.say(stage)
-        return stage, time.perf_counter()
-
-    def stop(self, started: tuple[str, float]) -> None:
-        self.seconds[started[0]] = time.perf_counter() - started[1]
-
     def run(self, stage: str, work: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        started = self.start(stage)
+        self.say(stage)
+        started = time.perf_counter()
         result = work(*arguments, **options)
-        self.stop(started)
+        self.seconds[stage] = time.perf_counter() - started
         return result
 
 
