@@ -52,7 +52,7 @@ ALLOWED = {
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "batch": EXPLAINS,
-    "judgement": (DIAGNOSES - {"diagnosis"}) | {"paper"},
+    "judgement": DIAGNOSES | {"paper"},
     "workflows": DIAGNOSES | {"paper", "batch", "judgement", "versions"},
 }
 BELOW_TOP = DIAGNOSES | {"paper", "batch", "judgement", "workflows", "versions"}

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 DASH = "–"
 # What begins with a digit, a sign or an estimate's "about": 5910 ± 40, −2 %, < 0.1.
 FIGURE = re.compile(r"[-−+±<>≤≥~≈(\[]?\s*[-−+]?\s*[.\d∞]")
+LEAST_WORDS = 12  # characters of a column of words that is broken into lines
 WIDTH = 100  # characters, where no terminal says how wide it is
 LATEX = {
     "&": r"\&",
@@ -184,6 +185,17 @@ def print_whole(table: Table, console: Console) -> None:
     Console(
         width=max(console.width, natural_width(table, console)), highlight=False, force_jupyter=False
     ).print(table)
+
+
+def print_wrapped(table: Table, console: Console) -> None:
+    """Print a table whose last column, which holds words, is broken into lines where the screen is narrow."""
+    table.columns[-1].no_wrap = False
+    least = natural_width(table, console) - _widest(table)
+    print_whole(table, console) if least + LEAST_WORDS > console.width else console.print(table)
+
+
+def _widest(table: Table) -> int:
+    return max((len(str(cell)) for cell in table.columns[-1].cells), default=0)
 
 
 def _tex(text: str) -> str:

@@ -15,6 +15,7 @@ from sindyjoint.discovery.crossvalidation import CrossValidation, Fold, Found, c
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.methods import METHODS, NOT_GIVEN
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
+from sindyjoint.discovery.selection import Selection
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel
@@ -175,6 +176,7 @@ def _compared(
         seconds=clock.seconds,
         discovery=found,
         soundness=found.soundness,
+        noise_floor=found.model.fitted.noise_floor / (found.model.fitted.moment_rms or 1.0),
     )
 
 
@@ -231,7 +233,10 @@ def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]
     if np.isfinite(held_out):
         folds = cross_validate(evidence, method=method, random_state=random_state, **rule).folds
         held_out = _sample_error(folds, found.regressor.evidence_)
-    return replace(choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out)
+    # Its residual is one of integrals, which compares with no other.
+    return replace(
+        choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out, residual=float("nan")
+    )
 
 
 def _sample_error(folds: Sequence[Fold], samples: Evidence) -> float:
@@ -265,8 +270,13 @@ def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: s
     )
     return Choice(
         name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path,
-        not_given=NOT_GIVEN[name],
+        not_given=NOT_GIVEN[name], residual=_residual(found.selection, target),
     )  # fmt: skip
+
+
+def _residual(selection: Selection, target: float) -> float:
+    """Return the residual of the chosen model relative to the RMS of what was fitted; NaN without one."""
+    return selection.step.fit.residual_rms / target if selection.step is not None else float("nan")
 
 
 def _terms(found: Found) -> tuple[ChosenTerm, ...]:
@@ -291,7 +301,10 @@ def _frequencies(
     choices = []
     for group in evidence.groups:
         single = find(evidence.only([group]), method, random_state, **rule)
-        choices.append(Choice(group, _terms(single), single.selection.reason, len(single.candidates)))
+        left = _residual(single.selection, evidence.only([group]).target_rms)
+        choices.append(
+            Choice(group, _terms(single), single.selection.reason, len(single.candidates), residual=left)
+        )
     return tuple(choices)
 
 
@@ -319,7 +332,8 @@ def _libraries(
         )
         offered = all(term in regressor.evidence_.ids for term in PAPER_TERMS)
         reason = regressor.selection_result_.reason
-        choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered)
+        left = _residual(regressor.selection_result_, regressor.evidence_.target_rms)
+        choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered, residual=left)
         result.append((choice, {t.id: t.unit for t in regressor.model_.terms}))
     return tuple(result)
 
@@ -342,8 +356,10 @@ def _model(found: Discovery) -> tuple[Choice, dict[str, float]]:
     """Return the main model, and the bias that was taken out of its coefficients."""
     measured = {} if found.bias is None else dict(zip(found.bias.ids, found.bias.pooled, strict=True))
     terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in found.model.terms)
+    fitted = found.model.fitted
+    left = fitted.residual_rms / (fitted.moment_rms or 1.0)
     return (
-        Choice("model", terms, found.reason, len(found.regressor.terms_)),
+        Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left),
         {name: float(value) for name, value in measured.items()},
     )
 
