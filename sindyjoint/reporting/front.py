@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.reporting.registry import draw, drawable, kinds_of, show, view_of
 from sindyjoint.reporting.text_table import TextTable
+from sindyjoint.reporting.trust import NEXT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,9 +32,14 @@ def text_of(result: Any, lines: int = LINES) -> str:
     # A notebook asks for colours, which only a terminal can show.
     text = _COLOURS.sub("", out.getvalue()).rstrip("\n").split("\n")
     if len(text) > lines:
+        # What to do next stands at the end, and stays.
+        last = text[text.index(NEXT) - 1 :] if NEXT in text else []
+        last = last if len(last) < lines // 2 else []
+        more = len(text) - lines + 1
         text = [
-            *text[: lines - 1],
-            f"... and {len(text) - lines + 1} more lines; .report(folder) writes everything",
+            *text[: lines - 1 - len(last)],
+            f"... and {more} more lines; .report(folder) writes everything",
+            *last,
         ]
     return "\n".join(line.rstrip() for line in text)
 

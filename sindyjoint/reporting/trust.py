@@ -9,6 +9,7 @@ from sindyjoint.judgement.headline import Headline
 if TYPE_CHECKING:
     from rich.console import Console
 
+NAMES = 8  # characters
 TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
 
@@ -19,10 +20,10 @@ def print_trust(headline: Headline, console: Console) -> None:
 
     colour, _ = MARKS[headline.colour]
     console.print(f"\n[bold]{TRUST}[/] [{colour}]{headline.answer}[/]")
-    wide = max(len(light.name) for light in headline.lights)
+    wide = max(NAMES, *(len(light.name) for light in headline.lights))
     for light in headline.lights:
         colour, mark = MARKS[light.colour]
-        console.print(f"  [{colour}]{mark:<4}[/]  {light.name:<{wide}}  {escape(light.sentence)}")
+        console.print(f"  [{colour}]{mark:<4}[/] {light.name:<{wide}}  {escape(light.sentence)}")
 
 
 def print_next_steps(headline: Headline, console: Console) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import HOSTILE, ORIGIN, page_html
+from handmade import HOSTILE, ORIGIN, model, page_html
 from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
 from test_reporting_page import read
@@ -54,7 +54,7 @@ def campaign():
 
 def written(result, folder):
     if isinstance(result, Comparison):
-        result = replace(result, discovery=types.SimpleNamespace(campaign=campaign()))
+        result = replace(result, discovery=types.SimpleNamespace(campaign=campaign(), model=model()))
     return write_results(result, folder, "sindyjoint made by hand", 3)
 
 

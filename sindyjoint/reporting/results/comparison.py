@@ -125,9 +125,9 @@ class ComparisonView(View[Comparison, Comparison]):
                 )
                 for t in result.tests
             ]
-            columns = ("over the tested band", "trend", "at most", "p", "answer")
+            heads = ("over the tested band", "trend", "at most", "p", "answer")
             console.print()
-            print_wrapped(terminal_table(columns, rows, "lrrrl"), console)
+            print_wrapped(terminal_table(heads, rows, "lrrrl"), console)
         for text in (*result.undetermined, *result.warnings):
             console.print(f"- {escape(text)}")
 
