@@ -143,8 +143,8 @@ def frame_of(result: Any) -> Any:
     return pandas.DataFrame.from_records(records)
 
 
-def report(result: Any, folder: str | os.PathLike[str]) -> Path:
+def report(result: Any, folder: str | os.PathLike[str], force: bool) -> Path:
     """Write a result into a folder."""
     from sindyjoint.reporting.output import write_results
 
-    return write_results(result, folder)
+    return write_results(result, folder, force=force)

@@ -44,6 +44,9 @@ _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
 SAVED = {kind: view for view in VIEWS if view.data is not None for kind in (view.kind, *view.formerly)}
 
 
+FOLDERS = tuple(dict.fromkeys(view.folder for view in VIEWS if view.folder))
+
+
 def view_of(result: Any) -> View[Any, Any]:
     """Return the view of a result: that of its type before those of its bases; of one that was stopped, of its check.
 
@@ -52,8 +55,17 @@ def view_of(result: Any) -> View[Any, Any]:
     TypeError
         If it is no result.
     """
-    if getattr(result, "stopped", None) is not None:
-        return _BY_TYPE[Check]
+    return _BY_TYPE[Check] if getattr(result, "stopped", None) is not None else view_of_type(result)
+
+
+def view_of_type(result: Any) -> View[Any, Any]:
+    """Return the view of a result by its type, whatever became of it.
+
+    Raises
+    ------
+    TypeError
+        If it is no result.
+    """
     for kind in type(result).__mro__:
         if kind in _BY_TYPE:
             return _BY_TYPE[kind]

@@ -42,6 +42,8 @@ class View(Generic[R, D]):
         Of the data; ``None`` where nothing is saved and drawn.
     kind : str
         What saved data of this kind are marked with.
+    folder : str
+        Name of this kind among the results of one folder, and of its own folder within where another kind came first.
     formerly : mapping of str to mapping
         Marks of earlier versions, and the fields that each of them stands for.
     kinds : mapping of str to Kind
@@ -65,6 +67,7 @@ class View(Generic[R, D]):
     results: ClassVar[tuple[type, ...]] = ()
     data: ClassVar[type | None] = None
     kind: ClassVar[str] = ""
+    folder: ClassVar[str] = ""
     formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     kinds: ClassVar[Mapping[str, Kind]] = {}
     template: ClassVar[str] = ""

@@ -39,6 +39,7 @@ class BatchView(View[Batch, Batch]):
     data = Batch
     records_key = "campaigns"
     kind = "Batch"
+    folder = "batch"
     kinds = KINDS
     template = "batch.html.j2"
     record_file = "batch.json"

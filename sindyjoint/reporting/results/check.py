@@ -47,6 +47,7 @@ class CheckView(View[Any, CheckData]):
     results = (Check, CheckData)
     data = CheckData
     kind = "Check"
+    folder = "check"
     template = "check.html.j2"
     record_file = "check.json"
     judged_by = ("soundness",)

@@ -45,6 +45,7 @@ class ComparisonView(View[Comparison, Comparison]):
     results = (Comparison,)
     data = Comparison
     kind = "Comparison"
+    folder = "comparison"
     kinds = KINDS
     template = "comparison.html.j2"
     record_file = "comparison.json"

@@ -51,6 +51,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     results = (Diagnosis,)
     data: ClassVar[type] = Diagnosis
     kind = "Diagnosis"
+    folder = "diagnosis"
     formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {"StructureDiagnosis": {"source": "structure"}}
     template = "diagnosis.html.j2"
     record_file = "diagnosis.json"

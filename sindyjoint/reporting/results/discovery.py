@@ -57,6 +57,7 @@ class DiscoveryView(View[Discovery, ReportData]):
     data = ReportData
     records_key = "terms"
     kind = "ReportData"
+    folder = "discovery"
     kinds = KINDS
     template = "discovery.html.j2"
     judged_by = FINDING

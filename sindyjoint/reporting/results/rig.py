@@ -21,6 +21,7 @@ class RigView(View[RigMotion, RigFigures]):
     results = (RigMotion, RigFigures)
     data = RigFigures
     kind = "Rig"
+    folder = "rig"
     kinds = KINDS
     template = "rig.html.j2"
     record_file = "rig.json"

@@ -58,6 +58,7 @@ class VerificationView(View[Verification, Verification]):
     data = Verification
     records_key = "runs"
     kind = "Verification"
+    folder = "verification"
     kinds = KINDS
     template = "verification.html.j2"
     record_file = "verification.json"
@@ -230,6 +231,7 @@ class RefinementView(VerificationView):
     """A model refined on a campaign: its numbers before and after, and what a verification shows."""
 
     results = (RefinedModel,)
+    folder = "refinement"
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
         """Return the numbers before and after in addition to runs and terms."""
