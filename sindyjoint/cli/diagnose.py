@@ -116,7 +116,7 @@ def diagnose(
         )
 
     files = [path for path in (model, campaign) if path is not None and path.exists()]
-    progress = Progress(quiet, verbose, lines=True)
+    progress = Progress(quiet, verbose)
     result = answer(find, out, as_json, progress, random_state, files, force=force)
     raise typer.Exit(0 if result.settled else 1)
 

@@ -187,6 +187,22 @@ def print_whole(table: Table, console: Console) -> None:
     ).print(table)
 
 
+def fitting_blocks(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], width: int
+) -> Iterator[tuple[Sequence[str], list[Sequence[str]]]]:
+    """Yield a table in blocks of columns that fit a width; the first column, of names, begins each of them."""
+    widths = [max(len(cell) for cell in column) + 3 for column in zip(columns, *rows, strict=True)]
+    start = 1
+    while start < len(columns):
+        end, used = start + 1, widths[0] + widths[start]
+        while end < len(columns) and used + widths[end] <= width:
+            used += widths[end]
+            end += 1
+        kept = [0, *range(start, end)]
+        yield [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
+        start = end
+
+
 def print_wrapped(table: Table, console: Console) -> None:
     """Print a table whose last column, which holds words, is broken into lines where the screen is narrow."""
     table.columns[-1].no_wrap = False

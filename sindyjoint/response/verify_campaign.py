@@ -59,7 +59,7 @@ def verify_campaign(
         )
     for states in compared_states(campaign, runs, test.timed):
         run = next(each for each in runs if each.name == states.run)
-        say(f"simulating {run.name}")
+        say(f"simulating runs: {len(results) + 1} of {len(runs)}")
         exceeded = range_warnings(model, states.angle, states.rate, run.name)
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)

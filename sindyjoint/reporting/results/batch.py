@@ -11,24 +11,27 @@ import numpy as np
 
 from sindyjoint.batch.summary import Batch
 from sindyjoint.reporting.figures.batch import KELVIN, KINDS
-from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.reporting.style import pretty_unit, shortened
 from sindyjoint.reporting.tables import superscripted
 from sindyjoint.reporting.text_table import (
     DASH,
     TextTable,
     aligned,
     csv_text,
+    fitting_blocks,
     print_whole,
     terminal,
     terminal_table,
 )
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import rounded, spelled
+from sindyjoint.text import percent, rounded, spelled
 from sindyjoint.workflows.batch import CAMPAIGNS
 
 if TYPE_CHECKING:
     from sindyjoint.batch.record import CampaignRecord
 
+# Characters of a name on a terminal.
+NAME = 24
 STATUS = {"found": "found", "none": "no model", "broken": "broken"}
 
 
@@ -88,10 +91,14 @@ class BatchView(View[Batch, Batch]):
 
     def show(self, result: Batch) -> None:
         """Print the table, what stands out and the trends."""
-        joints = _joints(result)
-        print_whole(terminal_table(joints.columns, joints.rows, "llr", ruled=True), terminal())
+        joints, console = _joints(result), terminal()
+        shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
+        for columns, rows in fitting_blocks(joints.columns, shown, console.width):
+            align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
+            print_whole(terminal_table(columns, rows, align, ruled=True), console)
+            print()
         virtual = ", all of them simulated" if self.simulated(result) else ""
-        print(f"\n{headline(result)}{virtual}")
+        print(f"{headline(result)}{virtual}")
         for difference in result.differences:
             print(f"- {difference.id}: {difference.text}")
         for trend in result.population.trends:
@@ -164,6 +171,8 @@ def _joints(result: Batch) -> TextTable:
         *(["serial"] if serial else []),
         *(["°C"] if temperature else []),
         "",
+        "residual",
+        "floor",
         *units,
     ]
     outlying = {(i, s.coefficient) for s in result.population.scatters for i in s.outliers}
@@ -175,12 +184,24 @@ def _joints(result: Batch) -> TextTable:
             kelvin = record.joint.get("temperature")
             row.append(f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH)
         row.append(STATUS[record.status])
+        row += _shares_of_fit(record)
         for term in result.common:
             value, error = float(result.values[term][i]), float(result.errors[term][i])
             text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
             row.append(f"{text} !" if (i, term) in outlying else text)
         rows.append(tuple(row))
     return TextTable("joints", "All joints", tuple(head), tuple(rows))
+
+
+def _shares_of_fit(record: CampaignRecord) -> tuple[str, str]:
+    """Return residual and noise floor of a campaign's model, of the RMS that was explained."""
+    fit = (record.result or {}).get("fit", {})
+    whole = fit.get("moment_rms")
+    if not whole:
+        return DASH, DASH
+    residual, floor = (fit.get(name) for name in ("residual_rms", "noise_floor"))
+    shares = [DASH if value is None else percent(value / whole) for value in (residual, floor)]
+    return shares[0], "unknown" if floor is None and residual is not None else shares[1]
 
 
 def _scatter(result: Batch) -> TextTable:
