@@ -51,7 +51,8 @@ def verify_campaign(
             "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
         )
     drawn = draw_models(model, draws, generator)
-    results, beyond = [], []
+    results: list[RunVerification] = []
+    beyond: list[str] = []
     if free_run is not None:
         warnings.append(
             f"each run is simulated without restart, its initial state estimated on the first {free_run} samples, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.batch.summary import Batch
-from sindyjoint.reporting.figures.batch import KELVIN, KINDS
+from sindyjoint.reporting.figures.batch import DIAMONDS, KELVIN, KINDS
+from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.style import pretty_unit, shortened
 from sindyjoint.reporting.tables import superscripted
 from sindyjoint.reporting.text_table import (
@@ -29,6 +30,7 @@ from sindyjoint.workflows.batch import CAMPAIGNS
 
 if TYPE_CHECKING:
     from sindyjoint.batch.record import CampaignRecord
+    from sindyjoint.reporting.figures.kind import Kind
 
 # Characters of a name on a terminal.
 NAME = 24
@@ -47,6 +49,13 @@ class BatchView(View[Batch, Batch]):
     template = "batch.html.j2"
     record_file = "batch.json"
     judged_by = (*FINDING, "batch")
+
+    def kinds_of(self, data: Batch) -> Mapping[str, Kind]:
+        """Return the figures; of signs that no joint has, the caption says nothing."""
+        kinds = dict(self.kinds)
+        if not any(scatter.outliers for scatter in data.population.scatters):
+            kinds["joints"] = replace(kinds["joints"], caption=kinds["joints"].caption.removesuffix(DIAMONDS))
+        return kinds
 
     def kept(self, data: Batch) -> Batch:
         """Return it without the result of each campaign, which lies in the folder of the campaign."""
@@ -79,11 +88,17 @@ class BatchView(View[Batch, Batch]):
                     f"of {len(result.population.trends)} looked for, at 5 % over all",
                 ),
             ],
-            "columns": joints.columns,
+            "columns": list(zip(joints.columns, joints.is_text, strict=True)),
+            "marked": any(scatter.outliers for scatter in result.population.scatters),
             "rows": [
                 (_link(record, folder), row) for record, row in zip(result.records, joints.rows, strict=True)
             ],
         }
+
+    def origin(self, result: Batch, command_line: Any, seed: object, files: Any) -> Provenance:
+        """Return the manifests that were read."""
+        manifests = [Path(record.manifest) for record in result.records]
+        return provenance(None, seed, command_line, [*files, *filter(Path.is_file, manifests)])
 
     def files(self, result: Batch, data: Batch) -> dict[str, str]:
         """Return one line per campaign."""

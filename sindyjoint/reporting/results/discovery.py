@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.equation.model import INERTIA
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headline import Headline
@@ -46,6 +47,8 @@ HEADLINES = {
     "undecided": "These data do not decide whether the paper’s five terms describe this joint.",
 }
 NO_MODEL = "No set of terms passed: these data give no model of this joint."
+# Of a joint whose inertia is not declared, and is no term of the model.
+NO_INERTIA = "its load is too small on these runs to be told from the other terms"
 # Steps of a path shown on either side of the chosen one.
 NEIGHBOURS = 3
 
@@ -222,6 +225,8 @@ def _show_fit(result: Discovery, console: Console) -> None:
     what, unit = q.moment.lower(), pretty_unit(q.moment_unit)
     if model.joint.inertia is not None:
         console.print(f"{q.inertia.lower()} {model.joint.inertia:g} {pretty_unit(q.inertia_unit)}, declared")
+    elif model.terms and INERTIA not in model:
+        console.print(f"{q.inertia.lower()}: not declared; looked for and not found: {NO_INERTIA}")
     floor = f"{fitted.noise_floor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
     console.print(
         f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
@@ -292,7 +297,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
     floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
     frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
     inertia = data.model.inertia
-    known = "declared" if data.model.joint.inertia is not None else "identified" if inertia else "not known"
+    known = "declared" if data.model.joint.inertia is not None else "identified"
     facts = [
         (
             f"{q.moment} explained",
@@ -311,7 +316,10 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
             f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
         ),
     ]
-    facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
+    if data.model.joint.inertia is None and INERTIA not in data.model:
+        facts.append((q.inertia, "not found", NO_INERTIA))
+    else:
+        facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
     return facts
 
 

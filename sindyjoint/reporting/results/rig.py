@@ -26,6 +26,10 @@ class RigView(View[RigMotion, RigFigures]):
     template = "rig.html.j2"
     record_file = "rig.json"
 
+    def simulated(self, result: RigMotion | RigFigures) -> bool:
+        """Return True: a rig moves only in a simulation."""
+        return True
+
     def gather(self, result: RigMotion | RigFigures) -> RigFigures:
         """Return what is drawn."""
         return result if isinstance(result, RigFigures) else figures_of(result)
