@@ -33,7 +33,7 @@ ALLOWED = {
     "policy": set(),
     "numeric": set(),
     "source": {"errors"},
-    "record": {"errors", "text", "source"},
+    "record": {"errors", "text", "source", "shown"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
     "threads": set(),

@@ -39,6 +39,11 @@ if TYPE_CHECKING:
     from sindyjoint.judgement.headline import Headline
 
 
+# Of the CSV file, and of a data frame.
+LONG_COLUMNS = ("kind", "name", "term", "chosen", "coefficient", "standard_error", "interval95_low",
+                "interval95_high", "unit")  # fmt: skip
+
+
 class ComparisonView(View[Comparison, Comparison]):
     """A comparison."""
 
@@ -78,6 +83,10 @@ class ComparisonView(View[Comparison, Comparison]):
     def origin(self, result: Comparison, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
         return provenance(result.discovery.campaign, seed, command_line, files)
+
+    def records(self, result: Comparison) -> list[dict[str, Any]]:
+        """Return every choice, term by term, numbers in SI units."""
+        return [dict(zip(LONG_COLUMNS, row, strict=True)) for row in _long_rows(result, float("nan"))]
 
     def files(self, result: Comparison, data: Comparison) -> dict[str, str]:
         """Return the tables as CSV, Markdown and LaTeX."""
@@ -258,7 +267,11 @@ def _folds(result: Comparison) -> TextTable:
 
 def long_csv(result: Comparison) -> str:
     """Return every choice, term by term, as CSV: numbers in full, SI."""
-    numbers = ("coefficient", "standard_error", "interval95_low", "interval95_high")
+    return csv_text(LONG_COLUMNS, _long_rows(result, ""))
+
+
+def _long_rows(result: Comparison, missing: Any) -> list[tuple[Any, ...]]:
+    """Return every choice, term by term; ``missing`` stands for the numbers of a term that was not chosen."""
     groups = {
         "method": result.methods,
         "frequency": result.frequencies,
@@ -270,13 +283,9 @@ def long_csv(result: Comparison) -> str:
         for choice in choices:
             for term in result.shown_ids:
                 held, unit = choice[term], result.units.get(term, "")
-                values = (
-                    (held.coefficient, held.standard_error, *held.interval95)
-                    if held
-                    else ("",) * len(numbers)
-                )
+                values = (held.coefficient, held.standard_error, *held.interval95) if held else (missing,) * 4
                 rows.append((kind, choice.name, term, int(held is not None), *values, unit))
-    return csv_text(("kind", "name", "term", "chosen", *numbers, "unit"), rows)
+    return rows
 
 
 def _markdown(result: Comparison, tables: Sequence[TextTable]) -> str:

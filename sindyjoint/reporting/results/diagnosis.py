@@ -105,6 +105,16 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             model_table(result.whole or result.model),
         )
 
+    def records(self, result: Diagnosis) -> list[dict[str, Any]]:
+        """Return the gaps of the model alone, after each step, and of the noise, as shares."""
+        rows: list[tuple[str, Gap, float]] = [("model alone", result.initial, float("nan"))]
+        rows += [(step.effect, step.gap_after, step.probability) for step in result.steps]
+        rows.append(("noise floor", result.noise_floor, float("nan")))
+        return [
+            {"step": name, "moment_gap": gap.moment, "response_gap": gap.response, "probability": probability}
+            for name, gap, probability in rows
+        ]
+
     def lead(self, result: Diagnosis, data: Diagnosis) -> tuple[str, int]:
         """Return the gap by step."""
         return "gap", 0
