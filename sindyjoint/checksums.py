@@ -2,20 +2,25 @@
 
 It is written last. While new files take the place of old ones its first line says so, and a reader refuses the folder:
 what an interrupted run left, old and new files mixed, is never taken for a result.
+
+Files of one kind of result stand below a line that names it, so that the next result of that kind replaces them all,
+and nothing else. A file that is not listed, or is not as it was written, belongs to the user.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from sindyjoint.documents import check_regular, read_regular
 from sindyjoint.errors import InputError
 
 SUMS = "SHA256SUMS"
 UNFINISHED = "# unfinished: results are being written, or their writing was interrupted"
+KIND = "# results: "
 # The folder of pictures has no list of its own.
 INNER = "figures"
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\x00-\x1f]+)")
@@ -38,10 +43,15 @@ def hash_file(path: Path) -> str:
         return "missing"
 
 
-def sums_text(sums: Mapping[str, str], finished: bool = True) -> str:
-    """Return the text of the list."""
-    lines = [f"{digest}  {name}" for name, digest in sorted(sums.items())]
-    return "\n".join([*([] if finished else [UNFINISHED]), *lines, ""])
+def sums_text(
+    sums: Mapping[str, str], finished: bool = True, kinds: Mapping[str, str] = MappingProxyType({})
+) -> str:
+    """Return the text of the list; ``kinds`` says of which kind of result a file is."""
+    lines = [] if finished else [UNFINISHED]
+    for kind in sorted({kinds.get(name, "") for name in sums}):
+        lines += [f"{KIND}{kind}"] * bool(kind)
+        lines += [f"{digest}  {name}" for name, digest in sorted(sums.items()) if kinds.get(name, "") == kind]
+    return "\n".join([*lines, ""])
 
 
 def read_sums(folder: Path) -> tuple[dict[str, str], bool] | None:
@@ -52,17 +62,63 @@ def read_sums(folder: Path) -> tuple[dict[str, str], bool] | None:
     InputError
         For a list that cannot be read.
     """
-    path = folder / SUMS
-    if not path.is_file():
+    lines = _read_lines(folder)
+    if not lines:
         return None
-    head, *lines = read_regular(path, _LARGEST).decode("utf-8", errors="replace").split("\n")
-    finished = head != UNFINISHED
-    found = [_LINE.fullmatch(line) for line in ([head, *lines] if finished else lines) if line]
+    finished = lines[0] != UNFINISHED
+    found = [
+        _LINE.fullmatch(line) for line in lines if line not in ("", UNFINISHED) and not line.startswith(KIND)
+    ]
     if None in found:
         raise InputError(
-            f"{path}: is no list of hashes; it was changed or damaged: run the command again, or remove it"
+            f"{folder / SUMS}: is no list of hashes; it was changed or damaged: run the command again with --force, or "
+            "in another folder"
         )
     return {match[2]: match[1] for match in found if match}, finished
+
+
+def _read_lines(folder: Path) -> list[str]:
+    """Return the lines of a list; none where there is no list."""
+    path = folder / SUMS
+    return (
+        read_regular(path, _LARGEST).decode("utf-8", errors="replace").split("\n") if path.is_file() else []
+    )
+
+
+def list_kinds(folder: Path) -> dict[str, str]:
+    """Return of which kind of result each file is that a folder lists; empty for a file of no kind."""
+    kinds, kind = {}, ""
+    for line in _read_lines(folder):
+        if line.startswith(KIND):
+            kind = line.removeprefix(KIND)
+        elif match := _LINE.fullmatch(line):
+            kinds[match[2]] = kind
+    return kinds
+
+
+def kind_of_results(folder: Path) -> str:
+    """Return which kind of result with a page stands in a folder itself; empty where none does."""
+    return list_kinds(folder).get("report.html", "")
+
+
+def find_foreign(folder: Path, names: Iterable[str], kind: str = "") -> list[str]:
+    """Return which of some files are there and are not a result of this kind as it was written."""
+    try:
+        known = read_sums(folder)
+    except InputError:
+        known = None
+    sums, finished = known or ({}, True)
+    kinds = list_kinds(folder)
+
+    def is_own(name: str) -> bool:
+        # Of what was interrupted, no hash is known that a file must have.
+        return (
+            kinds.get(name) == kind
+            and name in sums
+            and not (finished and hash_file(folder / name) != sums[name])
+        )
+
+    return [name for name in names if (folder / name).is_file() and not is_own(name)]
 
 
 def check_finished(folder: Path) -> dict[str, str]:
@@ -96,8 +152,8 @@ def read_checked(path: Path, largest: int | None = None) -> bytes:
     expected = known.get(path.relative_to(folder).as_posix())
     if expected is not None and hashlib.sha256(data).hexdigest() != expected:
         raise InputError(
-            f"{path}: is not the file that was written (its hash is not that of {SUMS}); run the command again, or, "
-            f"if the change is meant, put the file into another folder"
+            f"{path}: is not the file that was written (its hash is not that of {SUMS}); run the command again with "
+            f"--force, or, if the change is meant, put the file into another folder"
         )
     return data
 

@@ -69,7 +69,11 @@ class Executor(Protocol):
 
 
 def ordered_map(
-    executor: Executor, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+    executor: Executor,
+    function: Callable[..., R],
+    tasks: Sequence[T],
+    shared: Sequence[Any] = (),
+    done: Callable[[int], None] | None = None,
 ) -> list[R]:
     """Return the results of all tasks in the order of the tasks.
 
@@ -81,6 +85,8 @@ def ordered_map(
     tasks : sequence
     shared : sequence
         First arguments of every task, sent once where that can be.
+    done : callable, optional
+        Called with the number of results after each of them.
 
     Raises
     ------
@@ -94,6 +100,8 @@ def ordered_map(
                 f"task {number + 1} of {len(tasks)} was given up: {result.reason}; give it more memory"
             )
         results[number] = result
+        if done is not None:
+            done(len(results))
     return [results[number] for number in range(len(tasks))]
 
 

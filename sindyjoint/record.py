@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.shown import Shown
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
 from sindyjoint.text import control_character, printable
 
@@ -214,7 +215,7 @@ def _some(runs: tuple[Run, ...]) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign:
+class Campaign(Shown):
     """A joint and its runs.
 
     Parameters

@@ -74,13 +74,24 @@ class Shown:
         """
         return _front().frame_of(self)
 
-    def report(self, folder: str | os.PathLike[str]) -> Path:
+    def report(self, folder: str | os.PathLike[str], force: bool = False) -> Path:
         """Write page, record, tables and figures into a folder, as the command line does with ``--out``.
+
+        Parameters
+        ----------
+        folder : path
+        force : bool
+            Replace files of the same names that were not written so, or were changed since.
+
+        Returns
+        -------
+        Path
+            The folder that they stand in: one within, where results of another kind came first.
 
         Raises
         ------
         OutputError
-            If the folder cannot be written.
+            If the folder cannot be written, or holds other files of these names.
         """
-        path: Path = _front().report(self, folder)
+        path: Path = _front().report(self, folder, force)
         return path

@@ -33,7 +33,7 @@ ALLOWED = {
     "policy": set(),
     "numeric": set(),
     "source": {"errors"},
-    "record": {"errors", "text", "source"},
+    "record": {"errors", "text", "source", "shown"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
     "threads": set(),
@@ -52,7 +52,7 @@ ALLOWED = {
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "batch": EXPLAINS,
-    "judgement": (DIAGNOSES - {"diagnosis"}) | {"paper"},
+    "judgement": DIAGNOSES | {"paper"},
     "workflows": DIAGNOSES | {"paper", "batch", "judgement", "versions"},
 }
 BELOW_TOP = DIAGNOSES | {"paper", "batch", "judgement", "workflows", "versions"}

@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,6 +35,7 @@ def found(campaign):
 @pytest.fixture(scope="module")
 def results(campaign, found):
     return {
+        "simulate": campaign,
         "check": sindyjoint.check(campaign),
         "discover": found,
         "verify": sindyjoint.verify(found.model, campaign, draws=2),
@@ -108,6 +111,28 @@ def test_frames(results):
     assert frame.loc["coulomb_friction", "coefficient"] == term.coefficient
     assert frame.loc["coulomb_friction", "interval95_low"] == term.interval95[0]
     assert len(results["verify"].to_frame()) == 6
+    assert results["simulate"].to_frame()["sample_rate"].dtype == float
+    for name, result in results.items():
+        assert len(result.to_frame().columns) > 3, name
+
+
+def test_a_model_shows_itself(found):
+    assert repr(found.model) == "<JointModel: inter-panel joint, 5 terms>"
+    assert str(found.model).startswith("inter-panel joint: M = I·θ̈ + k1·θ") and "  M_F = 1.8" in str(
+        found.model
+    )
+    assert found.model._repr_latex_() == found._repr_latex_()
+
+
+def test_a_comparison_shows_its_equation_and_its_numbers(found):
+    sys.path.insert(0, str(Path(__file__).parent / "reporting"))
+    from handmade_results import comparison
+
+    made = replace(comparison(), discovery=found)
+    assert "<math" in made._repr_html_() and made._repr_latex_() == found._repr_latex_()
+    frame = made.to_frame()
+    chosen = frame[(frame["kind"] == "method") & (frame["term"] == "linear_stiffness")]
+    assert chosen["coefficient"].tolist() == [5912.0, 5912.0]
 
 
 def test_a_term_by_symbol_and_by_id(found):

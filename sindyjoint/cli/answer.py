@@ -14,6 +14,8 @@ from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import UnsoundError
 
 R = TypeVar("R")
+# What all kinds of result write.
+COMMON = ("report.html", "model.json", "figures/data.json")
 
 
 class Interrupted(Exception):
@@ -27,17 +29,15 @@ def answer(
     progress: Progress,
     seed: object = None,
     files: Sequence[Path | str] = (),
-    written: str = "report: report.html",
+    force: bool = False,
 ) -> R:
-    """Find a result, write it into a folder if one is given, and print it; ``written`` tells of what lies there.
+    """Find a result, write it into a folder if one is given, print it, and tell where its page lies.
 
     Where the data are too much at fault to go on, that is done with their check, and the exit status is 1.
     """
-    from sindyjoint.files.atomic import check_output
-
     if out is not None:
-        check_output(out)
-    stopped = False
+        check_place(out, force)
+    stopped, place = False, None
     with progress:
         # Not before the output is known to be writable: the imports take two seconds.
         result: Any
@@ -45,7 +45,7 @@ def answer(
             result = find(progress)
         except UnsoundError as error:
             result, stopped = error.check, True
-        write(result, out, progress, seed, files)
+        place = write(result, out, progress, seed, files, force)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
@@ -53,9 +53,8 @@ def answer(
         from sindyjoint.reporting.registry import show
 
         show(result)
-        if out is not None and written:
-            label, _, name = written.partition(": ")
-            typer.echo(f"\n{label}: {out / name}")
+        if place is not None:
+            typer.echo(f"\nreport: {place / 'report.html'}")
     if stopped:
         raise typer.Exit(1)
     found: R = result
@@ -63,11 +62,27 @@ def answer(
 
 
 def write(
-    result: Any, out: Path | None, progress: Progress, seed: object = None, files: Sequence[Path | str] = ()
-) -> None:
-    """Write a result into a folder, if one is given."""
-    if out is not None:
-        from sindyjoint.reporting.output import write_results
+    result: Any,
+    out: Path | None,
+    progress: Progress,
+    seed: object = None,
+    files: Sequence[Path | str] = (),
+    force: bool = False,
+) -> Path | None:
+    """Write a result into a folder, if one is given, and return where it stands."""
+    if out is None:
+        return None
+    from sindyjoint.reporting.output import write_results
 
-        progress.say("writing the report")
-        write_results(result, out, ["sindyjoint", *sys.argv[1:]], seed, files)
+    progress.say("writing the report")
+    return write_results(result, out, ["sindyjoint", *sys.argv[1:]], seed, files, force)
+
+
+def check_place(out: Path, force: bool) -> None:
+    """Check before any long work that a folder can be written, and that nothing of the user stands in the way."""
+    from sindyjoint.checksums import kind_of_results
+    from sindyjoint.files.atomic import check_output, refuse_foreign
+
+    check_output(out)
+    if not force:
+        refuse_foreign(out, COMMON, kind_of_results(out))

@@ -10,9 +10,17 @@ from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import Interrupted
+from sindyjoint.cli.answer import Interrupted, check_place
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.options import JOBS, AcceptOption, AsJson, CandidatesOption, Finding, takes_finding
+from sindyjoint.cli.options import (
+    JOBS,
+    AcceptOption,
+    AsJson,
+    CandidatesOption,
+    Finding,
+    ForceOption,
+    takes_finding,
+)
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.text import printable
@@ -47,6 +55,7 @@ def batch(
     jobs: JobsOption = JOBS,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
+    force: ForceOption = False,
     as_json: AsJson = False,
     finding: Finding = Finding(),  # noqa: B008
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of each campaign. [0]")] = None,
@@ -62,8 +71,6 @@ def batch(
 
     Example: sindyjoint batch virtual --out joints --jobs 2
     """
-    from sindyjoint.files.atomic import check_output
-
     if verify_only:
         from sindyjoint.reporting.output import CampaignFiles
         from sindyjoint.workflows.verify_batch import verify_batch
@@ -79,12 +86,15 @@ def batch(
         )
         _tell_faults(faults, out, as_json)
         raise typer.Exit(1 if faults else 0)
-    check_output(out)
+    check_place(out, force)
     with Progress(quiet, verbose) as progress:
         from sindyjoint.batch.record import CampaignRecord
         from sindyjoint.reporting.output import CampaignFiles, write_results
+        from sindyjoint.reporting.places import place_of
         from sindyjoint.reporting.registry import show
         from sindyjoint.workflows.batch import batch as run
+
+        place_of("batch", out)
 
         def tell(record: CampaignRecord) -> None:
             if record.status == "broken" and not quiet:
@@ -108,7 +118,7 @@ def batch(
         except KeyboardInterrupt:
             raise Interrupted("the same command goes on where this one stopped") from None
         progress.say("writing the page")
-        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state)
+        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, force=force)
         progress.tell(result)
     if as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))

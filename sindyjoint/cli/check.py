@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sindyjoint.cli.answer import answer
-from sindyjoint.cli.options import AcceptOption, AsJson, CampaignPath
+from sindyjoint.cli.options import AcceptOption, AsJson, CampaignPath, ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ def check(
         Path | None,
         typer.Option("--out", help="Folder for report.html, check.json, findings.csv and figures."),
     ] = None,
+    force: ForceOption = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -41,5 +42,5 @@ def check(
 
         return run(campaign, tuple(accept or ()), progress=progress.say)
 
-    result = answer(find, out, as_json, Progress(quiet, verbose))
+    result = answer(find, out, as_json, Progress(quiet, verbose), force=force)
     raise typer.Exit(1 if result.stopping else 0)

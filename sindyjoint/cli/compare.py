@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson, CampaignPath
+from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson, CampaignPath, ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
@@ -49,6 +49,7 @@ def compare(
     ] = default_of(COMPARE, "margin"),
     accept: AcceptOption = None,
     align: AlignOption = False,
+    force: ForceOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = default_of(
         COMPARE, "random_state"
@@ -83,5 +84,5 @@ def compare(
             cluster=cluster,
         )
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state)
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, force=force)
     raise typer.Exit(0 if result.model.terms else 1)

@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer, write
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson
+from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson, ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
@@ -76,6 +76,7 @@ def diagnose(
     ] = None,
     accept: AcceptOption = None,
     align: AlignOption = False,
+    force: ForceOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of the virtual test. [0]")] = None,
     jobs: JobsOption = JOBS,
@@ -104,7 +105,7 @@ def diagnose(
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
-            before_advice=lambda result: write(result, out, progress, random_state, files),
+            before_advice=lambda result: write(result, out, progress, random_state, files, force),
             refine=refine,
             random_state=random_state,
             progress=progress.say,
@@ -115,8 +116,8 @@ def diagnose(
         )
 
     files = [path for path in (model, campaign) if path is not None and path.exists()]
-    progress = Progress(quiet, verbose, lines=True)
-    result = answer(find, out, as_json, progress, random_state, files, written="")
+    progress = Progress(quiet, verbose)
+    result = answer(find, out, as_json, progress, random_state, files, force=force)
     raise typer.Exit(0 if result.settled else 1)
 
 

@@ -17,6 +17,7 @@ from sindyjoint.cli.options import (
     CampaignPath,
     CandidatesOption,
     Finding,
+    ForceOption,
     Nuisance,
     takes_finding,
 )
@@ -36,6 +37,7 @@ def discover(
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
     accept: AcceptOption = None,
+    force: ForceOption = False,
     as_json: AsJson = False,
     finding: Finding = Finding(),  # noqa: B008
     correct: Annotated[
@@ -108,7 +110,9 @@ def discover(
             )
 
         files = [path for path in (model, campaign) if path is not None and path.exists()]
-        answered = answer(find_refined, out, as_json, Progress(quiet, verbose), random_state, files)
+        answered = answer(
+            find_refined, out, as_json, Progress(quiet, verbose), random_state, files, force=force
+        )
         raise typer.Exit(0 if answered.refined else 1)
 
     def find(progress: Progress) -> Discovery:
@@ -134,5 +138,5 @@ def discover(
             result = refined(result, kinds)
         return result
 
-    result = answer(find, out, as_json, Progress(quiet, verbose))
+    result = answer(find, out, as_json, Progress(quiet, verbose), force=force)
     raise typer.Exit(0 if result.found else 1)

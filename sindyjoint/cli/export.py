@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from sindyjoint.cli.options import ForceOption
+
 
 def export(
     model: Annotated[
@@ -33,6 +35,7 @@ def export(
         str | None,
         typer.Option("--rig", help="With ansys: rig written around the joint, by name or file. [pulse-rig]"),
     ] = None,
+    force: ForceOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the record of the export as JSON; wants --out.")
     ] = False,
@@ -53,7 +56,7 @@ def export(
         raise InputError("--json is given without --out; say with --out where the files go")
     result = export_model(read_model(model), to, **options)
     if out is not None:
-        paths = write_export(result, out)
+        paths = write_export(result, out, force)
         if as_json:
             record = {**result.to_dict(), "files": [str(path) for path in paths]}
             typer.echo(json.dumps(record, indent=2, allow_nan=False))

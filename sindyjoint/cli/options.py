@@ -75,6 +75,12 @@ AcceptOption = Annotated[
         "--accept", metavar="ID", help="Finding of the check of the data that shall not stop. Repeatable."
     ),
 ]
+ForceOption = Annotated[
+    bool,
+    typer.Option(
+        "--force", help="Replace files in --out that were not written by this command, or were changed since."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
@@ -94,9 +100,9 @@ class Finding:
         float | None,
         typer.Option(help="Least unique share of a term, instead of choosing by evidence."),
     ] = None
-    force: Annotated[list[str] | None, typer.Option("--force", help="Id of a term to keep. Repeatable.")] = (
-        None
-    )
+    require: Annotated[
+        list[str] | None, typer.Option("--require", help="Id of a term to keep. Repeatable.")
+    ] = None
     forbid: Annotated[
         list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
     ] = None
@@ -112,7 +118,7 @@ class Finding:
             "method": self.method,
             "selection": self.selection.value,
             "threshold": self.threshold,
-            "forced": tuple(self.force or ()),
+            "forced": tuple(self.require or ()),
             "forbidden": tuple(self.forbid or ()),
             "states": self.states.value,
             "bandwidth": self.bandwidth,

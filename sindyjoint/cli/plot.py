@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -23,7 +24,10 @@ def plot(
     ],
     kind: Annotated[
         str | None,
-        typer.Argument(metavar="KIND", help="Which figure. Without it: the list of those it can show."),
+        typer.Argument(
+            metavar="KIND",
+            help="Which figure; of one of several results in a folder: diagnosis/gap. Without it: the list.",
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write: .svg, .pdf or .png. [KIND.svg]")
@@ -40,23 +44,53 @@ def plot(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.files.atomic import write_bytes
-    from sindyjoint.reporting.saved import drawing, load_results
+    from sindyjoint.reporting.saved import drawing, list_saved
 
-    target = out if out is not None else Path(f"{kind}.svg")
+    where, _, name = (kind or "").rpartition("/")
+    target = out if out is not None else Path(f"{name or 'figure'}.svg")
     suffix = target.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
         raise InputError(f"--out is {str(target)!r}; expected a name that ends in .svg, .pdf or .png")
-    data = load_results(results)
+    places = list_saved(results) or {"": results}
+    if where and where not in places:
+        known = ", ".join(filter(None, places)) or "none"
+        raise InputError(f"{str(results)!r} holds no results of a {where!r}; expected one of: {known}")
+    if kind is None:
+        for label, place in places.items():
+            _list_figures(place, f"{label}/" if len(places) > 1 else "")
+        return
 
-    from sindyjoint.reporting.registry import draw, drawable, kinds_of
+    from sindyjoint.reporting.registry import draw
     from sindyjoint.reporting.style import figure_bytes
 
-    with drawing(results):
-        names = drawable(data, parts=True)
-        figure = None if kind is None else figure_bytes(draw(kind, data, width), suffix, dpi)
-    if figure is None:
-        longest = max(map(len, names))
-        for name in names:
-            typer.echo(f"{name:<{longest}}  {kinds_of(data)[name].caption}")
-        return
+    place, data = _find_figure(name, {where: places[where]} if where else places)
+    with drawing(place):
+        figure = figure_bytes(draw(name, data, width), suffix, dpi)
     typer.echo(f"wrote {write_bytes(target, figure)}", err=True)
+
+
+def _find_figure(name: str, places: Mapping[str, Path]) -> tuple[Path, Any]:
+    """Return the first result that can show a figure; where none can, the first."""
+    from sindyjoint.reporting.registry import drawable
+    from sindyjoint.reporting.saved import drawing, load_results
+
+    loaded = []
+    for place in places.values():
+        loaded.append((place, load_results(place)))
+        with drawing(place):
+            if name in drawable(loaded[-1][1], parts=True):
+                return loaded[-1]
+    return loaded[0]
+
+
+def _list_figures(place: Path, prefix: str) -> None:
+    """Print the figures that a result can show."""
+    from sindyjoint.reporting.registry import drawable, kinds_of
+    from sindyjoint.reporting.saved import drawing, load_results
+
+    data = load_results(place)
+    with drawing(place):
+        names, kinds = drawable(data, parts=True), kinds_of(data)
+    longest = max(map(len, names))
+    for name in names:
+        typer.echo(f"{prefix}{name:<{longest}}  {kinds[name].caption}")

@@ -1,7 +1,8 @@
-"""What a command says on stderr while it works: a spinner on a terminal, or steps with their times."""
+"""What a command says on stderr while it works: a spinner with the time that remains, or a line for each stage."""
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from types import TracebackType
@@ -19,20 +20,21 @@ Verbose = Annotated[
 
 
 LONG = 3.0
+COUNT = re.compile(r": (\d+) of (\d+)$")
 
 
 class Progress:
-    """Tell of the stages: a spinner where stderr is a terminal, or lines with the time since the start.
+    """Tell of the stages: a spinner where stderr is a terminal, or a line for each with the time since the start.
+
+    Without ``--verbose`` the lines are those of what takes long: none in the first :data:`LONG` seconds. What fails at
+    once then still fails in one line.
 
     Parameters
     ----------
     quiet : bool
         Never show anything.
     verbose : bool
-        A line per stage, terminal or not, and what lies behind the result.
-    lines : bool
-        For commands that may take long: a line per stage where stderr is no terminal, too, but not in the first
-        :data:`LONG` seconds. What fails at once then still fails in one line.
+        A line per stage, terminal or not and from the start, and what lies behind the result.
 
     Raises
     ------
@@ -40,15 +42,16 @@ class Progress:
         If both are given.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False, lines: bool = False):
+    def __init__(self, quiet: bool = False, verbose: bool = False):
         if quiet and verbose:
             raise typer.BadParameter("contradicts --quiet; choose one of them", param_hint="--verbose")
         self._verbose, self._stage = verbose, ""
         self._spins = not quiet and not verbose and sys.stderr.isatty()
-        self._lines = verbose or (lines and not quiet and not self._spins)
+        self._lines = not quiet and not self._spins
         self._silent = 0.0 if verbose else LONG
         self._status: Any = None
         self._start = time.perf_counter()
+        self._first: tuple[str, int, float] = ("", 0, 0.0)
 
     def __enter__(self) -> Progress:
         if self._spins:
@@ -64,14 +67,31 @@ class Progress:
         return self
 
     def say(self, stage: str) -> None:
-        """Name the stage that begins, or after a colon how far it is: of that lines keep what is said first."""
+        """Name the stage that begins, or after a colon how far it is: of that lines keep what is said first.
+
+        Of a stage that counts ("simulating: 3 of 12") a terminal shows how long it will take, by the time so far.
+        """
         if self._status is not None:
-            self._status.update(stage)
+            self._status.update(stage + self._remaining(stage))
             return
         before, self._stage = self._stage, stage.partition(":")[0]
         seconds = time.perf_counter() - self._start
         if self._lines and self._stage != before and seconds >= self._silent:
             print(f"{seconds:7.2f} s  {stage}", file=sys.stderr, flush=True)
+
+    def _remaining(self, stage: str) -> str:
+        """Return how long a stage that counts will take; nothing while that is not known."""
+        count, now = COUNT.search(stage), time.perf_counter()
+        name = stage.partition(":")[0]
+        if count is None:
+            return ""
+        done, planned = int(count[1]), int(count[2])
+        known, first, since = self._first
+        if known != name or done <= first:
+            self._first = (name, done, now)
+            return ""
+        seconds = (now - since) / (done - first) * (planned - done)
+        return f", about {max(seconds, 1):.0f} s more"
 
     def tell(self, result: Any) -> None:
         """Show the numbers behind a result, where that was asked for."""

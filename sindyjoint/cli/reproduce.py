@@ -10,7 +10,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AsJson
+from sindyjoint.cli.options import AsJson, ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def reproduce(
         Path | None,
         typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures."),
     ] = None,
+    force: ForceOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = default_of(
         "workflows.reproduce:reproduce", "random_state"
@@ -47,7 +48,7 @@ def reproduce(
 
         return run(random_state, progress.say)
 
-    answer(find, out, as_json, Progress(quiet, verbose), random_state)
+    answer(find, out, as_json, Progress(quiet, verbose), random_state, force=force)
 
 
 @app.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sindyjoint.cli.answer import answer
-from sindyjoint.cli.options import AsJson
+from sindyjoint.cli.options import AsJson, ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def rig(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for report.html, rig.json, response.csv and figures.")
     ] = None,
+    force: ForceOption = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -43,4 +44,4 @@ def rig(
         return rig_motion(rig, model, progress=progress.say)
 
     files = [path for path in (model, Path(rig)) if path is not None]
-    answer(find, out, as_json, Progress(quiet, verbose), files=files)
+    answer(find, out, as_json, Progress(quiet, verbose), files=files, force=force)

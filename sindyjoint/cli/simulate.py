@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import default_of
+from sindyjoint.cli.options import ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 
@@ -91,6 +92,7 @@ def simulate(
     ] = default_of(TEST, "raw_channels"),
     format: Annotated[_Format, typer.Option(help="Format of the run files.")] = FORMAT,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -134,7 +136,8 @@ def simulate(
         campaign = Campaign(tested, tuple(one.run for one in made), simulated=True)
         channels = [one.raw for one in made] if raw else None
         progress.say("writing the files")
-        manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if raw else None, channels)
+        sensors = SENSOR_RIG if raw else None
+        manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
         progress.tell(campaign)
     if known is not None:
         for one in campaign.runs:

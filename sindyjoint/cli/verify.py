@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AcceptOption, AlignOption, AsJson
+from sindyjoint.cli.options import AcceptOption, AlignOption, AsJson, ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def verify(
     ] = None,
     accept: AcceptOption = None,
     align: AlignOption = False,
+    force: ForceOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of draws and sensor noise.")] = default_of(
         VERIFY, "random_state"
@@ -98,5 +99,5 @@ def verify(
             progress=progress.say,
         )
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (model, against))
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (model, against), force=force)
     raise typer.Exit(0 if result.passed else 1)

@@ -14,6 +14,7 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Joint
+from sindyjoint.text import rounded
 
 if TYPE_CHECKING:
     from sindyjoint.equation.terms import ResolvedTerm
@@ -171,6 +172,19 @@ class JointModel:
         for element in self.elements:
             total = total + element.along(angle, rate, float(step or 0.0))
         return total
+
+    def __repr__(self) -> str:
+        return f"<JointModel: {self.joint.name}, {len(self.terms) + len(self.elements)} terms>"
+
+    def __str__(self) -> str:
+        numbers = (
+            f"  {each.symbol} = {rounded(each.coefficient, each.standard_error)} {each.unit}"
+            for each in self.terms
+        )
+        return "\n".join([f"{self.joint.name}: {self.equation()}", *numbers])
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {self.latex()}$"
 
     def equation(self) -> str:
         """Return the equation as text, with symbols for coefficients, and the rates of internal states behind it."""

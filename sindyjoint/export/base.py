@@ -311,7 +311,7 @@ def not_carried(rows: Sequence[Fidelity]) -> tuple[str, ...]:
     )
 
 
-def write_export(export: Export, out: str | os.PathLike[str]) -> list[Path]:
+def write_export(export: Export, out: str | os.PathLike[str], force: bool = False) -> list[Path]:
     """Write the files of an export, all or none.
 
     Parameters
@@ -320,6 +320,8 @@ def write_export(export: Export, out: str | os.PathLike[str]) -> list[Path]:
     out : path
         A file for an export of one file; a folder for one of several, or for one file under its name when the
         folder exists.
+    force : bool
+        Replace files of a folder that were not written so, or were changed since. A file named by ``out`` is replaced.
 
     Returns
     -------
@@ -329,17 +331,16 @@ def write_export(export: Export, out: str | os.PathLike[str]) -> list[Path]:
     Raises
     ------
     OutputError
-        When the path cannot be written.
+        When the path cannot be written, or a folder holds other files of these names.
     """
     path = Path(out)
     data = {
         name: content.encode("utf-8") if isinstance(content, str) else content
         for name, content in export.files.items()
     }
-    if len(data) == 1:
-        ((name, content),) = data.items()
-        return [write_bytes(path / name if path.is_dir() else path, content)]
-    with output_folder(path) as stage:
+    if len(data) == 1 and not path.is_dir():
+        return [write_bytes(path, *data.values())]
+    with output_folder(path, force=force) as stage:
         for name, content in data.items():
             (stage / name).write_bytes(content)
     return [path / name for name in data]

@@ -13,11 +13,11 @@ import hashlib
 import os
 import shutil
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sindyjoint.checksums import SUMS, read_sums, sums_of, sums_text
+from sindyjoint.checksums import SUMS, find_foreign, list_kinds, read_sums, sums_of, sums_text
 from sindyjoint.errors import InputError, OutputError
 
 try:
@@ -118,12 +118,24 @@ def prepare_output(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+def output_folder(
+    path: str | os.PathLike[str], kind: str = "", whole: bool = True, force: bool = False
+) -> Iterator[Path]:
     """Give a folder to fill; its files appear under ``path`` only when the block ends well.
 
-    A folder that is not there yet appears in one step. In one that is, files of the same names are replaced and other
+    A folder that is not there yet appears in one step. In one that is, results of the same kind are replaced and other
     files stay; a process that is killed meanwhile leaves a list of hashes that says so, and readers refuse the folder
     until the next run has written it. After an exception in the block ``path`` is as it was before.
+
+    Parameters
+    ----------
+    path : path
+    kind : str
+        Of the results; the next results of this kind replace them. Empty: files of the same names are replaced.
+    whole : bool
+        Whether files of this kind go that are not written again.
+    force : bool
+        Whether files are replaced that are no such results, or were changed since.
 
     Yields
     ------
@@ -133,7 +145,7 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        When ``path`` cannot be a folder of results.
+        When ``path`` cannot be a folder of results, or holds other files of these names.
     """
     target = check_output(path)
     created = _missing_parents(target)
@@ -141,8 +153,10 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         with _open_stage(target / "results" if target.exists() else target, target) as stage:
             yield stage
-            write_bytes(stage / SUMS, sums_text(sums_of(stage)).encode())
-            _move_in(stage, target)
+            sums = sums_of(stage)
+            kinds = dict.fromkeys(sums, kind)
+            write_bytes(stage / SUMS, sums_text(sums, kinds=kinds).encode())
+            _move_in(stage, target, sums, kind, whole, force)
         done = True
     finally:
         if not done:
@@ -174,26 +188,43 @@ def _remove_empty(folders: list[Path]) -> None:
             return
 
 
-def _move_in(stage: Path, target: Path) -> None:
+def _move_in(stage: Path, target: Path, sums: dict[str, str], kind: str, whole: bool, force: bool) -> None:
     """Move every file of the stage to the same path under the target, the list of hashes last."""
     if not target.exists():
         with suppress(OSError):
             os.rename(stage, target)
             return
-    files = sorted(path for path in stage.rglob("*") if path.is_file())
-    for path in files:
-        file = target / path.relative_to(stage)
+    for name in sums:
+        file = target / name
         if file.is_dir():
             raise OutputError(f"cannot write {str(file)!r}: it is a folder; remove it or choose another path")
-        file.parent.mkdir(parents=True, exist_ok=True)
     with hold_folder(target, wait=True):
-        sums = _known_sums(target)
-        write_text(target / SUMS, sums_text(sums, finished=False))
-        for path in files:
-            if path != stage / SUMS:
-                os.replace(path, target / path.relative_to(stage))
-        sums = {name: digest for name, digest in sums.items() if (target / name).is_file()}
-        write_text(target / SUMS, sums_text({**sums, **_known_sums(stage)}))
+        if not force:
+            refuse_foreign(target, sums, kind)
+        known = {name: digest for name, digest in _known_sums(target).items() if (target / name).is_file()}
+        kinds = {**list_kinds(target), **dict.fromkeys(sums, kind)}
+        stale = [name for name in known if whole and kind and kinds[name] == kind and name not in sums]
+        changed = find_foreign(target, stale, kind)
+        write_text(target / SUMS, sums_text({**known, **sums}, finished=False, kinds=kinds))
+        for name in sums:
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            os.replace(stage / name, target / name)
+        for name in stale:
+            if name not in changed:
+                (target / name).unlink()
+            del known[name]
+        write_text(target / SUMS, sums_text({**known, **sums}, kinds=kinds))
+
+
+def refuse_foreign(folder: Path, names: Iterable[str], kind: str = "") -> None:
+    """Raise OutputError where one of some files is there and is no result of this kind as it was written."""
+    foreign = find_foreign(folder, names, kind)
+    if foreign:
+        more = f" (and {len(foreign) - 1} more)" if len(foreign) > 1 else ""
+        raise OutputError(
+            f"cannot write {str(folder / foreign[0])!r}{more}: it was not written by this command, or was changed "
+            "since; choose another folder, or replace it with --force (force=True)"
+        )
 
 
 def _known_sums(folder: Path) -> dict[str, str]:

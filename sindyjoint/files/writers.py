@@ -37,6 +37,7 @@ def write_campaign(
     format: str = "csv",
     rig: SensorRig | None = None,
     raw: Sequence[Columns] | None = None,
+    force: bool = False,
 ) -> Path:
     """Write ``campaign.toml`` and one file per run, all of them or none.
 
@@ -44,7 +45,7 @@ def write_campaign(
     ----------
     campaign : Campaign
     folder : path-like
-        Made where it is missing; files of the same names are replaced.
+        Made where it is missing; a campaign that was written there is replaced.
     format : {"csv", "tsv", "npz", "parquet", "h5", "mat"}
         Of the run files. All of them hold every bit of the numbers.
     rig : SensorRig, optional
@@ -52,6 +53,8 @@ def write_campaign(
     raw : sequence of mapping, optional
         Channels ``e1`` to ``e4``, m/m, and ``d1`` to ``d3``, m, of each run as they were measured; written
         instead of those that Eqs. 1–3 backwards would give. Needs `rig`.
+    force : bool
+        Replace files of the same names that were not written so, or were changed since.
 
     Returns
     -------
@@ -63,7 +66,7 @@ def write_campaign(
     InputError
         For an unknown format, or a rig for a translational joint.
     OutputError
-        When the folder cannot be written.
+        When the folder cannot be written, or holds other files of these names.
     MissingExtraError
         When the format needs a library that is not installed.
     """
@@ -81,7 +84,7 @@ def write_campaign(
     if raw is not None and (rig is None or len(raw) != len(campaign.runs)):
         raise InputError(f"raw channels of {len(raw)} run(s) were given; expected a rig and one set per run")
     files = _file_names([run.name for run in campaign.runs], format)
-    with output_folder(folder) as stage:
+    with output_folder(folder, "campaign", force=force) as stage:
         for number, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
             columns = _columns(run, campaign.joint, rig) | dict(raw[number] if raw is not None else {})
             (stage / file).write_bytes(encode(columns, REMARK if campaign.simulated else ""))

@@ -63,6 +63,8 @@ class Choice:
         Empty where no set passed.
     reason : str
     candidates : int
+    residual : float
+        RMS residual of the moment relative to its RMS.
     seconds : float
         Time that making the path took; NaN where not measured.
     held_out : float
@@ -89,6 +91,7 @@ class Choice:
     path: tuple[SizeScore, ...] = ()
     offers_paper_terms: bool = True
     not_given: tuple[str, ...] = ()
+    residual: float = float("nan")
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -147,6 +150,8 @@ class Comparison(Shown):
         Time of each stage.
     soundness : Soundness
         What the check of the data found.
+    noise_floor : float
+        Of the moment relative to its RMS; NaN where it is unknown.
     """
 
     joint: str
@@ -168,6 +173,7 @@ class Comparison(Shown):
     seconds: dict[str, float]
     discovery: Discovery = field(repr=False, compare=False)
     soundness: Soundness = Soundness()
+    noise_floor: float = float("nan")
 
     @property
     def shown_ids(self) -> tuple[str, ...]:

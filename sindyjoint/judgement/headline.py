@@ -1,4 +1,4 @@
-"""What everybody asks of a discovery first: can I trust it, and what next."""
+"""What everybody asks of a result first: can I trust it, and what next; made of a discovery."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from sindyjoint.text import list_some, percent, quantities, spelled
 
 Colour = Literal["good", "fair", "poor"]
 _ORDER: tuple[Colour, ...] = ("good", "fair", "poor")
+# Commands that several headlines advise, and what they are for.
+SEE_FAULTS = ("sindyjoint check CAMPAIGN --out soundness", "see the faults of the data in every channel")
+VERIFY = ("sindyjoint verify RESULTS CAMPAIGN", "simulate the model and hold it against the runs")
+EXPORT = ("sindyjoint export RESULTS --to FORMAT", "use the model in another program")
 ANSWERS: dict[Colour, str] = {"good": "Yes", "fair": "With reservations", "poor": "Not yet"}
 
 
@@ -25,7 +29,7 @@ class Light:
     Parameters
     ----------
     name : str
-        ``"data"``, ``"fit"``, ``"held out"`` or ``"coverage"``.
+        What is looked at, in a word or two: ``"data"``, ``"fit"``, ``"held out"``, ``"coverage"``.
     colour : {"good", "fair", "poor"}
     sentence : str
     """
@@ -111,7 +115,7 @@ def make_headline(
     faults : sequence of str
         Ids of findings of the check of the data, the severest first.
     """
-    data = _data(model, soundness, faults)
+    data = judge_soundness(soundness, faults, model.fitted.simulated)
     if not model.terms:
         nothing = (data, Light("fit", "poor", "no set of terms passed"))
         return Headline(nothing, _next_steps(nothing, tested, found=False))
@@ -119,19 +123,33 @@ def make_headline(
         data,
         _fit(model),
         _held_out(model, held_out_rms),
-        _coverage(tested),
+        judge_coverage(tested),
     )
     return Headline(lights, _next_steps(lights, tested, found=True, predicted=math.isfinite(held_out_rms)))
 
 
-def _data(model: JointModel, soundness: str, faults: Sequence[str]) -> Light:
+def judge_soundness(soundness: str, faults: Sequence[str], simulated: bool) -> Light:
+    """Return what the check of the data found, as a light.
+
+    Parameters
+    ----------
+    soundness : {"sound", "doubtful", "unsound"}
+    faults : sequence of str
+        Ids of findings, the severest first.
+    simulated : bool
+    """
     named = list_some([spelled(fault) for fault in dict.fromkeys(faults)], "findings")
-    simulated = ", simulated" if model.fitted.simulated else ""
+    virtual = ", simulated" if simulated else ""
     if soundness == "sound":
-        return Light("data", "good", f"sound{simulated}: nothing found that shifts a coefficient")
-    if soundness == "doubtful":
-        return Light("data", "fair", f"doubtful{simulated}: {named}")
-    return Light("data", "poor", f"unsound{simulated}: {named}")
+        return Light("data", "good", f"sound{virtual}: nothing found that shifts a coefficient")
+    return Light("data", "fair" if soundness == "doubtful" else "poor", f"{soundness}{virtual}: {named}")
+
+
+def colour_of_misfit(gap: float) -> Colour:
+    """Return the colour of a misfit beyond the noise, relative RMS."""
+    return (
+        "good" if gap <= EQUATION.tolerated_misfit else "fair" if gap <= POLICY.mostly_explained else "poor"
+    )
 
 
 def _fit(model: JointModel) -> Light:
@@ -143,9 +161,7 @@ def _fit(model: JointModel) -> Light:
         return Light("fit", colour, f"residual {percent(relative)} of the RMS {load}; its noise is unknown")
     floor = fitted.noise_floor / fitted.moment_rms if fitted.moment_rms > 0 else math.nan
     gap = fitted.misfit
-    colour = (
-        "good" if gap <= EQUATION.tolerated_misfit else "fair" if gap <= POLICY.mostly_explained else "poor"
-    )
+    colour = colour_of_misfit(gap)
     sentence = f"residual {percent(relative)} of the RMS {load}, noise floor {percent(floor)}"
     return Light("fit", colour, sentence if colour == "good" else f"{sentence}: {percent(gap)} is neither")
 
@@ -164,7 +180,8 @@ def _held_out(model: JointModel, held_out_rms: float) -> Light:
     )
 
 
-def _coverage(tested: Excitations) -> Light:
+def judge_coverage(tested: Excitations) -> Light:
+    """Return whether the runs tell alike terms apart, as a light."""
     frequencies, levels = len(set(tested.frequencies)), len(set(tested.levels))
     if not tested.frequencies:
         colour: Colour = "good" if tested.runs >= POLICY.enough else "fair"
@@ -185,9 +202,7 @@ def _next_steps(
     weak = {light.name for light in lights if light.colour != "good"}
     steps = []
     if "data" in weak:
-        steps.append(
-            ("sindyjoint check CAMPAIGN --out soundness", "see the faults of the data in every channel")
-        )
+        steps.append(SEE_FAULTS)
     if not found:
         steps.append(("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model"))
         return tuple(steps)
@@ -196,16 +211,13 @@ def _next_steps(
     if "held out" in weak and predicted:
         steps.append(("sindyjoint compare CAMPAIGN", "see which terms hold at every frequency and method"))
     if "coverage" in weak or ("held out" in weak and not predicted):
-        steps.append((_record(tested), "tell terms apart that are alike on these runs"))
+        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
     if not weak:
-        steps.append(
-            ("sindyjoint verify RESULTS CAMPAIGN", "simulate the model and hold it against the runs")
-        )
-        steps.append(("sindyjoint export RESULTS --to FORMAT", "use the model in another program"))
+        steps += [VERIFY, EXPORT]
     return tuple(steps[:2])
 
 
-def _record(tested: Excitations) -> str:
+def advise_runs(tested: Excitations) -> str:
     """Return which runs to record next."""
     missing = []
     for have, what in ((len(set(tested.frequencies)), "frequenc"), (len(set(tested.levels)), "level")):

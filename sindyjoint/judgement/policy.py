@@ -56,6 +56,14 @@ class VerdictPolicy:
         "frequencies, and levels, from which on terms that are alike on one run are told apart",
         source="the campaigns of the guide; two of each leave no group to check on",
     )
+    surely_chosen: float = limit(
+        0.95,
+        "share of resampled campaigns in which every term of the model is chosen, from which on the set is stable",
+        source="convention",
+    )
+    often_chosen: float = limit(
+        0.5, "share of resampled campaigns below which a term is in the model by chance", source="convention"
+    )
     verification_tolerance: float = limit(
         0.05, "largest response NRMSE beyond the noise floor that passes", source="chosen by judgement"
     )

@@ -11,9 +11,13 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.record import Campaign
 from sindyjoint.reporting.registry import draw, drawable, kinds_of, show, view_of
 from sindyjoint.reporting.text_table import TextTable
+from sindyjoint.reporting.trust import NEXT
+from sindyjoint.soundness.check import check_campaign
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,9 +35,14 @@ def text_of(result: Any, lines: int = LINES) -> str:
     # A notebook asks for colours, which only a terminal can show.
     text = _COLOURS.sub("", out.getvalue()).rstrip("\n").split("\n")
     if len(text) > lines:
+        # What to do next stands at the end, and stays.
+        last = text[text.index(NEXT) - 1 :] if NEXT in text else []
+        last = last if len(last) < lines // 2 else []
+        more = len(text) - lines + 1
         text = [
-            *text[: lines - 1],
-            f"... and {len(text) - lines + 1} more lines; .report(folder) writes everything",
+            *text[: lines - 1 - len(last)],
+            f"... and {more} more lines; .report(folder) writes everything",
+            *last,
         ]
     return "\n".join(line.rstrip() for line in text)
 
@@ -75,19 +84,27 @@ def latex_of(result: Any) -> str | None:
 def _model_of(result: Any) -> Any:
     """Return the model of a result, where that has terms to be written."""
     model = getattr(result, "model", None)
+    if not isinstance(model, JointModel):  # of a comparison, whose model is one of its choices
+        model = getattr(getattr(result, "discovery", None), "model", None)
     return model if getattr(model, "terms", None) else None
+
+
+def _drawn(result: Any) -> Any:
+    """Return what is drawn and written of a result: of a campaign, its check."""
+    return check_campaign(result) if isinstance(result, Campaign) else result
 
 
 def figures_of(result: Any) -> list[str]:
     """Return the kinds of figure that a result can show."""
-    return drawable(result)
+    return drawable(_drawn(result))
 
 
 def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
     """Draw a figure of a result; see :meth:`sindyjoint.shown.Shown.plot`."""
-    names = figures_of(result)
+    kind_of_result, result = type(result).__name__, _drawn(result)
+    names = drawable(result)
     if not names:
-        raise InputError(f"a {type(result).__name__} has no figures")
+        raise InputError(f"a {kind_of_result} has no figures")
     name = names[0] if kind is None else kind
     if ax is None:
         _teach_notebook()
@@ -133,12 +150,15 @@ def frame_of(result: Any) -> Any:
         raise MissingExtraError(
             'a data frame needs pandas; run: pip install "sindyjoint[notebook]"'
         ) from error
-    records = view_of(result).records(result)
+    view = view_of(result)
+    records = view.records(result)
+    if not records:  # the columns all the same
+        return pandas.DataFrame(columns=[name for table in view.tables(result)[:1] for name in table.columns])
     return pandas.DataFrame.from_records(records)
 
 
-def report(result: Any, folder: str | os.PathLike[str]) -> Path:
+def report(result: Any, folder: str | os.PathLike[str], force: bool) -> Path:
     """Write a result into a folder."""
     from sindyjoint.reporting.output import write_results
 
-    return write_results(result, folder)
+    return write_results(_drawn(result), folder, force=force)

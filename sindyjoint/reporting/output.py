@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.atomic import output_folder
-from sindyjoint.reporting.registry import draw_all, view_of
+from sindyjoint.reporting.places import PAGE, link_pages, place_of
+from sindyjoint.reporting.registry import draw_all, view_of, view_of_type
 from sindyjoint.reporting.saved import DATA_FILE, saved_text
 
 if TYPE_CHECKING:
@@ -24,65 +25,78 @@ def write_results(
     command_line: str | Sequence[str] | None = None,
     seed: object = None,
     files: Sequence[str | os.PathLike[str]] = (),
+    force: bool = False,
 ) -> Path:
     """Write the page, the record, the figures and the further files of a result, all of them or none.
+
+    Earlier results of the same kind are replaced, all of their files; of another kind, they stay where they are, and
+    these go into a folder of their own within: ``results/diagnosis``.
 
     Parameters
     ----------
     result : Discovery, Verification, Diagnosis, Comparison, Batch, Reproduction or RigMotion
     folder : path
-        Made if it does not exist. Files of the same names are replaced; after an error everything is as before.
+        Made if it does not exist. After an error everything is as before.
     command_line, seed, files
         For the page's last section; see :func:`sindyjoint.reporting.provenance.provenance`.
+    force : bool
+        Replace files of the same names that are no such results, or were changed since.
 
     Returns
     -------
     Path
-        The folder.
+        The folder that they stand in.
 
     Raises
     ------
     OutputError
-        If the folder cannot be written.
+        If the folder cannot be written, or holds other files of these names.
     """
-    view, target = view_of(result), Path(folder)
+    view, name = view_of(result), view_of_type(result).folder
+    target = place_of(name, folder)
     data = view.gather(result)
     pictures = draw_all(data)
     texts = {
         DATA_FILE: saved_text(data),
-        "report.html": view.page(
-            result, data, view.origin(result, command_line, seed, files), pictures, target
-        ),
+        PAGE: view.page(result, data, view.origin(result, command_line, seed, files), pictures, target),
         **view.files(result, data),
     }
     if view.record_file:
         texts[view.record_file] = json_text(view.to_dict(result))
-    return write_folder(target, pictures, texts)
+    write_folder(target, pictures, texts, name, force)
+    link_pages(Path(folder))
+    return target
 
 
 write_discovery = write_results
 
 
 def write_folder(
-    folder: str | os.PathLike[str], pictures: Mapping[str, bytes], texts: Mapping[str, str]
+    folder: str | os.PathLike[str],
+    pictures: Mapping[str, bytes],
+    texts: Mapping[str, str],
+    kind: str = "",
+    force: bool = False,
 ) -> Path:
     """Write pictures into ``figures`` and texts by their names, all of them or none.
 
     Parameters
     ----------
     folder : path
-        Made if it does not exist. Files of the same names are replaced; after an error everything is as before.
+        Made if it does not exist. After an error everything is as before.
     pictures : mapping of str to bytes
         SVG by kind of figure.
     texts : mapping of str to str
         Text by name of file.
+    kind, force
+        See :func:`sindyjoint.files.atomic.output_folder`.
 
     Raises
     ------
     OutputError
         If the folder cannot be written.
     """
-    with output_folder(folder) as stage:
+    with output_folder(folder, kind, force=force) as stage:
         (stage / "figures").mkdir()
         for kind, svg in pictures.items():
             (stage / "figures" / f"{kind}.svg").write_bytes(svg)

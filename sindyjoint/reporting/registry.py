@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.policy import Limit, described, policies
-from sindyjoint.reporting.figures.kind import Kind, drawn
+from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.results.batch import BatchView
 from sindyjoint.reporting.results.campaign import CampaignView
 from sindyjoint.reporting.results.check import CheckView, wrap_findings
@@ -22,7 +22,6 @@ from sindyjoint.reporting.results.verification import RefinementView, Verificati
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
-from sindyjoint.text import in_words_of_origin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,6 +44,9 @@ _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
 SAVED = {kind: view for view in VIEWS if view.data is not None for kind in (view.kind, *view.formerly)}
 
 
+FOLDERS = tuple(dict.fromkeys(view.folder for view in VIEWS if view.folder))
+
+
 def view_of(result: Any) -> View[Any, Any]:
     """Return the view of a result: that of its type before those of its bases; of one that was stopped, of its check.
 
@@ -53,8 +55,17 @@ def view_of(result: Any) -> View[Any, Any]:
     TypeError
         If it is no result.
     """
-    if getattr(result, "stopped", None) is not None:
-        return _BY_TYPE[Check]
+    return _BY_TYPE[Check] if getattr(result, "stopped", None) is not None else view_of_type(result)
+
+
+def view_of_type(result: Any) -> View[Any, Any]:
+    """Return the view of a result by its type, whatever became of it.
+
+    Raises
+    ------
+    TypeError
+        If it is no result.
+    """
     for kind in type(result).__mro__:
         if kind in _BY_TYPE:
             return _BY_TYPE[kind]
@@ -111,13 +122,7 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
         raise UnknownNameError(
             f"figure {kind!r} has nothing to show here; one of {', '.join(drawable(data))} has"
         )
-    figure = drawn(kinds[kind], panels, data, width)
-    if view.simulated(data):
-        from matplotlib.text import Text
-
-        for text in figure.findobj(Text):
-            text.set_text(in_words_of_origin(True, text.get_text()))
-    return figure
+    return view.draw(kinds[kind], panels, data, width)
 
 
 def draw_all(result: Any) -> dict[str, bytes]:

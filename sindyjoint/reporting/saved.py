@@ -9,12 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sindyjoint.checksums import read_checked
+from sindyjoint.checksums import kind_of_results, read_checked
 from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.reporting.registry import SAVED, view_of
+from sindyjoint.reporting.registry import FOLDERS, SAVED, view_of
 
 T = TypeVar("T")
 
@@ -25,6 +25,20 @@ def saved_text(result: Any) -> str:
     """Return what is saved of a result as the text of ``figures/data.json``."""
     view = view_of(result)
     return json.dumps(view.save(view.gather(result)), ensure_ascii=False, separators=(",", ":"))
+
+
+def list_saved(path: str | os.PathLike[str]) -> dict[str, Path]:
+    """Return the folders of results within a folder, that of its own first, by the names of their kinds.
+
+    Parameters
+    ----------
+    path : path
+        A folder that a command wrote with ``--out``, or the ``model.json`` in it.
+    """
+    folder = Path(path) if Path(path).is_dir() else Path(path).parent
+    own = kind_of_results(folder)
+    places = {own: folder, **{name: folder / name for name in FOLDERS if name != own}}
+    return {name: place for name, place in places.items() if (place / DATA_FILE).is_file()}
 
 
 def load_results(path: str | os.PathLike[str]) -> Any:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 DASH = "–"
 # What begins with a digit, a sign or an estimate's "about": 5910 ± 40, −2 %, < 0.1.
 FIGURE = re.compile(r"[-−+±<>≤≥~≈(\[]?\s*[-−+]?\s*[.\d∞]")
+LEAST_WORDS = 12  # characters of a column of words that is broken into lines
 WIDTH = 100  # characters, where no terminal says how wide it is
 LATEX = {
     "&": r"\&",
@@ -184,6 +185,33 @@ def print_whole(table: Table, console: Console) -> None:
     Console(
         width=max(console.width, natural_width(table, console)), highlight=False, force_jupyter=False
     ).print(table)
+
+
+def fitting_blocks(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], width: int
+) -> Iterator[tuple[Sequence[str], list[Sequence[str]]]]:
+    """Yield a table in blocks of columns that fit a width; the first column, of names, begins each of them."""
+    widths = [max(len(cell) for cell in column) + 3 for column in zip(columns, *rows, strict=True)]
+    start = 1
+    while start < len(columns):
+        end, used = start + 1, widths[0] + widths[start]
+        while end < len(columns) and used + widths[end] <= width:
+            used += widths[end]
+            end += 1
+        kept = [0, *range(start, end)]
+        yield [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
+        start = end
+
+
+def print_wrapped(table: Table, console: Console) -> None:
+    """Print a table whose last column, which holds words, is broken into lines where the screen is narrow."""
+    table.columns[-1].no_wrap = False
+    least = natural_width(table, console) - _widest(table)
+    print_whole(table, console) if least + LEAST_WORDS > console.width else console.print(table)
+
+
+def _widest(table: Table) -> int:
+    return max((len(str(cell)) for cell in table.columns[-1].cells), default=0)
 
 
 def _tex(text: str) -> str:

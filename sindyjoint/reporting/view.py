@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from sindyjoint.reporting.packing import pack, unpack
+from sindyjoint.reporting.text_table import terminal
+from sindyjoint.reporting.trust import print_next_steps, print_trust
 from sindyjoint.text import in_words_of, in_words_of_origin
 
 if TYPE_CHECKING:
-    from sindyjoint.reporting.figures.kind import Kind
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+    from sindyjoint.judgement.headline import Headline
+    from sindyjoint.reporting.figures.kind import Kind, Panel
     from sindyjoint.reporting.provenance import Provenance
     from sindyjoint.reporting.text_table import TextTable
 
@@ -36,6 +42,8 @@ class View(Generic[R, D]):
         Of the data; ``None`` where nothing is saved and drawn.
     kind : str
         What saved data of this kind are marked with.
+    folder : str
+        Name of this kind among the results of one folder, and of its own folder within where another kind came first.
     formerly : mapping of str to mapping
         Marks of earlier versions, and the fields that each of them stands for.
     kinds : mapping of str to Kind
@@ -46,6 +54,8 @@ class View(Generic[R, D]):
         The file that :meth:`to_dict` is written to; empty: none.
     judged_by : tuple of str
         The policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
+    question : str
+        What the result answers, on a terminal and on its page.
     records_key : str
         The list in :meth:`to_dict` that is a data frame's rows; empty: the first table is.
     unsaved : mapping of str to object
@@ -57,11 +67,13 @@ class View(Generic[R, D]):
     results: ClassVar[tuple[type, ...]] = ()
     data: ClassVar[type | None] = None
     kind: ClassVar[str] = ""
+    folder: ClassVar[str] = ""
     formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     kinds: ClassVar[Mapping[str, Kind]] = {}
     template: ClassVar[str] = ""
     record_file: ClassVar[str] = ""
     judged_by: ClassVar[tuple[str, ...]] = ()
+    question: ClassVar[str] = "What is it?"
     records_key: ClassVar[str] = ""
     unsaved: ClassVar[Mapping[str, Any]] = {}
     renamed: ClassVar[Mapping[str, str]] = {}
@@ -113,6 +125,22 @@ class View(Generic[R, D]):
             for name, kind in self.kinds_of(data).items()
         }
 
+    def lead(self, result: R, data: Any) -> tuple[str, int] | None:
+        """Return which figure, and which of its panels, stands first on the page; None where the template says so."""
+        return None
+
+    def draw(self, kind: Kind, panels: Sequence[Panel], data: Any, width: float) -> Figure:
+        """Return panels of a kind of figure as a figure of a width in inches, in words of the origin of the data."""
+        from sindyjoint.reporting.figures.kind import drawn
+
+        figure = drawn(kind, panels, data, width)
+        if self.simulated(data):
+            from matplotlib.text import Text
+
+            for text in figure.findobj(Text):
+                text.set_text(in_words_of_origin(True, text.get_text()))
+        return figure
+
     def content(self, result: R, data: Any, folder: Path | None) -> dict[str, Any]:
         """Return what the page's template needs in addition to result, tables, figures and origin."""
         raise NotImplementedError
@@ -140,6 +168,13 @@ class View(Generic[R, D]):
         from sindyjoint.reporting.tables import findings_table
 
         kinds = self.figures(data)
+        chosen, lead = self.lead(result, data), ""
+        if chosen is not None and chosen[0] in pictures:
+            from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
+
+            kind = kinds[chosen[0]]
+            figure = self.draw(kind, [kind.panels(data)[chosen[1]]], data, SINGLE_COLUMN)
+            lead = markup(inline_svg(figure_bytes(figure, "svg"), "lead", kind.title))
         soundness = getattr(result, "soundness", None)
         return render(
             self.template,
@@ -147,6 +182,9 @@ class View(Generic[R, D]):
             simulated=self.simulated(result),
             findings=findings_table(soundness.findings) if soundness is not None else None,
             data=data,
+            trust=self.headline(result),
+            question=self.question,
+            lead_picture=lead,
             origin=origin,
             tables={table.name: table for table in self.tables(result)},
             kinds=kinds,
@@ -166,8 +204,27 @@ class View(Generic[R, D]):
         """Return the texts that are written in addition to page, record and figures, by name of file."""
         return {}
 
+    def headline(self, result: R) -> Headline | None:
+        """Return whether to trust a result and what to do next; None for what no such question is asked of."""
+        return None
+
+    def about(self, result: R) -> str:
+        """Return the first line on a terminal: what this is a result of; with markup."""
+        return ""
+
     def show(self, result: R) -> None:
-        """Print the result for a person."""
+        """Print the result for a person: whether to trust it, what it is, what to do next."""
+        console, headline = terminal(), self.headline(result)
+        console.print(self.about(result))
+        if headline is not None:
+            print_trust(headline, console)
+            console.print(f"\n[bold]{self.question}[/]")
+        self.show_result(result, console)
+        if headline is not None:
+            print_next_steps(headline, console)
+
+    def show_result(self, result: R, console: Console) -> None:
+        """Print what the result is."""
         raise NotImplementedError
 
     def details(self, result: R) -> Iterator[str]:

@@ -129,6 +129,10 @@ class Verification(Shown):
     warnings : tuple of str
     free_run : int, optional
         Samples from which the initial state of each run was estimated, that was then simulated without restart.
+    independent : bool
+        Whether no run is compared that may have been fitted to.
+    beyond_range : tuple of str
+        Runs that go beyond what the model was tested to.
     """
 
     model: JointModel
@@ -145,6 +149,8 @@ class Verification(Shown):
     runs: tuple[RunVerification, ...] = field(repr=False)
     warnings: tuple[str, ...] = ()
     free_run: int | None = None
+    independent: bool = True
+    beyond_range: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:

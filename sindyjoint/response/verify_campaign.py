@@ -44,14 +44,15 @@ def verify_campaign(
     """
     test = test or TestNuisances("")
     warnings = _compare_joints(model, campaign)
-    runs = campaign.validation_runs
+    runs, independent = campaign.validation_runs, True
     if not runs:
-        runs = campaign.runs
+        runs, independent = campaign.runs, False
         warnings.append(
             "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
         )
     drawn = draw_models(model, draws, generator)
-    results = []
+    results: list[RunVerification] = []
+    beyond: list[str] = []
     if free_run is not None:
         warnings.append(
             f"each run is simulated without restart, its initial state estimated on the first {free_run} samples, "
@@ -59,8 +60,10 @@ def verify_campaign(
         )
     for states in compared_states(campaign, runs, test.timed):
         run = next(each for each in runs if each.name == states.run)
-        say(f"simulating {run.name}")
-        warnings += range_warnings(model, states.angle, states.rate, run.name)
+        say(f"simulating runs: {len(results) + 1} of {len(runs)}")
+        exceeded = range_warnings(model, states.angle, states.rate, run.name)
+        warnings += exceeded
+        beyond += [run.name] * bool(exceeded)
         simulate = _way_of(run, states, test, window, free_run)
         simulated = simulate(model)
         if free_run is not None and simulated.drive == "motion":
@@ -70,7 +73,7 @@ def verify_campaign(
             band = band_of([simulate(other).simulated_response for other in drawn])
         results.append(_compare_run(simulated, campaign, run, band))
     result = judged(model, "campaign", campaign.joint.name, tolerance, results, warnings)
-    return replace(result, free_run=free_run)
+    return replace(result, free_run=free_run, independent=independent, beyond_range=tuple(beyond))
 
 
 def _way_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,10 +70,10 @@ def verify_rig(
         band = band_of(
             [_simulate_tip(response, draw, test.point, n) for draw in draw_models(model, draws, generator)]
         )
-    if simulated is not None:
-        warnings += joint_range_warnings(model, simulated, modelled)
-    result = _compare_pulse(rig, test, simulated, band, failure)
-    return judged(model, "rig", rig.name, tolerance, [result], warnings)
+    exceeded = [] if simulated is None else joint_range_warnings(model, simulated, modelled)
+    compared = _compare_pulse(rig, test, simulated, band, failure)
+    result = judged(model, "rig", rig.name, tolerance, [compared], [*warnings, *exceeded])
+    return replace(result, beyond_range=tuple(line.partition(":")[0] for line in exceeded))
 
 
 def joint_range_warnings(model: JointModel, response: Any, modelled: Collection[str]) -> list[str]:

@@ -145,7 +145,7 @@ def batch(
             if on_record is not None:
                 on_record(record)
             if progress is not None:
-                progress(f"{len(records)} of {len(tasks)}: {record.id}: {record.status}")
+                progress(f"campaigns: {len(records)} of {len(tasks)}")
     return summarised(tuple(records[number] for number in range(len(tasks))), folder, kept)
 
 

@@ -15,6 +15,7 @@ from sindyjoint.discovery.crossvalidation import CrossValidation, Fold, Found, c
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.methods import METHODS, NOT_GIVEN
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
+from sindyjoint.discovery.selection import Selection
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel
@@ -100,10 +101,18 @@ def compare(
         raise InputError(
             f"{replicates} replicates and a margin of {margin!r} given; expected at least 10 and a positive one"
         )
+    # Each method has the same seed, whichever is done first.
+    if isinstance(random_state, np.random.Generator):
+        random_state = int(random_state.integers(2**32))
+    clock = _Clock(progress or (lambda stage: None))
     with spread(jobs, workers, cluster):
-        return _compared(
-            campaign, library, names, libraries, replicates, margin, random_state, progress, options
-        )
+        found = clock.run(
+            "discovering", discover, campaign, library, random_state=random_state, method=names[0],
+            progress=progress, **options,
+        )  # fmt: skip
+        if found.stopped is not None:
+            require_sound(found.stopped)
+        return _compared(found, names, libraries, replicates, margin, random_state, options, clock)
 
 
 def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -116,28 +125,16 @@ def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _compared(
-    campaign: Campaign | str | Path | None,
-    library: Any,
+    found: Discovery,
     names: tuple[str, ...],
     libraries: Sequence[str],
     replicates: int,
     margin: float,
     random_state: Any,
-    progress: Callable[[str], None] | None,
     options: dict[str, Any],
+    clock: _Clock,
 ) -> Comparison:
-    clock = _Clock(progress or (lambda stage: None))
-    # Each method has the same seed, whichever is done first.
-    if isinstance(random_state, np.random.Generator):
-        random_state = int(random_state.integers(2**32))
-    with_time = clock.start("discovering")
-    found = discover(
-        campaign, library, random_state=random_state, method=names[0], progress=progress, **options
-    )
-    if found.stopped is not None:
-        require_sound(found.stopped)
     evidence = found.regressor.evidence_
-    clock.stop(with_time)
     rule: dict[str, Any] = {
         "significance": found.regressor.significance,
         "least_share": found.regressor.least_share_,
@@ -156,15 +153,6 @@ def _compared(
     )
     model, bias = _model(found)
     tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
-    columns = [evidence.ids.index(term) for term in found.model.ids if term in evidence.ids]
-    words = (
-        tuple(
-            in_words_of(found.model.joint.motion, in_words(pair, *_reach(found.model)))
-            for pair in inseparable(evidence, columns)
-        )
-        if columns
-        else ()
-    )
     return Comparison(
         joint=found.campaign.joint.name,
         motion=found.campaign.joint.motion,
@@ -180,7 +168,7 @@ def _compared(
         tests=tests,
         bias=bias,
         model=model,
-        undetermined=words,
+        undetermined=_undetermined(found),
         warnings=(
             *found.warnings,
             *(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
@@ -188,7 +176,16 @@ def _compared(
         seconds=clock.seconds,
         discovery=found,
         soundness=found.soundness,
+        noise_floor=found.model.fitted.noise_floor / (found.model.fitted.moment_rms or 1.0),
     )
+
+
+def _undetermined(found: Discovery) -> tuple[str, ...]:
+    """Return in words which terms of the model the runs cannot tell apart."""
+    evidence, model = found.regressor.evidence_, found.model
+    columns = [evidence.ids.index(term) for term in model.ids if term in evidence.ids]
+    pairs = inseparable(evidence, columns) if columns else ()
+    return tuple(in_words_of(model.joint.motion, in_words(pair, *_reach(model))) for pair in pairs)
 
 
 class _Clock:
@@ -198,17 +195,11 @@ class _Clock:
         self.say = say
         self.seconds: dict[str, float] = {}
 
-    def start(self, stage: str) -> tuple[str, float]:
-        self.say(stage)
-        return stage, time.perf_counter()
-
-    def stop(self, started: tuple[str, float]) -> None:
-        self.seconds[started[0]] = time.perf_counter() - started[1]
-
     def run(self, stage: str, work: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        started = self.start(stage)
+        self.say(stage)
+        started = time.perf_counter()
         result = work(*arguments, **options)
-        self.stop(started)
+        self.seconds[stage] = time.perf_counter() - started
         return result
 
 
@@ -242,7 +233,10 @@ def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]
     if np.isfinite(held_out):
         folds = cross_validate(evidence, method=method, random_state=random_state, **rule).folds
         held_out = _sample_error(folds, found.regressor.evidence_)
-    return replace(choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out)
+    # Its residual is one of integrals, which compares with no other.
+    return replace(
+        choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out, residual=float("nan")
+    )
 
 
 def _sample_error(folds: Sequence[Fold], samples: Evidence) -> float:
@@ -276,8 +270,13 @@ def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: s
     )
     return Choice(
         name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path,
-        not_given=NOT_GIVEN[name],
+        not_given=NOT_GIVEN[name], residual=_residual(found.selection, target),
     )  # fmt: skip
+
+
+def _residual(selection: Selection, target: float) -> float:
+    """Return the residual of the chosen model relative to the RMS of what was fitted; NaN without one."""
+    return selection.step.fit.residual_rms / target if selection.step is not None else float("nan")
 
 
 def _terms(found: Found) -> tuple[ChosenTerm, ...]:
@@ -302,7 +301,10 @@ def _frequencies(
     choices = []
     for group in evidence.groups:
         single = find(evidence.only([group]), method, random_state, **rule)
-        choices.append(Choice(group, _terms(single), single.selection.reason, len(single.candidates)))
+        left = _residual(single.selection, evidence.only([group]).target_rms)
+        choices.append(
+            Choice(group, _terms(single), single.selection.reason, len(single.candidates), residual=left)
+        )
     return tuple(choices)
 
 
@@ -330,7 +332,8 @@ def _libraries(
         )
         offered = all(term in regressor.evidence_.ids for term in PAPER_TERMS)
         reason = regressor.selection_result_.reason
-        choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered)
+        left = _residual(regressor.selection_result_, regressor.evidence_.target_rms)
+        choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered, residual=left)
         result.append((choice, {t.id: t.unit for t in regressor.model_.terms}))
     return tuple(result)
 
@@ -353,8 +356,10 @@ def _model(found: Discovery) -> tuple[Choice, dict[str, float]]:
     """Return the main model, and the bias that was taken out of its coefficients."""
     measured = {} if found.bias is None else dict(zip(found.bias.ids, found.bias.pooled, strict=True))
     terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in found.model.terms)
+    fitted = found.model.fitted
+    left = fitted.residual_rms / (fitted.moment_rms or 1.0)
     return (
-        Choice("model", terms, found.reason, len(found.regressor.terms_)),
+        Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left),
         {name: float(value) for name, value in measured.items()},
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,10 +19,10 @@ from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery, stopped_by_data
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.second_search import campaign_model, search_again, softened
-from sindyjoint.judgement.verdict import judge, noise_alike, undecided_by_data
+from sindyjoint.judgement.verdict import Verdict, judge, noise_alike, undecided_by_data
 from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.parallel import executor
+from sindyjoint.parallel import Executor, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
@@ -129,48 +130,33 @@ def discover(
     lag = delay.time if align and delay is not None and delay.significant else 0.0
     force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
-    if has_long_runs(campaign):
-        with executor(jobs, workers, cluster) as here:
-            regressor, counts = fit_long(
-                regressor, campaign, force_states, here, bandwidth=bandwidth, lag=lag, say=say
-            )
-    else:
-        regressor.fit(**regression_rows(force_states, inertia).fit_arguments())
-        counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in force_states)
+    with executor(jobs, workers, cluster) if has_long_runs(campaign) else nullcontext() as here:
+        regressor, counts = _select_terms(regressor, campaign, force_states, here, bandwidth, lag, say)
     say("judging")
     model = campaign_model(regressor, campaign, force_states, counts)
-    measured, notes = regressor, [""]
+    measured, note = regressor, ""
     if correct and not has_long_runs(campaign):
         again = search_again(regressor, model, campaign, force_states, counts, say)
-        regressor, model, force_states = again.regressor, again.model, again.states
-        notes.append(again.note)
+        regressor, model, force_states, note = again.regressor, again.model, again.states, again.note
     left_in = _unresolved_delay(delay, regressor, model, force_states) if lag == 0.0 else None
-    slowest = min(s.sample_rate for s in force_states)
-    unresolved = left_in if left_in is not None and left_in.unresolved(slowest) else None
-    verdict = judge(regressor, model, measured is not regressor, unresolved)
-    if correct and verdict.verdict == "refuted":
-        verdict = softened(verdict, regressor, model, campaign, force_states)
+    verdict = _judge_terms(regressor, measured, model, campaign, force_states, left_in, correct)
     verdict = undecided_by_data(verdict, checked.undecided_by(aligned=lag != 0.0))
     say("measuring the bias of the processing")
     fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     told = delay if align else left_in
-    warnings = [
+    warnings = (
         *checked.warnings,
         *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
-    ]
-    warnings += filter(None, notes)
-    if fixed is not None and fixed.reason:
-        warnings.append(
-            f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"
-        )
+        *filter(None, (note, _unmeasured_bias(fixed))),
+    )
     return Discovery(
         model=fitted_to(model, opened),
         verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
         skew=delay,
-        warnings=tuple(warnings),
+        warnings=warnings,
         states=force_states,
         regressor=regressor,
         campaign=campaign,
@@ -179,6 +165,40 @@ def discover(
         measured=measured_campaign,
         paper=paper,
     )
+
+
+def _select_terms(
+    regressor: JointRegressor,
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+    here: Executor | None,
+    bandwidth: float | None,
+    lag: float,
+    say: Callable[[str], None],
+) -> tuple[JointRegressor, tuple[SampleCount, ...]]:
+    """Fit a regressor to force states, or to runs that are too long for memory; count the samples it saw."""
+    if here is not None:
+        return fit_long(regressor, campaign, states, here, bandwidth=bandwidth, lag=lag, say=say)
+    regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
+    return regressor, tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
+
+
+def _judge_terms(
+    regressor: JointRegressor,
+    measured: JointRegressor,
+    model: JointModel,
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+    delay: ChannelDelay | None,
+    correct: bool,
+) -> Verdict:
+    """Return the verdict on the paper's terms, with the delay that is left in the channels."""
+    slowest = min(s.sample_rate for s in states)
+    unresolved = delay if delay is not None and delay.unresolved(slowest) else None
+    verdict = judge(regressor, model, measured is not regressor, unresolved)
+    if correct and verdict.verdict == "refuted":
+        return softened(verdict, regressor, model, campaign, states)
+    return verdict
 
 
 def _correct_model(
@@ -205,6 +225,13 @@ def _correct_model(
         before = fit_columns(measured.evidence_, columns).coefficients
         moved = np.array([model[term.id].coefficient for term in fitted]) - before
     return corrected_model(model, fitted, campaign, states, known=known, moved=moved)
+
+
+def _unmeasured_bias(fixed: Corrected | None) -> str:
+    """Return a warning where the bias of the processing was to be taken out and could not be measured."""
+    if fixed is None or not fixed.reason:
+        return ""
+    return f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"
 
 
 def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: object) -> Discovery:

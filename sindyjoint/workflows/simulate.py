@@ -26,6 +26,7 @@ def simulate(
     out: str | os.PathLike[str] | None = None,
     format: str = "csv",
     random_state: Any = 0,
+    force: bool = False,
     **options: Any,
 ) -> Campaign:
     """Simulate runs of a joint, with sensors and noise.
@@ -39,6 +40,8 @@ def simulate(
         Of the run files.
     random_state : int, Generator or None
         Of the noise.
+    force : bool
+        Replace files of the same names that were not written so, or were changed since.
     **options
         ``frequencies``, ``levels``, ``noise``, ``duration`` ...; see
         :func:`~sindyjoint.mechanics.virtual.virtual_campaign`.
@@ -53,12 +56,12 @@ def simulate(
     InputError, UnknownNameError, SimulationError
         For a plan that cannot be simulated.
     OutputError
-        When the folder cannot be written.
+        When the folder cannot be written, or holds other files of these names.
     """
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.virtual import virtual_campaign
 
     campaign = virtual_campaign(joint, random_state=random_state, **options)
     if out is not None:
-        write_campaign(campaign, out, format)
+        write_campaign(campaign, out, format, force=force)
     return campaign

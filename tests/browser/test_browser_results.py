@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
-from test_reporting_results import HOSTILES, page_of, written  # noqa: E402
+from test_reporting_results import HOSTILES, MADE, page_of, written  # noqa: E402
 
 
 @pytest.fixture(scope="module", params=HOSTILES)
@@ -31,6 +31,16 @@ def test_page_reads_and_prints(open_page, page_path, screenshots):
     assert page.locator("figure svg").count() >= 2
     page.emulate_media(media="print")
     assert page.locator("figure svg").first.is_visible() and not page.locator(".bar").is_visible()
+
+
+@pytest.mark.parametrize("name", ["verification", "diagnosis", "comparison"])
+def test_the_answers_stand_above_the_fold(open_page, tmp_path, name):
+    page_path = written(MADE[name](), tmp_path / "out") / "report.html"
+    for width in (1280, 420):
+        page = open_page(page_path, viewport={"width": width, "height": 800})
+        for part in (".answer", ".lights li", ".verdict", "#figure-lead svg", ".next li"):
+            box = page.locator(part).last.bounding_box()
+            assert box["y"] + box["height"] <= 800, f"{part} at {width}"
 
 
 def test_narrow_and_dark(open_page, page_path):

@@ -136,7 +136,7 @@ def dependent_terms(f):
 
 
 def unknown_term(f):
-    return ["--force", "coulom_friction"]
+    return ["--require", "coulom_friction"]
 
 
 def unknown_library(f):

@@ -80,7 +80,7 @@ def test_the_page_shows_every_channel_with_the_findings_marked(written, sindyjoi
     head, *rows = (folder / "findings.csv").read_text(encoding="utf-8").splitlines()
     assert head == "id,run,channel,severity,masked,extent,effect,remedy" and len(rows) == 1
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert page.count("<figure") == 1 and "What was found" in page
+    assert page.count("<figure") == 2 and "What was found" in page
     data = load_results(folder)
     assert len(data.runs) == 4 and all(len(run.traces) == 2 for run in data.runs)
     (mark,) = data.runs[0].marks

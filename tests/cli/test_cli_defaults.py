@@ -73,7 +73,7 @@ PASSED_ON = {
     "hold_out",
     "max_effects",
     "method",
-    "force",
+    "require",
     "forbid",
     "rig",
     "nuisance",
@@ -82,6 +82,7 @@ PASSED_ON = {
 OF_THE_COMMAND = {
     "out",
     "as_json",
+    "force",
     "quiet",
     "verbose",
     "refine",
@@ -98,7 +99,6 @@ OWN = {
     ("simulate", "random_state"): 0,
     ("init", "answers"): None,
     ("init", "yes"): False,
-    ("init", "force"): False,
 }
 
 

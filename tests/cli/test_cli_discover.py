@@ -165,7 +165,7 @@ def test_no_model_leaves_with_one_and_a_reason(written, tmp_path, sindyjoint):
         (["-l", "paper", "-l", "damping"], lambda r: len(r["terms"]) == 5),
         (["--threshold", "0.05"], lambda r: 2 <= len(r["terms"]) < 5),
         (["--forbid", "coulomb_friction"], lambda r: "coulomb_friction" in r["paper_term_set"]["missing"]),
-        (["--force", "quintic_stiffness"], lambda r: "quintic_stiffness" in r["paper_term_set"]["extra"]),
+        (["--require", "quintic_stiffness"], lambda r: "quintic_stiffness" in r["paper_term_set"]["extra"]),
         (["--states", "broadband"], lambda r: r["fit"]["samples"] > 10_000),
         (["--bandwidth", "60"], lambda r: r["fit"]["residual_rms"] > 0),
         (["--align"], lambda r: r["fit"]["runs"] == 9),

@@ -2,8 +2,10 @@
 
 import io
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -91,6 +93,49 @@ def test_other_commands_end_as_they_would(run, named, tmp_path, console):
     status, stdout, stderr = run(console, "discover", tmp_path / "no θ here")
     assert status == 2 and stdout == "" and "no theta here" in stderr and stderr.count("\n") == 1
     assert run(console, "diagnose", "--help")[0] == 0
+
+
+OTHERS = (
+    (0, "init", "{copy}", "--yes"),
+    (0, "check", "{folder}", "--out", "{out}/check"),
+    (0, "verify", "{model}", "{folder}", "--out", "{out}/verify"),
+    (0, "diagnose", "{folder}", "--model", "{model}", "--out", "{out}/why"),
+    (0, "plot", "{out}/why", "gap", "-o", "{out}/gap.svg"),
+    (0, "export", "{model}", "--to", "latex"),
+    (0, "simulate", "--frequencies", "4", "--levels", "0.8", "--duration", "1", "--out", "{out}/made"),
+    (0, "libraries", "effects"),
+    (0, "schema"),
+)
+
+
+@pytest.mark.parametrize("console", ["ascii", "cp1252"])
+def test_every_other_command_on_a_poor_terminal(run, named, tmp_path, monkeypatch, console):
+    # 80 columns, no colour, no terminal, the C locale. What takes long is made by hand: what it prints counts here.
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / "reporting")
+    from handmade_results import diagnosis, verification
+
+    monkeypatch.setattr("sindyjoint.workflows.verify.verify", lambda *given, **options: verification(NAME))
+    monkeypatch.setattr("sindyjoint.workflows.diagnose.diagnose", lambda *given, **options: diagnosis(NAME))
+    for name, value in (("COLUMNS", "80"), ("NO_COLOR", "1"), ("LC_ALL", "C"), ("TERM", "dumb")):
+        monkeypatch.setenv(name, value)
+    shutil.copytree(named, tmp_path / "copy")
+    (tmp_path / "copy" / "campaign.toml").unlink()
+    (tmp_path / "model.json").write_text(verification(NAME).model.to_json(), encoding="utf-8")
+    places = {
+        "folder": named,
+        "out": tmp_path / "ψ",
+        "copy": tmp_path / "copy",
+        "model": tmp_path / "model.json",
+    }
+    for status, *arguments in OTHERS:
+        ended, stdout, stderr = run(console, *(part.format(**places) for part in arguments))
+        assert ended == status, (arguments, stderr)
+        assert "\x1b" not in stdout
+    pages = {path.parent.name for path in (tmp_path / "ψ").rglob("report.html")}
+    assert pages == {"check", "verify", "why"} and (tmp_path / "ψ" / "gap.svg").is_file()
+    assert (tmp_path / "copy" / "campaign.toml").is_file() and (
+        tmp_path / "ψ" / "made" / "campaign.toml"
+    ).is_file()
 
 
 def spelled(text: str, name: str) -> str:

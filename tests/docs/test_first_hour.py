@@ -1,5 +1,7 @@
 """The first hour, on made and on public data: three commands, no edited line, a report at the end."""
 
+import re
+
 import pytest
 from first_hour import PUBLIC, TOLD, commands, walk, walk_in_one, without_manifest
 from odd_folders import campaign, labview, workbook  # on the path by first_hour
@@ -20,7 +22,11 @@ def virtual(folder, truth):
 def ends_in_a_report(answers, results, simulated):
     for answer in answers[:2]:
         assert answer.status == 0, answer.stderr
-        assert answer.stderr == "" and 1 <= len(answer.stdout.splitlines()) <= 40
+        # On a busy machine a line for each stage.
+    assert (
+        re.sub(r"(?m)^ *\d+\.\d\d s  .*\n", "", answer.stderr) == ""
+        and 1 <= len(answer.stdout.splitlines()) <= 40
+    )
     found = answers[2]
     assert "Traceback" not in found.stderr
     assert (

@@ -12,15 +12,15 @@ import time
 import pytest
 from made_models import paper_model
 
-from sindyjoint.checksums import SUMS, changed_files, read_checked
+from sindyjoint.checksums import SUMS, changed_files, list_kinds, read_checked
 from sindyjoint.equation.model_file import read_model
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files import load_campaign
 from sindyjoint.files.atomic import output_folder
 
 
-def write(folder, number=0, count=40):
-    with output_folder(folder) as stage:
+def write(folder, number=0, count=40, **options):
+    with output_folder(folder, **options) as stage:
         (stage / "figures").mkdir()
         (stage / "figures" / "data.json").write_text(json.dumps({"number": number}))
         (stage / "model.json").write_text(paper_model().to_json() + "\n" * number)
@@ -52,6 +52,37 @@ def test_a_second_result_joins_the_list_and_other_files_stay(tmp_path):
     assert changed_files(tmp_path) == ["01.txt was changed", "02.txt is missing"]
 
 
+def test_results_of_one_kind_are_replaced_whole_and_others_stay(tmp_path):
+    (tmp_path / "notes.md").write_text("mine")
+    with output_folder(tmp_path, "campaign") as stage:
+        (stage / "campaign.toml").write_text("")
+    write(tmp_path, count=3, kind="discovery")
+    write(tmp_path, number=1, count=1, kind="discovery")
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"SHA256SUMS", "notes.md", "campaign.toml", "00.txt", "model.json", "figures"}
+    assert changed_files(tmp_path) == [] and list_kinds(tmp_path)["campaign.toml"] == "campaign"
+    if shutil.which("sha256sum"):
+        subprocess.run(["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=tmp_path, check=True)
+
+
+def test_a_file_of_the_user_is_replaced_only_by_force(tmp_path):
+    write(tmp_path, count=2, kind="discovery")
+    (tmp_path / "01.txt").write_text("mine")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(
+        OutputError, match=r"cannot write '.*01.txt': it was not written by this command, or was cha"
+    ):
+        write(tmp_path, number=1, count=2, kind="discovery")
+    with pytest.raises(OutputError, match=r"00.txt' \(and 3 more\)"):
+        write(tmp_path, number=1, count=2, kind="diagnosis")
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    # What the user changed is not in the way of results without it, and stays.
+    write(tmp_path, number=1, count=1, kind="discovery")
+    assert (tmp_path / "01.txt").read_text() == "mine" and (tmp_path / "00.txt").read_text() == "1"
+    write(tmp_path, number=2, count=2, kind="discovery", force=True)
+    assert (tmp_path / "01.txt").read_text() == "2" and changed_files(tmp_path) == []
+
+
 def test_a_changed_model_is_refused_and_a_copy_elsewhere_is_not(tmp_path, sindyjoint):
     write(tmp_path / "out", count=1)
     model = tmp_path / "out" / "model.json"
@@ -78,13 +109,13 @@ def test_a_picture_file_is_held_against_the_list_of_the_folder_above(tmp_path):
         read_checked(tmp_path / "figures" / "data.json")
 
 
-def test_a_list_that_is_none_is_refused_until_the_next_run(tmp_path):
+def test_a_list_that_is_none_is_refused_until_the_next_run_by_force(tmp_path):
     write(tmp_path, count=0)
     for damage in (b"\xff\xfe", b"abc\n", b"0" * 64 + b"  \x1b[31m\n"):
         (tmp_path / SUMS).write_bytes(damage)
         with pytest.raises(InputError, match="is no list of hashes"):
             read_model(tmp_path)
-    write(tmp_path, count=0)
+    write(tmp_path, count=0, force=True)
     assert read_model(tmp_path).terms
 
 
@@ -112,7 +143,7 @@ def replace(source, target):
     true(source, target)
 os.replace = atomic.os.replace = replace
 from test_files_checksums import write
-write(sys.argv[1], 1)
+write(sys.argv[1], 1, kind="discovery")
 """
 
 
@@ -120,7 +151,7 @@ write(sys.argv[1], 1)
 def test_old_and_new_files_are_never_taken_for_a_result(tmp_path, at):
     # Killed before the n-th file has its name: the list that says so, 42 files, the list of hashes.
     pytest.importorskip("fcntl", reason="no locks on folders: what is left stays")
-    write(tmp_path / "out", 0)
+    write(tmp_path / "out", 0, kind="discovery")
     run = subprocess.run(
         [sys.executable, "-c", KILLED, str(tmp_path / "out"), str(at)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([os.path.dirname(__file__), *sys.path])},
@@ -137,7 +168,7 @@ def test_old_and_new_files_are_never_taken_for_a_result(tmp_path, at):
         ):
             read_model(tmp_path / "out")
     assert list((tmp_path / "out").glob(".*.part"))
-    write(tmp_path / "out", 1)
+    write(tmp_path / "out", 1, kind="discovery")
     assert changed_files(tmp_path / "out") == [] and not list((tmp_path / "out").glob(".*"))
 
 

@@ -154,7 +154,7 @@ def comparison(name="bench joint", method="stlsq"):
         simulated=True,
         ids=(*found, "quintic_stiffness", "dead_zone"),
         units={**units, "quintic_stiffness": "N*m/rad^5"},
-        methods=(choice(method, held_out=0.0101, response=0.01, seconds=0.2),
+        methods=(choice(method, residual=0.01, held_out=0.0101, response=0.01, seconds=0.2),
                  choice("lasso_lars", (*found[:2], *found[3:], "quintic_stiffness"), held_out=0.02, seconds=1.0)),
         frequencies=tuple(choice(f"{f:g} Hz") for f in frequencies),
         libraries=(choice("paper"), choice("extended")),
@@ -171,4 +171,5 @@ def comparison(name="bench joint", method="stlsq"):
         warnings=("the campaign is simulated (a virtual test), not measured",),
         seconds={"methods": 3.0},
         discovery=None,
+        noise_floor=0.0097,
     )  # fmt: skip

@@ -6,16 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import HOSTILE, ORIGIN, page_html
+from handmade import HOSTILE, ORIGIN, model, page_html
 from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
+from test_reporting_output import app as plotting
 from test_reporting_page import read
+from typer.testing import CliRunner
 
-from sindyjoint.errors import InputError
+from sindyjoint.checksums import changed_files
+from sindyjoint.errors import InputError, OutputError
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.record import Campaign, Run
 from sindyjoint.reporting.figures.verification import KEPT_SAMPLES, thinned
 from sindyjoint.reporting.output import write_results
+from sindyjoint.reporting.places import PAGE, place_of
 from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.registry import draw, draw_all, drawable, kinds_of, view_of
 from sindyjoint.reporting.saved import load_results, saved_text
@@ -54,7 +58,7 @@ def campaign():
 
 def written(result, folder):
     if isinstance(result, Comparison):
-        result = replace(result, discovery=types.SimpleNamespace(campaign=campaign()))
+        result = replace(result, discovery=types.SimpleNamespace(campaign=campaign(), model=model()))
     return write_results(result, folder, "sindyjoint made by hand", 3)
 
 
@@ -169,3 +173,36 @@ def test_a_structure_saved_by_an_earlier_version_is_still_one(tmp_path):
     # Marked as a diagnosis of an earlier version, it would be that of a campaign.
     saved.write_text(json.dumps(old))
     assert load_results(tmp_path).source == "campaign"
+
+
+def test_results_of_several_kinds_in_one_folder(tmp_path):
+    folder = tmp_path / "r"
+    found, missing = verification(), diagnosis()
+    assert found.report(folder) == folder and missing.report(folder) == folder / "diagnosis"
+    before = (folder / "diagnosis" / "diagnosis.json").read_bytes()
+    (folder / "notes.md").write_text("mine")
+    assert verification(name="another").report(folder) == folder
+    assert load_results(folder).model.joint.name == "another"
+    assert (folder / "diagnosis" / "diagnosis.json").read_bytes() == before
+    for place, link in ((folder, "diagnosis/report.html"), (folder / "diagnosis", "../report.html")):
+        assert changed_files(place) == [] and f'Also here: <a href="{link}">' in (place / PAGE).read_text(
+            "utf-8"
+        )
+    # A result that leaves more figures out than the last one leaves none of its behind.
+    assert (folder / "figures" / "energy.svg").is_file()
+    verification(failed=True).report(folder)
+    assert not (folder / "figures" / "energy.svg").exists() and (folder / "notes.md").is_file()
+    listed = CliRunner().invoke(plotting, [str(folder)]).stdout
+    assert "verification/response " in listed and "diagnosis/budget " in listed
+    for kind in ("rivals", "diagnosis/gap"):
+        drawn = CliRunner().invoke(plotting, [str(folder), kind, "-o", str(tmp_path / "a.svg")])
+        assert drawn.exit_code == 0, drawn.exception
+    wrong = CliRunner().invoke(plotting, [str(folder), "batch/joints"]).exception
+    assert "holds no results of a 'batch'; expected one of: verification, diagnosis" in str(wrong)
+    with pytest.raises(OutputError, match="choose another folder for a batch"):
+        place_of("batch", folder)
+    (folder / PAGE).write_text("mine")
+    with pytest.raises(OutputError, match="report.html': it was not written by this command"):
+        verification().report(folder)
+    verification().report(folder, force=True)
+    assert changed_files(folder) == []

@@ -1,5 +1,6 @@
 """What a person reads in a terminal, held against files: numbers rounded as a physicist would, nothing cut off."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -106,3 +107,22 @@ def test_a_window_cuts_no_number_off(width, capsys, monkeypatch):
 
 def test_units():
     assert pretty_unit("N*m/rad^2") == "N·m/rad²" and pretty_unit("kg*m^2") == "kg·m²"
+
+
+@pytest.mark.parametrize("width", [80, 110])
+def test_tables_of_compare_and_batch_fit_the_screen(width, capsys, monkeypatch):
+    from handmade_results import comparison
+
+    from sindyjoint.reporting.text_table import fitting_blocks
+
+    monkeypatch.setenv("COLUMNS", str(width))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    show(comparison())
+    printed = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).partition("What next?")[0]
+    assert max(map(len, printed.splitlines())) <= width
+    assert "residual" in printed and "noise floor           0.97 %" in printed
+    columns = ("campaign", "residual", "floor", *(f"coefficient {i} (N·m·s/rad)" for i in range(5)))
+    row = ("joint-1", "1.03 %", "0.97 %", *["5999.3 ± 0.9"] * 5)
+    blocks = list(fitting_blocks(columns, [row], width))
+    assert all(block[0] == "campaign" and sum(len(c) + 3 for c in block) <= width for block, _ in blocks)
+    assert [c for block, _ in blocks for c in block[1:]] == list(columns[1:])

@@ -107,7 +107,9 @@ def pass_over(
         terms = regressor.candidates(scale, with_acceleration)
         function = compile_terms([term.expression for term in terms])
         with_terms: list[Any] = [replace(task, function=function) for task in tasks]  # type: ignore[type-var]
-        return terms, ordered_map(here, work, with_terms)
+        return terms, ordered_map(
+            here, work, with_terms, done=lambda n: say(f"segments: {n} of {len(tasks)}")
+        )
 
     terms, done = one_pass(assumed or Reference(1.0, 1.0, 1.0))
     reference = largest(done)

@@ -100,12 +100,14 @@ def _scale(values: np.ndarray, unit: str) -> tuple[float, str]:
     return prefixed(float(here.max()) if here.size else 1.0, unit)
 
 
+DIAMONDS = " Diamonds: joints that stand out."
+
 KINDS = by_name(
     Kind(
         "joints",
         "Coefficients of every joint",
-        "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie. "
-        "Diamonds: joints that stand out.",
+        "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie."
+        + DIAMONDS,
         lambda result: [partial(draw_joints, term=term) for term in result.common[:MOST_PANELS]],
     ),
     Kind(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,25 +10,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.batch.summary import Batch
-from sindyjoint.reporting.figures.batch import KELVIN, KINDS
-from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.reporting.figures.batch import DIAMONDS, KELVIN, KINDS
+from sindyjoint.reporting.provenance import Provenance, provenance
+from sindyjoint.reporting.style import pretty_unit, shortened
 from sindyjoint.reporting.tables import superscripted
 from sindyjoint.reporting.text_table import (
     DASH,
     TextTable,
     aligned,
     csv_text,
+    fitting_blocks,
     print_whole,
     terminal,
     terminal_table,
 )
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import rounded, spelled
+from sindyjoint.text import percent, rounded, spelled
 from sindyjoint.workflows.batch import CAMPAIGNS
 
 if TYPE_CHECKING:
     from sindyjoint.batch.record import CampaignRecord
+    from sindyjoint.reporting.figures.kind import Kind
 
+# Characters of a name on a terminal.
+NAME = 24
 STATUS = {"found": "found", "none": "no model", "broken": "broken"}
 
 
@@ -39,10 +44,18 @@ class BatchView(View[Batch, Batch]):
     data = Batch
     records_key = "campaigns"
     kind = "Batch"
+    folder = "batch"
     kinds = KINDS
     template = "batch.html.j2"
     record_file = "batch.json"
     judged_by = (*FINDING, "batch")
+
+    def kinds_of(self, data: Batch) -> Mapping[str, Kind]:
+        """Return the figures; of signs that no joint has, the caption says nothing."""
+        kinds = dict(self.kinds)
+        if not any(scatter.outliers for scatter in data.population.scatters):
+            kinds["joints"] = replace(kinds["joints"], caption=kinds["joints"].caption.removesuffix(DIAMONDS))
+        return kinds
 
     def kept(self, data: Batch) -> Batch:
         """Return it without the result of each campaign, which lies in the folder of the campaign."""
@@ -75,11 +88,17 @@ class BatchView(View[Batch, Batch]):
                     f"of {len(result.population.trends)} looked for, at 5 % over all",
                 ),
             ],
-            "columns": joints.columns,
+            "columns": list(zip(joints.columns, joints.is_text, strict=True)),
+            "marked": any(scatter.outliers for scatter in result.population.scatters),
             "rows": [
                 (_link(record, folder), row) for record, row in zip(result.records, joints.rows, strict=True)
             ],
         }
+
+    def origin(self, result: Batch, command_line: Any, seed: object, files: Any) -> Provenance:
+        """Return the manifests that were read."""
+        manifests = [Path(record.manifest) for record in result.records]
+        return provenance(None, seed, command_line, [*files, *filter(Path.is_file, manifests)])
 
     def files(self, result: Batch, data: Batch) -> dict[str, str]:
         """Return one line per campaign."""
@@ -87,10 +106,14 @@ class BatchView(View[Batch, Batch]):
 
     def show(self, result: Batch) -> None:
         """Print the table, what stands out and the trends."""
-        joints = _joints(result)
-        print_whole(terminal_table(joints.columns, joints.rows, "llr", ruled=True), terminal())
+        joints, console = _joints(result), terminal()
+        shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
+        for columns, rows in fitting_blocks(joints.columns, shown, console.width):
+            align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
+            print_whole(terminal_table(columns, rows, align, ruled=True), console)
+            print()
         virtual = ", all of them simulated" if self.simulated(result) else ""
-        print(f"\n{headline(result)}{virtual}")
+        print(f"{headline(result)}{virtual}")
         for difference in result.differences:
             print(f"- {difference.id}: {difference.text}")
         for trend in result.population.trends:
@@ -163,6 +186,8 @@ def _joints(result: Batch) -> TextTable:
         *(["serial"] if serial else []),
         *(["°C"] if temperature else []),
         "",
+        "residual",
+        "floor",
         *units,
     ]
     outlying = {(i, s.coefficient) for s in result.population.scatters for i in s.outliers}
@@ -174,12 +199,24 @@ def _joints(result: Batch) -> TextTable:
             kelvin = record.joint.get("temperature")
             row.append(f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH)
         row.append(STATUS[record.status])
+        row += _shares_of_fit(record)
         for term in result.common:
             value, error = float(result.values[term][i]), float(result.errors[term][i])
             text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
             row.append(f"{text} !" if (i, term) in outlying else text)
         rows.append(tuple(row))
     return TextTable("joints", "All joints", tuple(head), tuple(rows))
+
+
+def _shares_of_fit(record: CampaignRecord) -> tuple[str, str]:
+    """Return residual and noise floor of a campaign's model, of the RMS that was explained."""
+    fit = (record.result or {}).get("fit", {})
+    whole = fit.get("moment_rms")
+    if not whole:
+        return DASH, DASH
+    residual, floor = (fit.get(name) for name in ("residual_rms", "noise_floor"))
+    shares = [DASH if value is None else percent(value / whole) for value in (residual, floor)]
+    return shares[0], "unknown" if floor is None and residual is not None else shares[1]
 
 
 def _scatter(result: Batch) -> TextTable:

@@ -6,21 +6,27 @@ import json
 import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.reporting.figures.check import CheckData, gather_check, kinds_of_check
 from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.style import shortened
 from sindyjoint.reporting.tables import findings_table, terms_csv
-from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal, terminal_table
+from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.words import words_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from sindyjoint.judgement.headline import Headline
 
 BADGES = {"sound": "confirmed", "doubtful": "undecided", "unsound": "refuted"}
 HEADLINES = {
@@ -41,9 +47,11 @@ class CheckView(View[Any, CheckData]):
     results = (Check, CheckData)
     data = CheckData
     kind = "Check"
+    folder = "check"
     template = "check.html.j2"
     record_file = "check.json"
     judged_by = ("soundness",)
+    question = "What was found?"
 
     def gather(self, result: Any) -> CheckData:
         """Return what is saved, so that a figure drawn again later is the same to the last byte."""
@@ -68,6 +76,18 @@ class CheckView(View[Any, CheckData]):
         """Return the findings."""
         return (findings_table(_in_words(_check_of(result))),)
 
+    def lead(self, result: Any, data: CheckData) -> tuple[str, int]:
+        """Return the channels of the run with the severest finding."""
+        named = [f.run for f in _check_of(result).soundness.findings if f.run is not None]
+        names = [run.run for run in data.runs]
+        worst = names.index(named[0]) if named and named[0] in names else 0
+        for kind, made in self.figures(data).items():
+            panels = len(made.panels(data))
+            if worst < panels:
+                return kind, worst
+            worst -= panels
+        return "channels", 0
+
     def content(self, result: Any, data: CheckData, folder: Path | None) -> dict[str, Any]:
         """Return what the page shows."""
         check = _check_of(result)
@@ -77,6 +97,7 @@ class CheckView(View[Any, CheckData]):
             "title": f"{check.campaign.joint.name}: are its data sound?",
             "check": check,
             "badge": BADGES[soundness.verdict],
+            "lead_caption": self.figures(data)["channels"].caption,
             "headline": _headline(soundness),
             "stopped": "" if result is check else type(result).__name__.lower(),
             "facts": [
@@ -105,18 +126,28 @@ class CheckView(View[Any, CheckData]):
             texts["diagnosis.json"] = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         return texts
 
-    def show(self, result: Any) -> None:
-        """Print the verdict and a line for each finding."""
+    def headline(self, result: Any) -> Headline:
+        """Return whether a model can be made of the data."""
+        return judge_check(_check_of(result))
+
+    def about(self, result: Any) -> str:
+        """Return the joint and the verdict."""
         from rich.markup import escape
 
         check = _check_of(result)
-        console = terminal()
         virtual = " (simulated)" if check.campaign.simulated else ""
-        verdict = check.soundness.verdict
-        console.print(f"{escape(check.campaign.joint.name)}{virtual}: the data are [bold]{verdict}[/]")
+        name = escape(check.campaign.joint.name)
+        return f"{name}{virtual}: the data are [bold]{check.soundness.verdict}[/]"
+
+    def show_result(self, result: Any, console: Console) -> None:
+        """Print a line for each finding."""
+        from rich.markup import escape
+
+        check = _check_of(result)
         findings = _in_words(check)
-        if findings:
-            console.print()
+        if not findings:
+            console.print("  nothing")
+        else:
             rows = [
                 (
                     f.severity,

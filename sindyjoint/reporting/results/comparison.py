@@ -11,18 +11,37 @@ import numpy as np
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.judgement.comparison import Comparison
+from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.comparison import KINDS
+from sindyjoint.reporting.page import markup
 from sindyjoint.reporting.provenance import Provenance, provenance
-from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.reporting.style import pretty_unit, shortened
 from sindyjoint.reporting.tables import interval_text, superscripted
-from sindyjoint.reporting.text_table import DASH, TextTable, aligned, csv_text, short_number
+from sindyjoint.reporting.text_table import (
+    DASH,
+    TextTable,
+    aligned,
+    csv_text,
+    print_wrapped,
+    short_number,
+    terminal_table,
+)
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import quantities, rounded, spelled
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from sindyjoint.judgement.comparison import Choice
+    from sindyjoint.judgement.headline import Headline
+
+
+# Of the CSV file, and of a data frame.
+LONG_COLUMNS = ("kind", "name", "term", "chosen", "coefficient", "standard_error", "interval95_low",
+                "interval95_high", "unit")  # fmt: skip
 
 
 class ComparisonView(View[Comparison, Comparison]):
@@ -31,6 +50,7 @@ class ComparisonView(View[Comparison, Comparison]):
     results = (Comparison,)
     data = Comparison
     kind = "Comparison"
+    folder = "comparison"
     kinds = KINDS
     template = "comparison.html.j2"
     record_file = "comparison.json"
@@ -53,11 +73,20 @@ class ComparisonView(View[Comparison, Comparison]):
 
     def content(self, result: Comparison, data: Comparison, folder: Path | None) -> dict[str, Any]:
         """Return what the page shows."""
-        return {"title": _title(result)}
+        model = None if result.discovery is None else result.discovery.model
+        return {"title": _title(result), "equation": markup(mathml(model)) if model and model.terms else ""}
+
+    def lead(self, result: Comparison, data: Comparison) -> tuple[str, int]:
+        """Return the inclusion map."""
+        return "inclusion", 0
 
     def origin(self, result: Comparison, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
         return provenance(result.discovery.campaign, seed, command_line, files)
+
+    def records(self, result: Comparison) -> list[dict[str, Any]]:
+        """Return every choice, term by term, numbers in SI units."""
+        return [dict(zip(LONG_COLUMNS, row, strict=True)) for row in _long_rows(result, float("nan"))]
 
     def files(self, result: Comparison, data: Comparison) -> dict[str, str]:
         """Return the tables as CSV, Markdown and LaTeX."""
@@ -69,21 +98,48 @@ class ComparisonView(View[Comparison, Comparison]):
             + "\n".join(table.latex() for table in tables),
         }
 
-    def show(self, result: Comparison) -> None:
-        """Print the comparison for a person."""
+    def headline(self, result: Comparison) -> Headline:
+        """Return whether methods, frequencies and resampled campaigns agree."""
+        return judge_comparison(result)
+
+    def about(self, result: Comparison) -> str:
+        """Return the joint, and how much is compared."""
+        from rich.markup import escape
+
         simulated = " (simulated)" if result.simulated else ""
-        print(f"{result.joint}{simulated}\n{result.agreement}\n")
+        many = f"{len(result.methods)} methods, {len(result.frequencies)} frequencies"
+        return f"{escape(result.joint)}{simulated}: terms by {many}, {len(result.libraries)} libraries"
+
+    def show_result(self, result: Comparison, console: Console) -> None:
+        """Print the model, what every choice leads to, and whether coefficients change with frequency."""
+        from rich.markup import escape
+
+        names = ", ".join(spelled(term, result.motion) for term in result.model.ids)
+        known = result.discovery is not None and result.model.terms
+        console.print(
+            f"  {escape(result.discovery.model.equation() if known else names or result.model.reason)}\n"
+        )
+        choices = _choice_rows(result)
         load = quantities(result.motion).moment.lower()
-        wide = max(len(choice.name) for choice in (*result.methods, *result.libraries))
-        for choice in (*result.methods, *result.frequencies, *result.libraries):
-            error = f"  left-out {load} {_percent(choice.held_out)}" if np.isfinite(choice.held_out) else ""
-            print(f"  {choice.name:<{wide}}  {_difference(choice, result.motion)}{error}")
+        columns = ("", "terms", "residual", f"left-out {load}", "response", "instead of the paper's five")
+        print_wrapped(terminal_table(columns, choices, "lrrrrl"), console)
+        console.print(f"\n{escape(result.agreement)}")
         if result.tests:
-            print("\nthe same at every frequency?")
-            for test in result.tests:
-                print(f"  {spelled(test.name, result.motion)}: {test.answer}; {test.reason}")
+            rows = [
+                (
+                    spelled(t.name, result.motion),
+                    _trend(t),
+                    _percent(t.change_bound),
+                    f"{t.p_value:.2g}",
+                    t.answer,
+                )
+                for t in result.tests
+            ]
+            heads = ("over the tested band", "trend", "at most", "p", "answer")
+            console.print()
+            print_wrapped(terminal_table(heads, rows, "lrrrl"), console)
         for text in (*result.undetermined, *result.warnings):
-            print(f"\nnote: {text}")
+            console.print(f"- {escape(text)}")
 
     def details(self, result: Comparison) -> Iterator[str]:
         """Yield how long each method took, and what it led to."""
@@ -118,6 +174,8 @@ def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[
             )
     rows.append(("terms", *(str(len(c.terms)) for c in choices)))
     rows.append(("the paper's set", *("yes" if c.agrees else "no" for c in choices)))
+    if any(np.isfinite(c.residual) for c in choices):
+        rows.append(("residual", *(_percent(c.residual) for c in choices)))
     if any(np.isfinite(c.held_out) for c in choices):
         load = quantities(result.motion).moment.lower()
         rows.append((f"error of left-out {load}", *(_percent(c.held_out) for c in choices)))
@@ -170,7 +228,7 @@ def _tests(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
     for test in tests:
         values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
         spread = (f"{test.q:.1f}", f"{100 * test.i_squared:.0f} %", _percent(test.tau / abs(test.mean)))
-        trend = f"{100 * test.change:+.1f} %".replace("-", "−")
+        trend = _trend(test)
         text: str = test.answer
         if text == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
             text += f"; a change of {trend} is significant"
@@ -179,6 +237,11 @@ def _tests(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
     return TextTable(
         "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)
     )
+
+
+def _trend(test: FrequencyTest) -> str:
+    """Return the change over the tested band, of the mean."""
+    return f"{100 * test.change:+.1f} %".replace("-", "−")
 
 
 def _folds(result: Comparison) -> TextTable:
@@ -204,7 +267,11 @@ def _folds(result: Comparison) -> TextTable:
 
 def long_csv(result: Comparison) -> str:
     """Return every choice, term by term, as CSV: numbers in full, SI."""
-    numbers = ("coefficient", "standard_error", "interval95_low", "interval95_high")
+    return csv_text(LONG_COLUMNS, _long_rows(result, ""))
+
+
+def _long_rows(result: Comparison, missing: Any) -> list[tuple[Any, ...]]:
+    """Return every choice, term by term; ``missing`` stands for the numbers of a term that was not chosen."""
     groups = {
         "method": result.methods,
         "frequency": result.frequencies,
@@ -216,13 +283,9 @@ def long_csv(result: Comparison) -> str:
         for choice in choices:
             for term in result.shown_ids:
                 held, unit = choice[term], result.units.get(term, "")
-                values = (
-                    (held.coefficient, held.standard_error, *held.interval95)
-                    if held
-                    else ("",) * len(numbers)
-                )
+                values = (held.coefficient, held.standard_error, *held.interval95) if held else (missing,) * 4
                 rows.append((kind, choice.name, term, int(held is not None), *values, unit))
-    return csv_text(("kind", "name", "term", "chosen", *numbers, "unit"), rows)
+    return rows
 
 
 def _markdown(result: Comparison, tables: Sequence[TextTable]) -> str:
@@ -242,18 +305,29 @@ def _markdown(result: Comparison, tables: Sequence[TextTable]) -> str:
     )
 
 
+def _choice_rows(result: Comparison) -> list[tuple[str, ...]]:
+    """Return what every method, frequency and library leads to, and the noise floor."""
+    rows = [
+        (
+            shortened(choice.name),
+            str(len(choice.terms)),
+            *map(_percent, (choice.residual, choice.held_out, choice.response)),
+            _difference(choice, result.motion),
+        )
+        for choice in (*result.methods, *result.frequencies, *result.libraries)
+    ]
+    floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
+    return [*rows, ("noise floor", "", floor, "", "", "")]
+
+
 def _difference(choice: Choice, motion: str) -> str:
+    """Return what a choice has instead of the paper's five terms."""
     if not choice.terms:
         return "no model"
     if choice.agrees:
-        return "the paper's five"
-    parts = [f"without {_list(choice.missing, motion)}"] if choice.missing else []
-    parts += [f"with {_list(choice.extra, motion)}"] if choice.extra else []
-    return f"{len(choice.terms)} terms: the paper's " + ", ".join(parts)
-
-
-def _list(terms: Sequence[str], motion: str) -> str:
-    return " and ".join(spelled(term, motion) for term in terms)
+        return "the same"
+    parts = [f"+ {spelled(term, motion)}" for term in choice.extra]
+    return ", ".join([*parts, *(f"− {spelled(term, motion)}" for term in choice.missing)])
 
 
 def _cell(choice: Choice, term: str) -> str:

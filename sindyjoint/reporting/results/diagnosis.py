@@ -10,18 +10,22 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Diagnosis
+from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml
 from sindyjoint.reporting.figures import diagnosis, structure
 from sindyjoint.reporting.page import markup, number
 from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.tables import model_table
-from sindyjoint.reporting.text_table import DASH, TextTable, aligned, terminal, terminal_table
+from sindyjoint.reporting.text_table import DASH, TextTable, aligned, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.response.nuisances import FILE
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from sindyjoint.diagnosis.result import Advice, Gap, RecordGap, Step
+    from sindyjoint.judgement.headline import Headline
     from sindyjoint.reporting.figures.kind import Kind
 
 PARTS = ("state", "history", "run", "processing", "noise")
@@ -47,9 +51,11 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
     results = (Diagnosis,)
     data: ClassVar[type] = Diagnosis
     kind = "Diagnosis"
+    folder = "diagnosis"
     formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {"StructureDiagnosis": {"source": "structure"}}
     template = "diagnosis.html.j2"
     record_file = "diagnosis.json"
+    question = "What is missing?"
     judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign", "diagnosis structure")
     unsaved: ClassVar[dict[str, Any]] = {
         "effects": (),
@@ -99,6 +105,20 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             model_table(result.whole or result.model),
         )
 
+    def records(self, result: Diagnosis) -> list[dict[str, Any]]:
+        """Return the gaps of the model alone, after each step, and of the noise, as shares."""
+        rows: list[tuple[str, Gap, float]] = [("model alone", result.initial, float("nan"))]
+        rows += [(step.effect, step.gap_after, step.probability) for step in result.steps]
+        rows.append(("noise floor", result.noise_floor, float("nan")))
+        return [
+            {"step": name, "moment_gap": gap.moment, "response_gap": gap.response, "probability": probability}
+            for name, gap, probability in rows
+        ]
+
+    def lead(self, result: Diagnosis, data: Diagnosis) -> tuple[str, int]:
+        """Return the gap by step."""
+        return "gap", 0
+
     def content(self, result: Diagnosis, data: Diagnosis, folder: Path | None) -> dict[str, Any]:
         """Return what the page shows."""
         badge, headline = VERDICTS[result.verdict]
@@ -132,16 +152,21 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         texts = {"model.json": (result.whole or result.model).to_json() + "\n"}
         return texts if not result.test else texts | {FILE: result.test.to_json() + "\n"}
 
-    def show(self, result: Diagnosis) -> None:
-        """Print verdict, gap by step, where it lies, advice and warnings."""
+    def headline(self, result: Diagnosis) -> Headline:
+        """Return whether to believe the diagnosis."""
+        return judge_diagnosis(result, self.simulated(result))
+
+    def about(self, result: Diagnosis) -> str:
+        """Return the joint and the verdict."""
         from rich.markup import escape
 
-        console = terminal()
         virtual = " (simulated)" if self.simulated(result) else ""
-        console.print(
-            f"{escape(result.model.joint.name)}{virtual}: [bold]{result.verdict.replace('_', ' ')}[/]"
-        )
-        console.print(escape(result.reason) + "\n")
+        return f"{escape(result.model.joint.name)}{virtual}: [bold]{result.verdict.replace('_', ' ')}[/]"
+
+    def show_result(self, result: Diagnosis, console: Console) -> None:
+        """Print gap by step, where it lies, advice and warnings."""
+        from rich.markup import escape
+
         motion = result.model.joint.motion
         gap = f"{quantities(motion).moment.lower()} gap"
         columns = ("", gap, "response gap", "probability", "indistinguishable from")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.equation.model import INERTIA
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headline import Headline
@@ -46,6 +47,8 @@ HEADLINES = {
     "undecided": "These data do not decide whether the paper’s five terms describe this joint.",
 }
 NO_MODEL = "No set of terms passed: these data give no model of this joint."
+# Of a joint whose inertia is not declared, and is no term of the model.
+NO_INERTIA = "its load is too small on these runs to be told from the other terms"
 # Steps of a path shown on either side of the chosen one.
 NEIGHBOURS = 3
 
@@ -57,6 +60,7 @@ class DiscoveryView(View[Discovery, ReportData]):
     data = ReportData
     records_key = "terms"
     kind = "ReportData"
+    folder = "discovery"
     kinds = KINDS
     template = "discovery.html.j2"
     judged_by = FINDING
@@ -98,7 +102,6 @@ class DiscoveryView(View[Discovery, ReportData]):
         return {
             "title": f"{data.model.joint.name}: terms of the joint",
             "headline": HEADLINES[data.verdict] if data.model.terms else NO_MODEL,
-            "trust": data.headline,
             "paper_title": TITLE,
             "paper_doi": DOI,
             "facts": key_facts(data),
@@ -122,21 +125,32 @@ class DiscoveryView(View[Discovery, ReportData]):
         """Return the model and its terms."""
         return {"model.json": result.model.to_json() + "\n", "terms.csv": terms_csv(result.model)}
 
-    def show(self, result: Discovery) -> None:
-        """Print equation, terms, fit, verdict and warnings."""
+    def headline(self, result: Discovery | ReportData) -> Headline:
+        """Return that of the discovery."""
+        return result.headline
+
+    def about(self, result: Discovery) -> str:
+        """Return the joint and its runs, and the question of the paper's terms where that leads."""
         from rich.markup import escape
 
-        console = terminal()
         model, fitted = result.model, result.model.fitted
         simulated = " (simulated)" if fitted.simulated else ""
-        headline = result.headline
         at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
         title = f"[bold]{escape(model.joint.name + simulated)}[/]"
-        console.print(f"{title}: {fitted.runs} run(s){at}, {fitted.samples} moving samples")
-        if result.leads_with_paper:
-            _show_paper(result, console)
-        _show_trust(headline, console)
-        console.print("\n[bold]What is it?[/]")
+        line = f"{title}: {fitted.runs} run(s){at}, {fitted.samples} moving samples"
+        return f"{line}\n{_paper_lines(result)}" if result.leads_with_paper else line
+
+    def show(self, result: Discovery) -> None:
+        """Print the question of the paper's terms in the end where it does not lead."""
+        super().show(result)
+        if not result.leads_with_paper:
+            terminal().print(_paper_lines(result))
+
+    def show_result(self, result: Discovery, console: Console) -> None:
+        """Print equation, terms, fit and warnings."""
+        from rich.markup import escape
+
+        model = result.model
         if not result.found:
             console.print(f"  no model: {escape(result.reason)}")
         else:
@@ -149,11 +163,6 @@ class DiscoveryView(View[Discovery, ReportData]):
             console.print("\n[bold]What to know before using it[/]")
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
-        console.print("\n[bold]What next?[/]")
-        for do, to in headline.next_steps:
-            console.print(f"  {escape(do)}  [dim]to {escape(to)}[/]", soft_wrap=True)
-        if not result.leads_with_paper:
-            _show_paper(result, console)
 
     def details(self, result: Discovery) -> Iterator[str]:
         """Yield states, the path round the choice, and what each term carries."""
@@ -190,28 +199,14 @@ class DiscoveryView(View[Discovery, ReportData]):
         yield from _shares(result)
 
 
-MARKS = {"good": ("green", "ok "), "fair": ("yellow", "mind"), "poor": ("red", "no ")}
-
-
-def _show_trust(headline: Headline, console: Console) -> None:
-    """Print whether to trust the model, and why."""
+def _paper_lines(result: Discovery) -> str:
+    """Return whether the joint has the paper's five terms, with markup."""
     from rich.markup import escape
 
-    colour, _ = MARKS[headline.colour]
-    console.print(f"\n[bold]Can I trust it?[/] [{colour}]{headline.answer}[/]")
-    for light in headline.lights:
-        colour, mark = MARKS[light.colour]
-        console.print(f"  [{colour}]{mark:<4}[/] {light.name:<8}  {escape(light.sentence)}")
-
-
-def _show_paper(result: Discovery, console: Console) -> None:
-    """Print whether the joint has the paper's five terms."""
-    from rich.markup import escape
-
-    verdict = result.verdict
-    console.print(f"\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}")
-    if not result.leads_with_paper:
-        console.print(f"  the five terms of {TITLE}, doi:{DOI}; --paper puts this first")
+    line = f"\n[bold]paper's term set {result.verdict.verdict}[/]: {escape(result.verdict.reason)}"
+    if result.leads_with_paper:
+        return line
+    return f"{line}\n  the five terms of {TITLE}, doi:{DOI}; --paper puts this first"
 
 
 def _terms(table: TextTable, console: Console) -> Table:
@@ -230,6 +225,8 @@ def _show_fit(result: Discovery, console: Console) -> None:
     what, unit = q.moment.lower(), pretty_unit(q.moment_unit)
     if model.joint.inertia is not None:
         console.print(f"{q.inertia.lower()} {model.joint.inertia:g} {pretty_unit(q.inertia_unit)}, declared")
+    elif model.terms and INERTIA not in model:
+        console.print(f"{q.inertia.lower()}: not declared; looked for and not found: {NO_INERTIA}")
     floor = f"{fitted.noise_floor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
     console.print(
         f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
@@ -300,7 +297,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
     floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
     frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
     inertia = data.model.inertia
-    known = "declared" if data.model.joint.inertia is not None else "identified" if inertia else "not known"
+    known = "declared" if data.model.joint.inertia is not None else "identified"
     facts = [
         (
             f"{q.moment} explained",
@@ -319,7 +316,10 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
             f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
         ),
     ]
-    facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
+    if data.model.joint.inertia is None and INERTIA not in data.model:
+        facts.append((q.inertia, "not found", NO_INERTIA))
+    else:
+        facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
     return facts
 
 

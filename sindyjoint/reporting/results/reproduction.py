@@ -39,6 +39,7 @@ class ReproductionView(View[Reproduction, ReproductionFigures]):
     results = (Reproduction, ReproductionFigures)
     data = ReproductionFigures
     kind = "Reproduction"
+    folder = "reproduction"
     kinds = KINDS
     template = "reproduction.html.j2"
     record_file = "reproduction.json"

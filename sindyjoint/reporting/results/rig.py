@@ -21,9 +21,14 @@ class RigView(View[RigMotion, RigFigures]):
     results = (RigMotion, RigFigures)
     data = RigFigures
     kind = "Rig"
+    folder = "rig"
     kinds = KINDS
     template = "rig.html.j2"
     record_file = "rig.json"
+
+    def simulated(self, result: RigMotion | RigFigures) -> bool:
+        """Return True: a rig moves only in a simulation."""
+        return True
 
     def gather(self, result: RigMotion | RigFigures) -> RigFigures:
         """Return what is drawn."""

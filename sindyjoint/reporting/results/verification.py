@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.figures.kind import spread
 from sindyjoint.reporting.figures.verification import KINDS, thinned
 from sindyjoint.reporting.interactive import response_payload
 from sindyjoint.reporting.page import markup
@@ -19,7 +21,6 @@ from sindyjoint.reporting.text_table import (
     milliseconds,
     print_whole,
     short_number,
-    terminal,
     terminal_table,
 )
 from sindyjoint.reporting.view import View
@@ -27,6 +28,11 @@ from sindyjoint.response.nuisances import FILE
 from sindyjoint.response.verification import RunVerification, Verification
 from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
 from sindyjoint.workflows.refine import RefinedModel, number_labels
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from sindyjoint.judgement.headline import Headline
 
 # Units that take a prefix; others ("mm", "kip", "inch") are printed as the campaign declares them.
 PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
@@ -52,10 +58,12 @@ class VerificationView(View[Verification, Verification]):
     data = Verification
     records_key = "runs"
     kind = "Verification"
+    folder = "verification"
     kinds = KINDS
     template = "verification.html.j2"
     record_file = "verification.json"
     judged_by = ("states", "response", "workflows")
+    question = "What is the result?"
     # "kind" marks what the file holds.
     renamed = {"kind": "subject_kind"}  # noqa: RUF012
 
@@ -119,6 +127,11 @@ class VerificationView(View[Verification, Verification]):
         )
         return TextTable("runs", caption, columns, rows), model_table(result.model)
 
+    def lead(self, result: Verification, data: Verification) -> tuple[str, int]:
+        """Return the first cycles of the run with the largest error, of those that are drawn."""
+        errors = [run.beyond_noise for run in spread(data.runs)]
+        return "cycles", errors.index(max(errors))
+
     def content(self, result: Verification, data: Verification, folder: Path | None) -> dict[str, Any]:
         """Return what the page shows."""
         passed = result.verdict == "passed"
@@ -153,16 +166,23 @@ class VerificationView(View[Verification, Verification]):
         """Return the model."""
         return {"model.json": result.model.to_json() + "\n"}
 
-    def show(self, result: Verification) -> None:
-        """Print verdict, figures and warnings."""
+    def headline(self, result: Verification) -> Headline:
+        """Return whether the model gives the response."""
+        return judge_verification(result, self.simulated(result), getattr(result, "soundness", None))
+
+    def about(self, result: Verification) -> str:
+        """Return what is compared with what, and the verdict."""
         from rich.markup import escape
 
-        console = terminal()
         where = "the rig" if result.kind == "rig" else "the runs of"
         virtual = " (simulated, not measured)" if self.simulated(result) else ""
-        console.print(
-            f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}{virtual}\n"
-        )
+        compared = f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}{virtual}"
+        return f"{compared}: [bold]{result.verdict}[/]"
+
+    def show_result(self, result: Verification, console: Console) -> None:
+        """Print equation, figures and warnings."""
+        from rich.markup import escape
+
         lines = result.model.equation().split("; ")  # the rates of internal states stand below
         console.print("\n".join(f"  {escape(line)}" for line in lines) + "\n")
         load = quantities(result.model.joint.motion).moment.lower()
@@ -171,7 +191,7 @@ class VerificationView(View[Verification, Verification]):
         )  # fmt: skip
         rows = [(shortened(name), *others) for name, *others in self.tables(result)[0].rows]
         print_whole(terminal_table(columns, rows, "llr"), console)
-        console.print(f"\n[bold]{result.verdict}[/]: {escape(result.reason)}")
+        console.print(f"\n{escape(result.reason)}")
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
 
@@ -211,6 +231,7 @@ class RefinementView(VerificationView):
     """A model refined on a campaign: its numbers before and after, and what a verification shows."""
 
     results = (RefinedModel,)
+    folder = "refinement"
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
         """Return the numbers before and after in addition to runs and terms."""
@@ -237,12 +258,11 @@ class RefinementView(VerificationView):
         test = result.test if isinstance(result, RefinedModel) else None
         return texts if test is None else {**texts, FILE: test.to_json() + "\n"}
 
-    def show(self, result: Verification) -> None:
+    def show_result(self, result: Verification, console: Console) -> None:
         """Print the numbers before and after, then what a verification prints."""
-        console = terminal()
         print_whole(
             terminal_table(("number", "before", "after", "unit"), self.tables(result)[-1].rows, "lrrl"),
             console,
         )
         console.print("")
-        super().show(result)
+        super().show_result(result, console)

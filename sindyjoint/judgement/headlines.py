@@ -1,0 +1,223 @@
+"""Headlines of data, comparisons, diagnoses and verifications: the same two questions as of a discovery."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.judgement.comparison import Choice, Comparison
+from sindyjoint.judgement.headline import (
+    EXPORT,
+    SEE_FAULTS,
+    VERIFY,
+    Colour,
+    Excitations,
+    Headline,
+    Light,
+    advise_runs,
+    colour_of_misfit,
+    judge_coverage,
+    judge_soundness,
+)
+from sindyjoint.judgement.policy import POLICY
+from sindyjoint.response.verification import Verification
+from sindyjoint.soundness.check import Check
+from sindyjoint.soundness.finding import Soundness
+from sindyjoint.text import list_some, percent, quantities, spelled
+
+Step = tuple[str, str]
+DISCOVER = ("sindyjoint discover CAMPAIGN --out RESULTS", "find the terms of the joint’s equation")
+OWN_EFFECTS = ("sindyjoint diagnose CAMPAIGN --library EFFECTS.toml", "try effects of your own catalogue")
+# A step more than these is a list, not an advice.
+MOST_STEPS = 2
+NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
+
+
+def judge_check(check: Check) -> Headline:
+    """Return whether a model can be made of some data, and what to do with them."""
+    campaign, soundness = check.campaign, check.soundness
+    runs = campaign.identification_runs
+    tested = Excitations(
+        tuple(run.frequency for run in runs if run.frequency is not None),
+        tuple(run.level for run in runs if run.level is not None),
+        len(runs),
+    )
+    stops, biases = _faults(soundness, "stops"), _faults(soundness, "biases")
+    left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
+    accepted = "; accepted" if stops and not soundness.stopping else ""
+    lights = (
+        Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops)}{accepted}")
+        if stops
+        else Light("faults", "good", "nothing found that stands against a model"),
+        Light("bias", "fair", f"{_named(biases)}{'; the samples are left out' if left_out else ''}")
+        if biases
+        else Light("bias", "good", "nothing found that shifts a coefficient"),
+        judge_coverage(tested),
+    )
+    steps: list[Step] = [
+        (first.remedy, f"remove {spelled(first.id, campaign.joint.motion)} of {first.run or 'all runs'}")
+        for first in soundness.stopping[:1]
+    ]
+    accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
+    steps.append((f"sindyjoint discover CAMPAIGN{accept}", "go on all the same") if accept else DISCOVER)
+    if lights[-1].colour != "good":
+        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
+    return Headline(lights, tuple(steps[:MOST_STEPS]))
+
+
+def judge_verification(result: Verification, simulated: bool, soundness: Soundness | None) -> Headline:
+    """Return whether a model gives a response, and what to do with it."""
+    lights = [] if soundness is None else [_data(soundness, simulated)]
+    if result.response_nrmse is None:
+        fit = Light("response", "poor", result.reason)
+    else:
+        known = result.noise_floor is not None
+        colour: Colour = "poor" if not result.passed else "good" if known else "fair"
+        floor = f"noise floor {percent(result.noise_floor)}" if known else "its noise is unknown"
+        tolerated = f"{percent(result.tolerance)} beyond the noise is tolerated"
+        fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
+    lights.append(fit)
+    if result.kind == "campaign":
+        lights.append(
+            Light("held out", "good", "no run is compared that the model was fitted to")
+            if result.independent
+            else Light(
+                "held out", "fair", "no run is kept for validation: the model may have been fitted to these"
+            )
+        )
+    lights.append(
+        Light("range", "fair", f"beyond what was tested: {list_some(result.beyond_range)}")
+        if result.beyond_range
+        else Light("range", "good", "within what the model was tested to")
+    )
+    weak = {light.name for light in lights if light.colour != "good"}
+    steps = [SEE_FAULTS] if "data" in weak else []
+    if not result.passed:
+        subject = "CAMPAIGN" if result.kind == "campaign" else "RIG"
+        steps.append((f"sindyjoint diagnose {subject} --model MODEL", "find and name what the model lacks"))
+    if "held out" in weak:
+        steps.append(
+            ('write use = "validate" to a run in campaign.toml', "compare with a run that was not fitted to")
+        )
+    if "range" in weak:
+        steps.append(("record runs at these levels", "fit the model where it is used"))
+    return Headline(tuple(lights), tuple((steps or [EXPORT])[:MOST_STEPS]))
+
+
+def judge_diagnosis(result: Diagnosis, simulated: bool) -> Headline:
+    """Return whether to believe a diagnosis, and what to do next."""
+    lights = [] if result.soundness is None else [_data(result.soundness, simulated)]
+    pairs = ((quantities(result.model.joint.motion).moment.lower(), "moment"), ("response", "response"))
+    for name, field in pairs:
+        before, after, floor = (
+            getattr(gap, field) for gap in (result.initial, result.final, result.noise_floor)
+        )
+        if math.isfinite(before) or math.isfinite(after):
+            lights.append(_gap(name, before, after, floor, bool(result.steps)))
+    lights.append(Light("effects", NAMED.get(result.verdict, "fair"), result.reason))
+    return Headline(tuple(lights), tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]))
+
+
+def _gap(name: str, before: float, after: float, floor: float, changed: bool) -> Light:
+    """Return what a gap came to, as a light."""
+    what = f"gap {percent(before)} → {percent(after)}" if changed else f"gap {percent(after)}"
+    if not math.isfinite(after):
+        return Light(name, "poor", f"{what}: could not be simulated")
+    beyond = math.sqrt(max(after**2 - floor**2, 0.0)) if math.isfinite(floor) else after
+    colour = colour_of_misfit(beyond)
+    if not math.isfinite(floor):
+        return Light(name, "fair" if colour == "good" else colour, f"{what}; its noise is unknown")
+    return Light(name, colour, f"{what}, noise floor {percent(floor)}")
+
+
+def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step]:
+    """Return what to do after a diagnosis, the most useful first."""
+    steps = [SEE_FAULTS] if lights[0].name == "data" and lights[0].colour != "good" else []
+    motion = result.model.joint.motion
+    for advice in result.advice[:1]:
+        if advice.frequency:
+            level = f"{advice.level:.3g} {result.level_unit}"
+            run = f"record a {advice.waveform} at {advice.frequency:.4g} Hz with a peak of {level}"
+            steps.append((run, f"tell {' and '.join(spelled(n, motion) for n in advice.separates)} apart"))
+    if result.verdict in ("unknown", "partly_named"):
+        steps.append(OWN_EFFECTS)
+    if result.verdict == "undecided" and not math.isfinite(result.noise_floor.moment):
+        steps.append(
+            ('write noise = "0.02 N*m" to a channel in campaign.toml', "have a noise floor to judge by")
+        )
+    if not steps and result.verdict == "ambiguous":
+        steps.append(("record runs at other frequencies and levels", "tell the effects apart"))
+    target = "CAMPAIGN" if result.source == "campaign" else "RIG"
+    if result.settled:
+        steps.append((VERIFY[0].replace("CAMPAIGN", target), "simulate the repaired model and compare"))
+    return [*steps, EXPORT] if result.verdict in ("named", "nothing_missing") else steps or [SEE_FAULTS]
+
+
+def judge_comparison(result: Comparison) -> Headline:
+    """Return whether methods, frequencies and resampled campaigns agree on the model, and what to do next."""
+    ids = set(result.model.ids)
+    share = dict(zip(result.ids, result.inclusion, strict=True))
+    lights = [_data(result.soundness, result.simulated)]
+    if not ids:
+        lights.append(Light("model", "poor", result.model.reason))
+        return Headline(tuple(lights), (SEE_FAULTS,))
+    lights.append(_agreement("methods", "methods", ids, result.methods))
+    if result.frequencies:
+        lights.append(_agreement("single", "single frequencies", ids, result.frequencies))
+    least = min((share[term] for term in ids if term in share), default=math.nan)
+    if math.isfinite(least):
+        colour: Colour = (
+            "good" if least >= POLICY.surely_chosen else "fair" if least >= POLICY.often_chosen else "poor"
+        )
+        lights.append(
+            Light(
+                "resampled",
+                colour,
+                f"each term is chosen in at least {percent(least)} of resampled campaigns",
+            )
+        )
+    if result.tests:
+        lights.append(_constancy(result))
+    weak = {light.name for light in lights if light.colour != "good"}
+    steps = [SEE_FAULTS] if "data" in weak else []
+    if "frequency" in weak:
+        steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
+    if weak & {"methods", "single", "resampled"}:
+        steps.append(
+            ("record runs at other frequencies and levels", "tell terms apart that are alike on these runs")
+        )
+    return Headline(tuple(lights), tuple((steps or [DISCOVER, VERIFY])[:MOST_STEPS]))
+
+
+def _constancy(result: Comparison) -> Light:
+    """Return whether the coefficients are the same at every frequency, as a light."""
+    answers = {test.name: test.answer for test in result.tests}
+    for answer, words in (
+        ("depends on frequency", "changes with frequency"),
+        ("cannot tell", "a change with frequency is not ruled out"),
+    ):
+        terms = [spelled(name, result.motion) for name, given in answers.items() if given == answer]
+        if terms:
+            return Light("frequency", "fair", f"{words}: {list_some(terms, 'terms')}")
+    return Light("frequency", "good", "every coefficient is the same at every frequency, within the margin")
+
+
+def _agreement(name: str, what: str, ids: set[str], choices: Sequence[Choice]) -> Light:
+    """Return how many choices lead to the model's terms, as a light."""
+    same = sum(set(choice.ids) - {"inertia"} == ids - {"inertia"} for choice in choices)
+    colour: Colour = "good" if same == len(choices) else "fair" if 2 * same >= len(choices) else "poor"
+    return Light(name, colour, f"{same} of {len(choices)} {what} lead to the model’s terms")
+
+
+def _data(soundness: Soundness, simulated: bool) -> Light:
+    faults = [f.id for f in soundness.findings if f.severity != "note"]
+    return judge_soundness(soundness.verdict, faults, simulated)
+
+
+def _faults(soundness: Soundness, severity: str) -> list[str]:
+    return [f.id for f in soundness.findings if f.severity == severity]
+
+
+def _named(faults: Sequence[str]) -> str:
+    return list_some([spelled(fault) for fault in dict.fromkeys(faults)], "findings")
