@@ -27,7 +27,8 @@ class DiagnosisPolicy:
     price_inflated: bool = calibrated(
         True,
         "whether the price of a candidate's numbers is divided, as its gain is, by a scale that model error inflates; "
-        "if not, they keep their full price however wrong the model is",
+        "if not, they keep their full price however wrong the model is, as numbers always do by which a law exceeds "
+        "its own special case",
     )
     cancelled: float = convention(
         2.0, "a column so many times the moment is cancelled by others, and no effect"
@@ -68,6 +69,9 @@ class DiagnosisPolicy:
 
     # Admissible effects.
     bound_margin: float = convention(0.005, "share of a parameter's logarithmic range that counts as its end")
+    inner_margin: float = convention(
+        0.15, "share of that range, at either end, off which a number is moved where the data allow it"
+    )
     admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
     pushing_share: float = convention(
         0.05, "share of the time in which dry friction may push before that is refused"

@@ -23,6 +23,7 @@ class Effect:
     gap: Gap
     family: str = "made"
     parameters: dict = field(default_factory=dict)
+    contains: tuple = ()
 
 
 @dataclass(frozen=True)

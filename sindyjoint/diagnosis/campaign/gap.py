@@ -42,7 +42,8 @@ def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
     """Return the moments of the runs kept for validation, with a delay among the effects removed."""
     shift = Corrections.of(effects).shift
     states = [shifted(s, shift) for s in work.kept_states]
-    return gap_runs(states, model, [s.run for s in states], work.policy)
+    rows = gap_runs(states, model, [s.run for s in states], work.policy)
+    return tuple(row.centred(work.rows[0].motion.centre) for row in rows)
 
 
 def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()) -> tuple[GapRun, ...]:

@@ -11,7 +11,12 @@ import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
-from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint, yield_complaint
+from sindyjoint.diagnosis.campaign.admissible import (
+    law_complaint,
+    number_complaint,
+    off_the_ends,
+    yield_complaint,
+)
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
 from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
@@ -183,8 +188,8 @@ class CampaignProblem(Problem):
             both = self.work.regression([*self.found, second])
             beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
             if beside.fitted[0].name == first.name:
-                return Proposal(beside, paired=True)
-        return Proposal(rank_effects(problem, fitted))
+                return Proposal(off_the_ends(both, beside), paired=True)
+        return Proposal(off_the_ends(problem, rank_effects(problem, fitted)))
 
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""

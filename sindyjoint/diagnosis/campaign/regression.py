@@ -30,6 +30,7 @@ from sindyjoint.parallel import side_by_side
 
 Array = NDArray[np.float64]
 
+MEASUREMENT = "measurement"  # the family of what is wrong with a channel
 # Per number of nonlinear parameters: points of a grid, and from how many of the best a search starts.
 GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}
 STARTS = {1: 1, 2: 3}
@@ -56,8 +57,8 @@ class GapRegression:
         Whitened columns of the model's terms and of effects already found.
     target : ndarray, shape (N,)
     reference : Reference
-    explained : float
-        Fall of χ² that the effects already found have brought.
+    inherited : float
+        What the errors of the columns of effects found before leave, in units of χ².
     policy : DiagnosisPolicy
     residual : ndarray, shape (N,)
         Of the target, those columns fitted.
@@ -67,7 +68,7 @@ class GapRegression:
     base: Array
     target: Array
     reference: Reference
-    explained: float = 0.0
+    inherited: float = 0.0
     policy: DiagnosisPolicy = CAMPAIGN
     _basis: Array = field(repr=False, default_factory=lambda: np.empty((0, 0)))
     residual: Array = field(repr=False, default_factory=lambda: np.empty(0))
@@ -80,13 +81,30 @@ class GapRegression:
         found: Sequence[FittedEffect] = (),
         policy: DiagnosisPolicy = CAMPAIGN,
     ) -> GapRegression:
-        """Return the regression of a model, with effects found before beside its terms."""
-        columns = [stack(runs, lambda run: base_columns(model, run))]
-        for each in found:
-            columns.append(stack(runs, lambda run, e=each: e.variant.along(run.motion, e.values)))  # type: ignore[misc]
-        base = np.hstack(columns)
+        """Return the regression of a model, with effects found before beside its terms.
+
+        What the errors of their columns leave goes by what these rows lose without them: effects may have changed
+        places since they were found. A constant has no such error.
+        """
+        ordered = exact_first(found)
+        count = sum(e.family == MEASUREMENT for e in found)
+        exact, erring = ordered[:count], ordered[count:]
+        base = np.hstack(
+            [stack(runs, lambda r: base_columns(model, r)), *(effect_rows(runs, e) for e in exact)]
+        )
         target = np.concatenate([run.white(run.target) for run in runs])
-        return cls.of_columns(runs, base, target, sum(each.gain for each in found), policy)
+        moved = policy.found_error**2 * sum(e.gain for e in exact if e.shifts)
+        without = cls.of_columns(runs, base, target, moved, policy)
+        if not erring:
+            return without
+        whole = np.hstack([base, *(effect_rows(runs, e) for e in erring)])
+        problem = cls.of_columns(runs, whole, target, moved, policy)
+        error, remembering = policy.found_error, any(e.variant.states for e in erring)
+        if remembering and not problem.repeats:
+            error = max(error, policy.state_error_once)
+        return replace(
+            problem, inherited=moved + error**2 * max(without.chi_square - problem.chi_square, 0.0)
+        )
 
     @classmethod
     def of_columns(
@@ -94,13 +112,13 @@ class GapRegression:
         runs: Sequence[GapRun],
         base: Array,
         target: Array,
-        explained: float = 0.0,
+        inherited: float = 0.0,
         policy: DiagnosisPolicy = CAMPAIGN,
     ) -> GapRegression:
         """Return the regression of whitened columns and target, of whatever they are the rows."""
         basis = _orthonormal(base)
         residual = target - basis @ (basis.T @ target)
-        return cls(tuple(runs), base, target, reference_scales(runs), explained, policy, basis, residual)
+        return cls(tuple(runs), base, target, reference_scales(runs), inherited, policy, basis, residual)
 
     @cached_property
     def _motions(self) -> JoinedMotions:
@@ -149,7 +167,7 @@ class GapRegression:
         starts = np.cumsum([0, *(run.target.size for run in runs[:-1])])
         rows = np.concatenate([start + kept for start, (_, kept) in zip(starts, parts, strict=True)])
         return GapRegression.of_columns(
-            [run for run, _ in parts], self.base[rows], self.target[rows], self.explained, self.policy
+            [run for run, _ in parts], self.base[rows], self.target[rows], self.inherited, self.policy
         )
 
     def projected(self, columns: Array) -> Array:
@@ -234,14 +252,17 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
         return fitted
     from scipy.optimize import minimize
 
-    bounds = np.log(fitted.variant.bounds(problem.reference)).T
+    within = fitted.variant.bounds(problem.reference) if fitted.within is None else fitted.within
+    bounds = np.log(within).T
     start = np.clip(np.log(fitted.values), *bounds)
     found = minimize(
         lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
         start,
         method="Nelder-Mead",
         options={
-            "initial_simplex": np.vstack([start, start + 0.1 * np.eye(start.size)]),
+            "initial_simplex": np.vstack(
+                [start, start + np.diag(np.where(start + 0.1 < bounds[1], 0.1, -0.1))]
+            ),
             "xatol": 1e-3,
             "fatol": max(LEAST_RISE, SHARE_OF_RISE * fitted.gain),
             "maxfev": MOST_TRIALS * start.size,
@@ -254,16 +275,21 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
 
 def rank_effects(problem: GapRegression, fitted: Sequence[FittedEffect]) -> Ranking[FittedEffect]:
     """Return the candidates in order of probability."""
-    policy, correlated = problem.policy, problem.correlated
-    scale = EvidenceScale(
+    scale = evidence_scale(problem, fitted)
+    return rank(fitted, [problem.choices(f.variant) for f in fitted], scale, problem.policy)
+
+
+def evidence_scale(problem: GapRegression, fitted: Sequence[FittedEffect]) -> EvidenceScale:
+    """Return what the gains of some candidates are measured against."""
+    correlated = problem.correlated
+    return EvidenceScale(
         problem.chi_square,
         problem.degrees,
         problem.target.size / correlated,
-        column_error(fitted, problem.repeats, policy),
-        problem.explained,
+        column_error(fitted, problem.repeats, problem.policy),
+        problem.inherited,
         correlated,
     )
-    return rank(fitted, [problem.choices(f.variant) for f in fitted], scale, policy)
 
 
 def column_error(fitted: Sequence[FittedEffect], repeats: bool, policy: DiagnosisPolicy) -> float:
@@ -303,6 +329,16 @@ def _share(runs: Sequence[GapRun]) -> float:
 def stack(runs: Sequence[GapRun], columns: Callable[[GapRun], Array]) -> Array:
     """Return whitened columns of all runs, one below the other."""
     return np.vstack([run.white(columns(run)) for run in runs])
+
+
+def exact_first(effects: Sequence[FittedEffect]) -> list[FittedEffect]:
+    """Return effects in the order in which their columns stand in a regression: errors of the channels first."""
+    return sorted(effects, key=lambda e: e.family != MEASUREMENT)
+
+
+def effect_rows(runs: Sequence[GapRun], fitted: FittedEffect) -> Array:
+    """Return an effect's whitened columns over some runs."""
+    return stack(runs, lambda run: fitted.variant.along(run.motion, fitted.values))
 
 
 def _orthonormal(matrix: Array) -> Array:

@@ -105,6 +105,25 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
     return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
 
 
+def rest_angle(runs: Sequence[GapRun], model: JointModel) -> float:
+    """Return where the elastic moment of the terms and a constant is zero, nearest to the middle; rad."""
+    from sindyjoint.equation.formula import compile_terms
+
+    columns = stack(runs, lambda r: np.column_stack([base_columns(model, r), np.ones(r.target.size)]))
+    solved, _ = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    largest = max(float(np.abs(run.angle).max()) for run in runs)
+    angle = np.linspace(-largest, largest, 401)
+    function = compile_terms([term.expression for term in model.terms])
+    rest = np.zeros_like(angle)
+    moment = function(angle, rest, rest) @ solved[:-1] + solved[-1]
+    change = np.flatnonzero(np.diff(np.sign(moment)) != 0)
+    if not change.size:
+        return 0.0
+    nearest = change[np.argmin(np.abs(angle[change]))]
+    low, high = moment[nearest], moment[nearest + 1]
+    return float(angle[nearest] - low * (angle[nearest + 1] - angle[nearest]) / (high - low))
+
+
 def coefficients_of(model: JointModel, effects: Sequence[FittedEffect]) -> Array:
     """Return the coefficients of those columns."""
     return np.concatenate([model.coefficients, *(e.coefficients for e in effects)])

@@ -48,6 +48,8 @@ class MeasuredMotion:
         Internal states are integrated over every so-manieth sample and interpolated between.
     lead : tuple of two ndarray, shape (k,), optional
         Angle and rate before the first sample, at the same step: internal states begin with them.
+    centre : float
+        Angle at which the joint rests unloaded, rad: a slider is in its middle there.
     """
 
     angle: Array
@@ -64,6 +66,7 @@ class MeasuredMotion:
     substeps: int = 1
     follow: int = 1
     lead: tuple[Array, Array] | None = None
+    centre: float = 0.0
 
     def rough(self) -> MeasuredMotion:
         """Return the motion for searching: internal states are integrated in longer steps."""
@@ -94,7 +97,7 @@ class JoinedMotions:
     ends : ndarray of int
         Where the followed samples of each motion end.
     timing : tuple of ndarray
-        Per motion: s between followed samples, passes, parts of a step.
+        Per motion: s between followed samples, passes, parts of a step, state of a slider at its first sample.
     kept : tuple of (ndarray, int)
         Per motion: its kept samples, and every how-manieth sample is followed.
     begun : tuple of int
@@ -105,7 +108,7 @@ class JoinedMotions:
     angle: Array
     rate: Array
     ends: NDArray[np.int64]
-    timing: tuple[Array, NDArray[np.int64], NDArray[np.int64]]
+    timing: tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]
     kept: tuple[tuple[NDArray[np.intp], int], ...]
     begun: tuple[int, ...]
 
@@ -130,6 +133,7 @@ class JoinedMotions:
                 np.array([m.step * m.follow for m in motions]),
                 np.array([PASSES if m.repeats else 1 for m in motions]),
                 np.array([m.substeps for m in motions]),
+                np.array([angle[0] - m.centre for angle, m in zip(angles, motions, strict=True)]),
             ),
             kept=tuple((m.keep, m.follow) for m in motions),
             begun=tuple(lead[0].size for lead in leads),

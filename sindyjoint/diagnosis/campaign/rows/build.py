@@ -200,6 +200,7 @@ def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, mo
         int
     )
     moments, motion = _strided_motion(replicate, model, rows)
+    motion = replace(motion, centre=run.motion.centre)
     return replace(run, motion=motion, target=moments[rows])
 
 
