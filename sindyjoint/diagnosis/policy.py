@@ -83,6 +83,12 @@ class DiagnosisPolicy:
         "gap over noise floor up to which nothing, or nothing more, is called missing",
         source="simulated campaigns with a hidden effect end at 0.8 to 1.1 once it is found, whatever the drive",
     )
+    response_floors: float = limit(
+        4.0,
+        "simulated response over its floor and what the uncertainty of numbers and drive explains, above which "
+        "something is called missing",
+        source="laws named rightly on campaigns of other integrators, whose friction creeps, end at up to 3.4",
+    )
     least_help: float = convention(
         0.1, "share of the gap that effects must take away to be named beside a remainder"
     )

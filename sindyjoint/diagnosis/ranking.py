@@ -143,16 +143,19 @@ def beside_special_cases(
 ) -> dict[str, float]:
     """Return the evidence of candidates, given with evidence and size, where some are special cases of others.
 
-    What a special case explains the larger law explains too: that is no evidence for it. It leads by no more than its
-    further numbers earn beyond their full price (Schwarz 1978); where they earn less, the two tie. One that is worse
-    than its special case, because its range leaves that out, stays behind it.
+    What a special case explains the larger law explains too: the data cannot prefer the one to the other, but only deny
+    what the larger one's range leaves out. So the two tie where they fit alike, the special case first, and the larger
+    one leads by what its further numbers earn beyond their full price (Schwarz 1978).
     """
     later = {name: evidence for name, (evidence, *_) in best.items()}
     for name, (evidence, size, each) in best.items():
+        caps = []
         for special in set(each.contains) & set(best):
             simpler, fewer, _ = best[special]
-            owed = (size - fewer) * (weights.full_price - weights.price)
-            later[name] = min(later[name], simpler + max(evidence - simpler - owed, 0.0))
+            better = evidence - simpler + weights.price * (size - fewer)
+            earned = max(better - weights.full_price * (size - fewer), 0.0)
+            caps.append(simpler + min(better, earned))
+        later[name] = min(caps, default=evidence)
     return later
 
 

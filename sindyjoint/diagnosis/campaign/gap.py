@@ -18,8 +18,8 @@ from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.compared import pooled_errors
-from sindyjoint.response.run import moment_scale
-from sindyjoint.states import pooled_noise
+from sindyjoint.response.run import moment_scale, pooled_nrmse, prescribed
+from sindyjoint.states import ForceStates, pooled_noise
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
@@ -65,8 +65,20 @@ def noise_floor(work: Work) -> Gap:
     else:
         own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in states])
     known = np.array([s.noise.motion_measured for s in states])
-    angle = np.array([s.noise.angle for s in states])
-    spread = np.array([np.var(s.angle) for s in states])
     moment = noise / float(np.sqrt((weight @ own) / weight.sum())) if np.any(own) else 0.0
-    response = float(np.sqrt(np.mean(angle**2) / np.mean(spread)))
-    return Gap(moment, response if known.all() else float("nan"))
+    return Gap(moment, _response_floor(states, work.model.inertia) if known.all() else float("nan"))
+
+
+def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:
+    """Return the noise of what answers, pooled as responses are: of the moment where the motion was the drive."""
+    floors = []
+    for s in states:
+        if inertia > 0 and not prescribed(s):
+            scale = float(np.std(s.angle))
+            floors.append(("angle", s.noise.angle / scale, scale))
+        else:
+            scale = moment_scale(s.moment, s, inertia)
+            floors.append(
+                ("moment", float(np.hypot(s.noise.moment, inertia * s.noise.acceleration)) / scale, scale)
+            )
+    return pooled_nrmse(floors)

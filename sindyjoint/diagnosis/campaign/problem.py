@@ -39,6 +39,7 @@ from sindyjoint.diagnosis.campaign.start import (
 )
 from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget
 from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
+from sindyjoint.diagnosis.campaign.unnamed.uncertainty import left_out_error, response_error
 from sindyjoint.diagnosis.campaign.whole import nuisances_of, whole_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -155,6 +156,14 @@ class CampaignProblem(Problem):
     def noise_floor(self) -> Gap:
         """Noise of the runs of which the gap is told; NaN where it is not known."""
         return noise_floor(self.work)
+
+    def uncertainty(self) -> Gap:
+        """Return the gaps that noise alone leaves by the numbers of the law; of the response where it is in question."""
+        model, effects, floor = self.repaired.model, self.found, self.noise_floor.response
+        response = 0.0
+        if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor:
+            response = response_error(self.work, model, effects)
+        return Gap(left_out_error(self.work, model, effects), response)
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with a drifting channel put right, and the step that this is."""

@@ -66,7 +66,7 @@ class Work:
         """Return the work with the rows that its states, and the model with its effects, make."""
         free = is_free(campaign)
         rows = gap_runs(states, model, groups, policy, free=free)
-        rest = 0.0 if free else rest_angle(rows, model)
+        rest = 0.0 if free else rest_angle(rows, model, effects)
         rows = tuple(row.centred(rest) for row in rows)
         errors = processing_errors(runs, states, rows, model, effects, policy)
         beyond = model_errors(without_processing(rows, errors), model, effects)

@@ -148,6 +148,7 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
         noise,
         band,
         record=record,
+        noise_share=max(noise, 0.0) / float(np.mean(variance)),
     )
 
 
