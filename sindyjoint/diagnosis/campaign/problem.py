@@ -158,7 +158,7 @@ class CampaignProblem(Problem):
         return noise_floor(self.work)
 
     def uncertainty(self) -> Gap:
-        """Return the gaps that noise alone leaves by the numbers of the law; of the response where it is in question."""
+        """Return the gaps that noise leaves by the numbers of the law; of the response where it is in question."""
         model, effects, floor = self.repaired.model, self.found, self.noise_floor.response
         response = 0.0
         if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor:
