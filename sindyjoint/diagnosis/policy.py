@@ -20,7 +20,12 @@ class DiagnosisPolicy:
     temper: float = calibrated(2.0, "divides log-likelihoods: linearised noise models are overconfident")
     column_error: float = calibrated(0.01, "relative error of an effect's columns where the motion repeats")
     column_error_once: float = calibrated(0.03, "the same along a motion that does not repeat")
-    state_error_once: float = calibrated(0.08, "the same of internal states: smoothing rounds off reversals")
+    state_error: float = calibrated(
+        0.03, "the same of internal states where the motion repeats: harmonics round off corners"
+    )
+    state_error_once: float = calibrated(
+        0.08, "the same of internal states where it does not: smoothing rounds off reversals"
+    )
     found_error: float = calibrated(
         0.06, "share of what effects found before explained that is their own error"
     )

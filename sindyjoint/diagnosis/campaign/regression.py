@@ -294,10 +294,9 @@ def evidence_scale(problem: GapRegression, fitted: Sequence[FittedEffect]) -> Ev
 
 def column_error(fitted: Sequence[FittedEffect], repeats: bool, policy: DiagnosisPolicy) -> float:
     """Return the relative error of the candidates' columns, by the best of them."""
-    if repeats:
-        return policy.column_error
-    best = max(fitted, key=lambda f: f.gain)
-    return policy.state_error_once if best.variant.states else policy.column_error_once
+    if max(fitted, key=lambda f: f.gain).variant.states:
+        return policy.state_error if repeats else policy.state_error_once
+    return policy.column_error if repeats else policy.column_error_once
 
 
 def trials_of(runs: Sequence[GapRun], effect: Effect) -> float:
