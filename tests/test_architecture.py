@@ -194,7 +194,8 @@ ROOMS = {
     "diagnosis": {"effects"},
     "rows": {"effects", "diagnosis"},
     "unnamed": {"effects", "diagnosis", "rows", "campaign"},
-    "campaign": {"effects", "diagnosis", "rows", "unnamed"},
+    "numbers": {"effects", "diagnosis", "rows", "campaign"},
+    "campaign": {"effects", "diagnosis", "rows", "unnamed", "numbers"},
     "structure": {"effects", "diagnosis"},
 }
 

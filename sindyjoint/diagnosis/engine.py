@@ -87,6 +87,7 @@ def explain_gap(
         "initial": best.gaps.initial,
         "final": final,
         "noise_floor": best.gaps.floor,
+        "uncertainty": best.gaps.uncertainty,
         "budget": best.straight.budget(first, last),
         "where": first.places() if best.verdict != "nothing_missing" else (),
         "steps": steps,
@@ -139,7 +140,7 @@ def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTim
     before = start.steps[-1].gap_after if start.steps else initial
     progress = add_effects(Progress(straight, before, start.steps), most + start.free, say, clock)
     final = progress.steps[-1].gap_after if progress.steps else straight.gap
-    gaps = Gaps(initial, final, first.noise_floor)
+    gaps = Gaps(initial, final, first.noise_floor, progress.problem.uncertainty())
     residual = progress.problem.residual(start.before or straight)
     verdict, reason = judge(progress.steps, residual, gaps, first.policy)
     return Explained(start.before or straight, progress, residual, gaps, verdict, reason, start.words)

@@ -20,14 +20,20 @@ class DiagnosisPolicy:
     temper: float = calibrated(2.0, "divides log-likelihoods: linearised noise models are overconfident")
     column_error: float = calibrated(0.01, "relative error of an effect's columns where the motion repeats")
     column_error_once: float = calibrated(0.03, "the same along a motion that does not repeat")
-    state_error_once: float = calibrated(0.08, "the same of internal states: smoothing rounds off reversals")
+    state_error: float = calibrated(
+        0.03, "the same of internal states where the motion repeats: harmonics round off corners"
+    )
+    state_error_once: float = calibrated(
+        0.08, "the same of internal states where it does not: smoothing rounds off reversals"
+    )
     found_error: float = calibrated(
         0.06, "share of what effects found before explained that is their own error"
     )
     price_inflated: bool = calibrated(
         True,
         "whether the price of a candidate's numbers is divided, as its gain is, by a scale that model error inflates; "
-        "if not, they keep their full price however wrong the model is",
+        "if not, they keep their full price however wrong the model is, as numbers always do by which a law exceeds "
+        "its own special case",
     )
     cancelled: float = convention(
         2.0, "a column so many times the moment is cancelled by others, and no effect"
@@ -68,6 +74,9 @@ class DiagnosisPolicy:
 
     # Admissible effects.
     bound_margin: float = convention(0.005, "share of a parameter's logarithmic range that counts as its end")
+    inner_margin: float = convention(
+        0.15, "share of that range, at either end, off which a number is moved where the data allow it"
+    )
     admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
     pushing_share: float = convention(
         0.05, "share of the time in which dry friction may push before that is refused"
@@ -78,6 +87,12 @@ class DiagnosisPolicy:
         1.5,
         "gap over noise floor up to which nothing, or nothing more, is called missing",
         source="simulated campaigns with a hidden effect end at 0.8 to 1.1 once it is found, whatever the drive",
+    )
+    response_floors: float = limit(
+        4.0,
+        "simulated response over its floor and what the uncertainty of numbers and drive explains, above which "
+        "something is called missing",
+        source="laws named rightly on campaigns of other integrators, whose friction creeps, end at up to 3.4",
     )
     least_help: float = convention(
         0.1, "share of the gap that effects must take away to be named beside a remainder"

@@ -113,6 +113,10 @@ class Problem(Protocol):
     def noise_floor(self) -> Gap:
         """What does not repeat."""
 
+    def uncertainty(self) -> Gap:
+        """Return the gaps that noise alone leaves, beside the floor: numbers come from noisy data, and so do drives."""
+        return Gap(0.0, 0.0)
+
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with channels put right that drift for all to see, and the steps that this took."""
         return self, ()

@@ -5,7 +5,7 @@ Half the fall of χ² is a log-likelihood ratio; a candidate pays ½·ln N for e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
@@ -24,6 +24,10 @@ class Candidate(Protocol):
     @property
     def family(self) -> str:
         """Of the effect."""
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Ids of effects that are special cases of it."""
 
     @property
     def gain(self) -> float:
@@ -49,8 +53,8 @@ class EvidenceScale:
         Degrees of freedom, and rows of independent noise.
     column_error : float
         Relative error of the candidates' columns.
-    explained : float
-        Fall of χ² that the effects found before have brought.
+    inherited : float
+        What the errors of the columns of effects found before leave, in units of χ²: no effect of its own.
     correlated : float
         Neighbouring rows that say the same thing.
     """
@@ -59,8 +63,25 @@ class EvidenceScale:
     degrees: float
     rows: float
     column_error: float
-    explained: float = 0.0
+    inherited: float = 0.0
     correlated: float = 1.0
+
+
+@dataclass(frozen=True)
+class Weights:
+    """How much evidence gains are, and what numbers cost.
+
+    Parameters
+    ----------
+    per_gain : float
+        Nats for each unit of χ².
+    price, full_price : float
+        Nats for each number that is chosen: among candidates, and beside a special case.
+    """
+
+    per_gain: float
+    price: float
+    full_price: float
 
 
 @dataclass(frozen=True)
@@ -107,6 +128,37 @@ def admissible_part(ranking: Ranking[C], complaint: Callable[[C], str]) -> tuple
     ), first
 
 
+def weights_of(largest: float, scale: EvidenceScale, policy: DiagnosisPolicy) -> Weights:
+    """Return what gains and numbers count where the best candidate lowers χ² by ``largest``."""
+    residual = max(1.0, (scale.chi_square - largest) / max(scale.degrees, 1))
+    tempered = policy.temper * scale.correlated
+    inflated = tempered + scale.column_error**2 * largest / residual
+    number = 0.5 * np.log(scale.rows) * scale.correlated
+    price = number / (inflated if policy.price_inflated else tempered)
+    return Weights(0.5 / (residual * inflated), float(price), float(number / tempered))
+
+
+def beside_special_cases(
+    best: Mapping[str, tuple[float, float, Candidate]], weights: Weights
+) -> dict[str, float]:
+    """Return the evidence of candidates, given with evidence and size, where some are special cases of others.
+
+    What a special case explains the larger law explains too: the data cannot prefer the one to the other, but only deny
+    what the larger one's range leaves out. So the two tie where they fit alike, the special case first, and the larger
+    one leads by what its further numbers earn beyond their full price (Schwarz 1978).
+    """
+    later = {name: evidence for name, (evidence, *_) in best.items()}
+    for name, (evidence, size, each) in best.items():
+        caps = []
+        for special in set(each.contains) & set(best):
+            simpler, fewer, _ = best[special]
+            better = evidence - simpler + weights.price * (size - fewer)
+            earned = max(better - weights.full_price * (size - fewer), 0.0)
+            caps.append(simpler + min(better, earned))
+        later[name] = min(caps, default=evidence)
+    return later
+
+
 def rank(
     fitted: Sequence[C], sizes: Sequence[float], scale: EvidenceScale, policy: DiagnosisPolicy
 ) -> Ranking[C]:
@@ -123,24 +175,20 @@ def rank(
     scale : EvidenceScale
     policy : DiagnosisPolicy
     """
-    largest = max(f.gain for f in fitted)
-    residual = max(1.0, (scale.chi_square - largest) / max(scale.degrees, 1))
-    tempered = policy.temper * scale.correlated
-    inflated = tempered + scale.column_error**2 * largest / residual
-    price = 0.5 * np.log(scale.rows) * scale.correlated / (inflated if policy.price_inflated else tempered)
-    best: dict[str, tuple[float, C]] = {}
+    weights = weights_of(max(f.gain for f in fitted), scale, policy)
+    best: dict[str, tuple[float, float, C]] = {}
     for each, size in zip(fitted, sizes, strict=True):
-        # What the columns of effects found before got wrong is left over too, and is no effect of its own.
-        gain = max(each.gain - policy.found_error**2 * scale.explained, 0.0)
-        evidence = 0.5 * gain / residual / inflated - price * size
+        gain = max(each.gain - scale.inherited, 0.0)
+        evidence = weights.per_gain * gain - weights.price * size
         if each.name not in best or evidence > best[each.name][0]:
-            best[each.name] = evidence, each
-    kept = [each for _, each in best.values()]
-    values = np.array([*(e - np.log(len(kept)) for e, _ in best.values()), 0.0])
+            best[each.name] = evidence, size, each
+    kept = [each for *_, each in best.values()]
+    evidence_of = beside_special_cases(best, weights)
+    values = np.array([*(evidence_of[each.name] - np.log(len(kept)) for each in kept), 0.0])
     weight = np.exp(values - values.max())
     weight /= weight.sum()
-    # Effects whose columns span the same space tie but for rounding; the catalogue's order decides then.
-    order = np.argsort(-np.round(weight[:-1], 6), kind="stable")
+    # Of effects that tie but for rounding the one with fewer numbers leads, then the catalogue's order decides.
+    order = np.lexsort(([size for _, size, _ in best.values()], -np.round(weight[:-1], 6)))
     least = weight[order[0]] * np.exp(-policy.rival_nats)
     return Ranking(
         fitted=tuple(kept[i] for i in order),

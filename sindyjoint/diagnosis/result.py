@@ -246,6 +246,8 @@ class Diagnosis(Shown):
         The check, where its findings are such that nothing was examined; the figures are NaN then.
     search : AdviceSearch
         How far runs to advise were sought.
+    uncertainty : Gap
+        What noise leaves of the numbers of the law, and of its drive, beside the floor; zero where not asked for.
     """
 
     verdict: str
@@ -271,6 +273,7 @@ class Diagnosis(Shown):
     soundness: Soundness | None = None
     stopped: Check | None = field(default=None, repr=False)
     search: AdviceSearch = AdviceSearch()
+    uncertainty: Gap = Gap(0.0, 0.0)
 
     @property
     def level_unit(self) -> str:
@@ -315,6 +318,7 @@ class Diagnosis(Shown):
                 "initial": _gap(self.initial),
                 "final": _gap(self.final),
                 "noise_floor": _gap(self.noise_floor),
+                "uncertainty": _gap(self.uncertainty),
                 "remainder": _gap(self.remainder),
             },
             "budget": {

@@ -61,11 +61,14 @@ class Gaps:
     initial, final, floor : Gap
         Of the model as it was given, of the model with its effects, and of what does not repeat; NaN where a figure
         could not be had.
+    uncertainty : Gap
+        What noise leaves of the law's own numbers, and of its drive, beside the floor.
     """
 
     initial: Gap
     final: Gap
     floor: Gap
+    uncertainty: Gap = Gap(0.0, 0.0)
 
     def figures(self) -> tuple[float, float, float]:
         """Return initial gap, final gap and floor of the moment, or of the response where no moment is measured."""
@@ -78,9 +81,21 @@ class Gaps:
         return bool(np.isnan(self.final.moment))
 
     def floors(self, policy: DiagnosisPolicy) -> float:
-        """Return the final gap in units of the floor; the processing errs by a small share of the moment, too."""
-        _, final, floor = self.figures()
-        return float(final / np.hypot(floor, policy.processing_error))
+        """Return the final gap in units of what a law that lacks nothing would leave.
+
+        That is the floor, the uncertainty of its numbers, and a small share of the moment by which the processing errs.
+        """
+        return _in_floors(self, "response" if self.of_response else "moment", policy)
+
+    def remains(self) -> float:
+        """Return the share of the first gap that remains beyond the floor, by the worse of moment and response."""
+        shares = [0.0]
+        for name in ("moment", "response"):
+            first, last, floor = (getattr(gap, name) for gap in (self.initial, self.final, self.floor))
+            beyond = first**2 - floor**2
+            if beyond > 0:
+                shares.append(np.sqrt(max(last**2 - floor**2, 0.0) / beyond))
+        return float(max(shares))
 
     def helped(self, policy: DiagnosisPolicy) -> bool:
         """Return whether the effects make the gap smaller by a share worth naming."""
@@ -91,17 +106,29 @@ class Gaps:
         """Return what is wrong with the simulated response of the model with its effects; empty if nothing is."""
         before, after, floor = self.initial.response, self.final.response, self.floor.response
         if np.isnan(after):
-            return "the response of the model with them could not be simulated: it diverges or snaps through"
-        if after > max(before, policy.within_floors * floor):
+            return "the response could not be simulated: it diverges or snaps through"
+        beyond = _in_floors(self, "response", policy)
+        if after > before and beyond > policy.within_floors:
             return f"the response gap grows from {_percent(before)} to {_percent(after)}"
+        if beyond > policy.response_floors:
+            return (
+                f"the simulated response misses by {_percent(after)}, where its noise floor is {_percent(floor)} and "
+                f"the uncertainty of numbers and drive explains {_percent(self.uncertainty.response)}"
+            )
         return ""
+
+
+def _in_floors(gaps: Gaps, name: str, policy: DiagnosisPolicy) -> float:
+    final, floor, unsure = (getattr(gap, name) for gap in (gaps.final, gaps.floor, gaps.uncertainty))
+    return float(final / np.sqrt(floor**2 + unsure**2 + policy.processing_error**2))
 
 
 def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: DiagnosisPolicy) -> tuple[str, str]:
     """Return the verdict and its reason: first whether the model explains the data, then what the effects are called.
 
     Without a noise floor nothing is decided. A gap of more than ``within_floors`` floors is never called noise, and no
-    name is given as the whole answer while one remains.
+    name is given as the whole answer while one remains; nor while the simulated response stands ``response_floors``
+    above what its own noise and the uncertainty of the law explain.
     """
     _, final, floor = gaps.figures()
     if np.isnan(floor):
@@ -110,6 +137,10 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
             "no noise floor could be measured, so that no gap can be called noise or an effect",
         )
     size = f"a gap of {_percent(final)} where the noise floor is {_percent(floor)}"
+    unsure = gaps.uncertainty.response if gaps.of_response else gaps.uncertainty.moment
+    if unsure > floor:
+        size += f" and the uncertainty of the numbers {_percent(unsure)}"
+    complaint = gaps.response_complaint(policy)
     share = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
     beyond, excess = gaps.floors(policy) > policy.within_floors, residual.share > residual.most
     if not steps:
@@ -117,6 +148,8 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
             return "unknown", f"no known effect explains the gap: {size}"
         if excess:
             return "unknown", f"no known effect explains the gap; {share} of it is more than noise"
+        if complaint and np.isfinite(gaps.final.response):
+            return "unknown", f"the moment leaves no more than noise, yet {complaint}"
         return "nothing_missing", "the residual is no more than noise and the model's own uncertainty"
     if residual.outside > policy.outside:
         return "unknown", (
@@ -129,7 +162,6 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     if beyond or excess:
         left = size if beyond else f"{share} of the gap beyond noise"
         return "partly_named", f"{names} explains a part; {left} remains unexplained"
-    complaint = gaps.response_complaint(policy)
     if complaint:
         return (
             "partly_named",
@@ -157,9 +189,7 @@ def discount(
     if verdict in ("unknown", "undecided"):
         outside = max(outside, policy.outside)
     elif verdict == "partly_named":
-        initial, final, floor = gaps.figures()
-        remains = np.sqrt(max(final**2 - floor**2, 0.0) / max(initial**2 - floor**2, 1e-300))
-        outside = max(outside, float(np.clip(remains, *policy.partly_outside)))
+        outside = max(outside, float(np.clip(gaps.remains(), *policy.partly_outside)))
     if outside < policy.least_outside:
         return tuple(steps)
     inside = 1 - outside

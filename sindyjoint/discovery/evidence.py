@@ -207,13 +207,14 @@ def block_covariance(
     if not degrees:
         return np.zeros_like(bread), 0, np.zeros(len(bread))
     starts = np.cumsum(sizes) - sizes
-    meat = scores.T @ scores
+    # The product first: its square has no negative variances, whatever rounding does.
+    influence = scores @ bread
     # Scaled by the norms: squares of variances of cubic stiffness and of friction differ by forty orders.
-    shares = np.add.reduceat((scores @ bread) ** 2, starts) / np.diag(bread)
+    shares = np.add.reduceat(influence**2, starts) / np.diag(bread)
     parts, squares = shares.sum(axis=0), (shares**2 / (sizes - 1)[:, None]).sum(axis=0)
     # Coefficients fitted to few blocks make them agree: the usual n/(n − p).
     effective = np.where(squares > 0, parts**2 / np.where(squares > 0, squares, 1.0), float(degrees))
-    return bread @ meat @ bread * small_sample(degrees, len(bread)), degrees, effective
+    return influence.T @ influence * small_sample(degrees, len(bread)), degrees, effective
 
 
 def block_scores(

@@ -259,7 +259,8 @@ def states_along(form: Form, values: Array, angle: Array, rate: Array, step: flo
         return np.empty((0, angle.size))
     parameters = np.array(values, dtype=np.float64)
     # Four parts of a step: a reversal within one is then placed well enough.
-    timing = np.array([step]), np.array([passes]), np.array([4])
+    # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
+    timing = np.array([step]), np.array([passes]), np.array([4]), angle[:1]
     integrate: Any = integrate_runs
     states: Array = integrate(
         angle, rate, np.array([angle.size]), timing, parameters, form.limits(parameters), form.state_program

@@ -81,15 +81,22 @@ def _resting_on(function: TermFunction, registers: Iterable[int]) -> list[int]:
 def integrate_runs(angle, rate, ends, timing, parameters, limits, program):
     """Return the states at every sample of several runs, one after the other, shape (n_states, n).
 
-    ``timing`` holds the step, the passes and the substeps of each run. Between samples the motion is interpolated
-    linearly. With more than one pass a run is one period, and is run through that many times.
+    ``timing`` holds the step, the passes, the substeps and the first state of a slider of each run. Between samples the
+    motion is interpolated linearly. With more than one pass a run is one period, and is run through that many times.
     """
-    steps, passes, substeps = timing
+    steps, passes, substeps, first = timing
     states = np.empty((program.outputs.size, angle.size))
     begin = 0
     for run in range(ends.size):
         end = ends[run]
-        motion = angle[begin:end], rate[begin:end], steps[run] / substeps[run], passes[run], substeps[run]
+        motion = (
+            angle[begin:end],
+            rate[begin:end],
+            steps[run] / substeps[run],
+            passes[run],
+            substeps[run],
+            first[run],
+        )
         _integrate_run(states[:, begin:end], motion, parameters, limits, program)
         begin = end
     return states
@@ -98,12 +105,12 @@ def integrate_runs(angle, rate, ends, timing, parameters, limits, program):
 @njit(cache=True, error_model="numpy", nogil=True)
 def _integrate_run(states, motion, parameters, limits, program):
     """Fill in the states of one run; operations on parameters alone are done once."""
-    angle, rate, h, passes, substeps = motion
+    angle, rate, h, passes, substeps, first = motion
     n, k = angle.size, program.outputs.size
-    # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
+    # What has no limit begins at zero.
     z, slope, last, older = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
     for j in range(k):
-        z[j] = last[j] = older[j] = angle[0] if np.isfinite(limits[j]) else 0.0
+        z[j] = last[j] = older[j] = first if np.isfinite(limits[j]) else 0.0
     known = parameters.size + program.constants.size
     base = 2 + k + known
     registers = stacked(base + program.operations.shape[0])

@@ -58,6 +58,8 @@ class Parameter:
         Bounds, meant like the value.
     open : {"lower", "upper"}, optional
         End of the range that is a limiting form, and may be reached.
+    special : {"lower", "upper"}, optional
+        End of the range at which an effect becomes one that it contains.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Parameter:
     lower: float | None = None
     upper: float | None = None
     open: Literal["lower", "upper"] | None = None
+    special: Literal["lower", "upper"] | None = None
 
     def unit_for(self, motion: Motion) -> str:
         """Return the unit for rotation or translation."""

@@ -210,11 +210,12 @@ class GapPart(Part):
 
 
 class GapsPart(Part):
-    """Gap of the model alone, with the effects, of the noise, and what stays beyond it."""
+    """Gap of the model alone, with the effects, of the noise, by uncertain numbers, and what stays beyond the noise."""
 
     initial: GapPart
     final: GapPart
     noise_floor: GapPart
+    uncertainty: GapPart
     remainder: GapPart
 
 

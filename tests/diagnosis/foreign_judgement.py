@@ -34,6 +34,7 @@ def told(result):
         initial=[result.initial.moment, result.initial.response],
         final=[result.final.moment, result.final.response],
         floor=[result.noise_floor.moment, result.noise_floor.response],
+        uncertainty=[result.uncertainty.moment, result.uncertainty.response],
         soundness=[[f.id, f.severity] for f in result.soundness.findings if f.severity != "note"]
         if result.soundness
         else [],

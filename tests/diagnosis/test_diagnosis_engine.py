@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis.strategies import booleans, floats
+from hypothesis.strategies import booleans, floats, just, one_of, tuples
 
 from sindyjoint.diagnosis.loop import Outcome, Progress, add_effects, try_effect
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
@@ -23,6 +23,7 @@ class Effect:
     gap: Gap
     family: str = "made"
     parameters: dict = field(default_factory=dict)
+    contains: tuple = ()
 
 
 @dataclass(frozen=True)
@@ -152,9 +153,9 @@ def one_step(gap=GOOD):
     return add_effects(Progress(problem, problem.gap), 4, lambda words: None).steps
 
 
-def gaps(initial, final, floor, response=(1.0, 0.5, 0.1)):
+def gaps(initial, final, floor, response=(1.0, 0.2, 0.1), unsure=(0.0, 0.0)):
     pairs = zip((initial, final, floor), response, strict=True)
-    return Gaps(*(Gap(moment, response) for moment, response in pairs))
+    return Gaps(*(Gap(moment, response) for moment, response in pairs), Gap(*unsure))
 
 
 FLOOR = 0.1
@@ -177,6 +178,12 @@ SMALL, LARGE = Residual(0.0, 0.15), Residual(0.9, 0.15)
         (True, SMALL, gaps(0.5, 0.11, NAN), "undecided"),
         (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, NAN, 0.1)), "partly_named"),
         (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 1.2, 0.1)), "partly_named"),
+        # The response stands far above its floor: something is missing, unless the numbers are so uncertain.
+        (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 0.5, 0.1)), "partly_named"),
+        (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 0.5, 0.1), (0.0, 0.2)), "named"),
+        (False, SMALL, gaps(0.11, 0.11, FLOOR, (0.5, 0.5, 0.1)), "unknown"),
+        # A gap on runs left out that the uncertainty of the numbers explains.
+        (True, SMALL, gaps(0.5, 0.3, FLOOR, unsure=(0.2, 0.0)), "named"),
         # Where no moment is measured, the response is all there is.
         (True, SMALL, gaps(NAN, NAN, NAN, (1.0, 0.12, 0.1)), "named"),
         (False, SMALL, gaps(NAN, NAN, NAN, (1.0, 1.0, 0.1)), "unknown"),
@@ -204,14 +211,31 @@ def test_names_beside_a_remainder_state_it_and_are_less_sure():
     assert discount(steps, "named", SMALL, figures, CAMPAIGN) == steps
 
 
-@given(*[floats(0.001, 2.0)] * 4, floats(0.0, 1.0), floats(0.0, 1.0), booleans())
-def test_whole_answers_end_at_the_floor(initial, final, floor, response, share, outside, found):
-    """Whatever the figures: *nothing missing*, *named* and *ambiguous* only within the factor of the floor."""
-    figures = gaps(initial, final, floor, (response, final, floor))
-    verdict, _ = judge(one_step() if found else (), Residual(share, 0.15, outside), figures, CAMPAIGN)
+FIGURE = floats(0.001, 2.0)
+GAP = tuples(FIGURE, one_of(FIGURE, just(NAN)))
+
+
+@given(
+    GAP, GAP, GAP, tuples(floats(0.0, 0.5), floats(0.0, 0.5)), floats(0.0, 1.0), floats(0.0, 1.0), booleans()
+)
+def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, share, outside, found):
+    """Whatever the figures: *nothing missing*, *named* and *ambiguous* within the factors of what is no model's."""
+    figures = Gaps(*(Gap(*each) for each in (initial, final, floor, unsure)))
+    steps = one_step() if found else ()
+    verdict, _ = judge(steps, residual := Residual(share, 0.15, outside), figures, CAMPAIGN)
+    (moment, response), policy = final, CAMPAIGN
+    least = [
+        np.sqrt(floor[i] ** 2 + unsure[i] ** 2 + policy.processing_error**2) * (1 + 1e-12) for i in (0, 1)
+    ]
     if verdict in ("nothing_missing", "named", "ambiguous"):
-        assert final <= CAMPAIGN.within_floors * np.hypot(floor, CAMPAIGN.processing_error) * (1 + 1e-12)
+        assert moment <= policy.within_floors * least[0]
+        assert not response > policy.response_floors * least[1]
+        assert not (response > initial[1] and response > policy.within_floors * least[1])
+        assert np.isfinite(response) or not found
     assert (verdict == "nothing_missing") <= (not found)
+    named = discount(steps, verdict, residual, figures, policy)
+    if verdict not in ("named", "ambiguous"):
+        assert all(step.probability <= 0.75 for step in named)
 
 
 def test_a_structure_differs_from_a_campaign_in_what_is_said_and_every_limit_is_explained():
@@ -220,3 +244,45 @@ def test_a_structure_differs_from_a_campaign_in_what_is_said_and_every_limit_is_
                          "unexplained_rms", "most_regions", "search_seconds"}  # fmt: skip
     for each in described(STRUCTURE):
         assert len(each.meaning.split()) > 2 and each.source and each.unit
+
+
+@dataclass(frozen=True)
+class Nested(Effect):
+    contains: tuple = ("special",)
+
+
+@pytest.mark.parametrize(
+    ("earned", "leads", "alone"),
+    # χ² that the two further numbers of the larger law win; each costs 2.3 nats, and 3 more set the law apart.
+    [(0.0, "special", False), (10.0, "special", False), (24.0, "larger", False), (60.0, "larger", True)],
+)
+def test_a_law_leads_its_special_case_only_by_what_its_further_numbers_earn(earned, leads, alone):
+    special, larger = Effect("special", 3000.0, GOOD), Nested("larger", 3000.0 + earned, GOOD)
+    scale = EvidenceScale(4000.0, 1000.0, 10_000.0, 0.01)
+    ranking = rank([larger, special], [3, 1], scale, CAMPAIGN)
+    assert ranking.fitted[0].name == leads
+    assert (len(ranking.members) == 1) is alone
+    if leads == "special":  # what it explains the larger law explains, too: neither is surer
+        assert ranking.probabilities[0] == pytest.approx(ranking.probabilities[1])
+        assert ranking.probabilities[0] <= 0.5
+
+
+def test_a_larger_law_whose_range_leaves_its_special_case_out_can_be_denied():
+    special, larger = Effect("special", 3000.0, GOOD), Nested("larger", 2900.0, GOOD)
+    ranking = rank([special, larger], [1, 3], EvidenceScale(4000.0, 1000.0, 10_000.0, 0.01), CAMPAIGN)
+    assert [each.name for each in ranking.members] == ["special"]
+
+
+def test_the_shipped_laws_name_special_cases_that_are_there():
+    from sindyjoint.diagnosis.effects.catalogue import load_effects
+
+    effects = {effect.id: effect for effect in load_effects()}
+    nested = {e.id: e.contains for e in effects.values() if e.contains}
+    assert nested == {
+        "bouc_wen_hysteresis": ("dahl_friction", "jenkins_element"),
+        "lugre_friction": ("dahl_friction",),
+        "backlash_play": ("jenkins_element",),
+    }
+    for name, specials in nested.items():
+        fewest = min(v.degrees for v in effects[name].variants)
+        assert all(fewest > v.degrees for special in specials for v in effects[special].variants)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
+from sindyjoint.diagnosis.campaign.candidates import fit_effect
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.excerpt import WARM_UP, excerpt
 from sindyjoint.diagnosis.campaign.start import first_model

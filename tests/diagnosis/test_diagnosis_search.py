@@ -5,7 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
+from sindyjoint.diagnosis.campaign.candidates import fit_effect
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from tests.diagnosis.hidden_effects import hide

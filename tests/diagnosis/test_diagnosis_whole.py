@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign.numbers.whole import whole_model
 from sindyjoint.diagnosis.campaign.repair import Repaired
-from sindyjoint.diagnosis.campaign.whole import whole_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.dimensions import same_dimension

@@ -11,7 +11,7 @@ FOLDER = Path(sindyjoint.soundness.__file__).parent
 
 def test_the_list_of_ids_is_complete():
     texts = set()
-    for path in FOLDER.glob("*.py"):
+    for path in FOLDER.rglob("*.py"):
         if path.name != "kinds.py":
             nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
             texts |= {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
@@ -19,7 +19,7 @@ def test_the_list_of_ids_is_complete():
 
 
 def test_every_finding_in_the_code_has_a_known_id():
-    for path in FOLDER.glob("*.py"):
+    for path in FOLDER.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
                 ids = [n.value for n in ast.walk(node.args[0]) if isinstance(n, ast.Constant)]

@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effects, rank_effects
+from sindyjoint.diagnosis.campaign.admissible import off_its_ends, off_the_ends
+from sindyjoint.diagnosis.campaign.candidates import fit_effects
+from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
@@ -46,7 +48,7 @@ def add_effect(
     work = work.again(repaired.model, repaired.effects)
     if not all(run.folded for run in work.rows):
         # The rows are weighted anew by the residual, and with them the nonlinear parameters.
-        effects = refit_nonlinear(work.rows, repaired.model, repaired.effects, work.policy)
+        effects = _refitted(replace(work, model=repaired.model), repaired.effects)
         later = refit(work.rows, repaired.model, effects, work.policy)
         repaired = replace(later, dropped=(*repaired.dropped, *later.dropped))
     work = replace(work, model=repaired.model)
@@ -82,6 +84,14 @@ def _realigned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> t
     return work, replace(delay, coefficients=delay.coefficients + more.coefficients)
 
 
+def _refitted(work: Work, effects: Sequence[FittedEffect]) -> list[FittedEffect]:
+    """Return effects with their nonlinear parameters fitted anew, off the ends of their ranges where the data allow."""
+    later = refit_nonlinear(work.rows, work.model, effects, work.policy)
+    for index, each in enumerate(later):
+        later[index] = off_its_ends(work.regression(later[:index] + later[index + 1 :]), each)
+    return later
+
+
 def _retested(
     work: Work, moving: list[FittedEffect], earlier: Sequence[FittedEffect], candidates: Sequence[Effect]
 ) -> tuple[list[FittedEffect], Retested]:
@@ -89,7 +99,7 @@ def _retested(
     again: Retested = {}
     if not earlier or not candidates:
         return moving, again
-    moving = refit_nonlinear(work.rows, work.model, moving, work.policy)
+    moving = _refitted(work, moving)
     for name in [f.name for f in earlier]:
         each = next(f for f in moving if f.name == name)
         others = [f for f in moving if f is not each]
@@ -103,7 +113,7 @@ def _retested(
             and e.enters != "time shift"
             and (e.family == each.family or not e.variants[0].states)
         ]
-        ranking = rank_effects(problem, fit_effects(problem, trial))
+        ranking = off_the_ends(problem, rank_effects(problem, fit_effects(problem, trial)))
         if 1 - ranking.nothing < work.policy.belief:
             moving, again[name] = others, None
         else:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.campaign.candidates import refine_effect
+from sindyjoint.diagnosis.campaign.regression import GapRegression, evidence_scale, rank_effects
 from sindyjoint.diagnosis.campaign.repair import Repaired, all_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.equation.terms import Reference
+from sindyjoint.diagnosis.ranking import Ranking, weights_of
+from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.text import spelled
 
 FRICTION = "friction"
@@ -25,15 +29,63 @@ def number_complaint(fitted: FittedEffect, reference: Reference, policy: Diagnos
     The data then ask for a value beyond it: another effect, or a limiting form that has a name of its own. An end that
     the catalogue calls open (a ramp that is a step) may be reached.
     """
+    for parameter, end in _ends_reached(fitted, reference, policy):
+        return f"{parameter.name} of {spelled(fitted.name)} stands at the {end} end of its range"
+    return ""
+
+
+def _ends_reached(
+    fitted: FittedEffect, reference: Reference, policy: DiagnosisPolicy
+) -> Iterator[tuple[Parameter, str]]:
+    """Yield the nonlinear parameters that stand at an end of their range which is not open, and which end."""
     for parameter, value, (low, high) in zip(
         fitted.variant.parameters, fitted.values, fitted.variant.bounds(reference), strict=True
     ):
         margin = policy.bound_margin * np.log(high / low)
-        ends = {"lower": np.log(value / low), "upper": np.log(high / value)}
-        for end, distance in ends.items():
+        for end, distance in {"lower": np.log(value / low), "upper": np.log(high / value)}.items():
             if distance < margin and parameter.open != end:
-                return f"{parameter.name} of {spelled(fitted.name)} stands at the {end} end of its range"
-    return ""
+                yield parameter, end
+
+
+def off_the_ends(problem: GapRegression, ranking: Ranking[FittedEffect]) -> Ranking[FittedEffect]:
+    """Return a ranking whose members stand off the ends of their ranges where the data do not ask for these.
+
+    Along a ridge a search runs to the end for next to nothing. A member is refitted well inside its range, and stays
+    there if that costs no more evidence than separates a class. At the end where it becomes a special case of its own
+    it stays refused: that has a name.
+    """
+    fitted = list(ranking.fitted)
+    for member in ranking.members:
+        inside = off_its_ends(problem, member, fitted)
+        fitted[fitted.index(member)] = inside
+    return ranking if fitted == list(ranking.fitted) else rank_effects(problem, fitted)
+
+
+def off_its_ends(
+    problem: GapRegression, fitted: FittedEffect, rivals: Sequence[FittedEffect] = ()
+) -> FittedEffect:
+    """Return an effect well inside the ranges of its numbers where that costs next to nothing, or as it is."""
+    policy, reference = problem.policy, problem.reference
+    ends = list(_ends_reached(fitted, reference, policy))
+    if not ends or any(parameter.special == end for parameter, end in ends):
+        return fitted
+    everyone = rivals or [fitted]
+    weights = weights_of(max(f.gain for f in everyone), evidence_scale(problem, everyone), policy)
+    inside = refine_effect(problem, replace(fitted, within=_inner_bounds(fitted, reference, policy)))
+    return inside if weights.per_gain * (fitted.gain - inside.gain) <= policy.rival_nats else fitted
+
+
+def _inner_bounds(fitted: FittedEffect, reference: Reference, policy: DiagnosisPolicy) -> NDArray[np.float64]:
+    """Return the ranges of nonlinear parameters without a share at each end that is not open."""
+    bounds = fitted.variant.bounds(reference)
+    step = policy.inner_margin * np.log(bounds[:, 1] / bounds[:, 0])
+    for place, parameter in enumerate(fitted.variant.parameters):
+        low, high = np.exp([step[place], -step[place]])
+        bounds[place] *= [
+            1.0 if parameter.open == "lower" else low,
+            1.0 if parameter.open == "upper" else high,
+        ]
+    return bounds
 
 
 def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun]) -> str:

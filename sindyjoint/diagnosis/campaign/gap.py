@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.free_decay import continuation_gap
 from sindyjoint.diagnosis.campaign.kept import kept_runs
+from sindyjoint.diagnosis.campaign.numbers.free_decay import continuation_gap
 from sindyjoint.diagnosis.campaign.repair import held_out_gap, kept_weighted_gap
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
@@ -18,8 +18,8 @@ from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.compared import pooled_errors
-from sindyjoint.response.run import moment_scale
-from sindyjoint.states import pooled_noise
+from sindyjoint.response.run import moment_scale, pooled_nrmse, prescribed
+from sindyjoint.states import ForceStates, pooled_noise
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
@@ -42,7 +42,8 @@ def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
     """Return the moments of the runs kept for validation, with a delay among the effects removed."""
     shift = Corrections.of(effects).shift
     states = [shifted(s, shift) for s in work.kept_states]
-    return gap_runs(states, model, [s.run for s in states], work.policy)
+    rows = gap_runs(states, model, [s.run for s in states], work.policy)
+    return tuple(row.centred(work.rows[0].motion.centre) for row in rows)
 
 
 def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()) -> tuple[GapRun, ...]:
@@ -64,8 +65,20 @@ def noise_floor(work: Work) -> Gap:
     else:
         own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in states])
     known = np.array([s.noise.motion_measured for s in states])
-    angle = np.array([s.noise.angle for s in states])
-    spread = np.array([np.var(s.angle) for s in states])
     moment = noise / float(np.sqrt((weight @ own) / weight.sum())) if np.any(own) else 0.0
-    response = float(np.sqrt(np.mean(angle**2) / np.mean(spread)))
-    return Gap(moment, response if known.all() else float("nan"))
+    return Gap(moment, _response_floor(states, work.model.inertia) if known.all() else float("nan"))
+
+
+def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:
+    """Return the noise of what answers, pooled as responses are: of the moment where the motion was the drive."""
+    floors = []
+    for s in states:
+        if inertia > 0 and not prescribed(s):
+            scale = float(np.std(s.angle))
+            floors.append(("angle", s.noise.angle / scale, scale))
+        else:
+            scale = moment_scale(s.moment, s, inertia)
+            floors.append(
+                ("moment", float(np.hypot(s.noise.moment, inertia * s.noise.acceleration)) / scale, scale)
+            )
+    return pooled_nrmse(floors)

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effect
-from sindyjoint.diagnosis.campaign.repair import Repaired
+from sindyjoint.diagnosis.campaign.candidates import fit_effect
+from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.repair import Repaired, rest_angle
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -84,7 +85,7 @@ def _best_zero(straight: Problem, constant: Effect, candidates: Sequence[Effect]
         problem = GapRegression.build(rows, work.model, [always], work.policy)
         return max(fit_effect(problem, effect).gain for effect in effects)
 
-    begin, spacing = _root(work, always), REACH * largest / (POINTS // 2)
+    begin, spacing = rest_angle(work.rows, work.model), REACH * largest / (POINTS // 2)
     places = [begin + spacing * k for k in range(-(POINTS // 2), POINTS // 2 + 1)]
     gains = {(place, e.id): gain(place, [e]) for place in places for e in candidates}
     best, name = max(gains, key=lambda each: gains[each])
@@ -95,26 +96,6 @@ def _best_zero(straight: Problem, constant: Effect, candidates: Sequence[Effect]
         known.update({place: gain(place, last) for place in (best - spacing, best + spacing)})
         best = max(known, key=lambda place: known[place])
     return best, known[best] - gain(0.0, candidates)
-
-
-def _root(work: Work, constant: FittedEffect) -> float:
-    """Return where the elastic moment of the terms and a constant is zero, nearest to the middle."""
-    from sindyjoint.equation.formula import compile_terms
-
-    model = work.model
-    regression = GapRegression.build(work.rows, model, [constant], work.policy)
-    solved = np.linalg.lstsq(regression.base, regression.target, rcond=None)[0]
-    largest = max(float(np.abs(run.angle).max()) for run in work.rows)
-    angle = np.linspace(-largest, largest, 401)
-    function = compile_terms([term.expression for term in model.terms])
-    rest = np.zeros_like(angle)
-    moment = function(angle, rest, rest) @ solved[:-1] + solved[-1]
-    change = np.flatnonzero(np.diff(np.sign(moment)) != 0)
-    if not change.size:
-        return 0.0
-    nearest = change[np.argmin(np.abs(angle[change]))]
-    low, high = moment[nearest], moment[nearest + 1]
-    return float(angle[nearest] - low * (angle[nearest + 1] - angle[nearest]) / (high - low))
 
 
 def _shifted(run: GapRun, zero: float) -> GapRun:

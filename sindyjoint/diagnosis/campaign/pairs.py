@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
+from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ def hidden_pair(
     """
     if columns is None:
         fitted = [f for f in fitted if f.effect.enters == "moment"]
-        columns = [effect_rows(problem, f) for f in fitted]
+        columns = [effect_rows(problem.runs, f) for f in fitted]
     usable = list(fitted)
     if len(usable) < 3:
         return None
@@ -50,11 +50,6 @@ def _clearly(problem: GapRegression, gain: float, greedy: float) -> bool:
         return gain > problem.policy.pair_gain * greedy
     # The errors of the model set the noise.
     return problem.chi_square - gain < problem.policy.pair_residual * (problem.chi_square - greedy)
-
-
-def effect_rows(problem: GapRegression, fitted: FittedEffect) -> Array:
-    """Return an effect's whitened columns over all runs."""
-    return stack(problem.runs, lambda run: fitted.variant.along(run.motion, fitted.values))
 
 
 def _gain(columns: Sequence[Array], residual: Array, fitted: Sequence[FittedEffect]) -> float:

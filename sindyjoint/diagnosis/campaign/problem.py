@@ -11,17 +11,25 @@ import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
-from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint, yield_complaint
+from sindyjoint.diagnosis.campaign.admissible import (
+    law_complaint,
+    number_complaint,
+    off_the_ends,
+    yield_complaint,
+)
+from sindyjoint.diagnosis.campaign.candidates import fit_effects
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
-from sindyjoint.diagnosis.campaign.free_decay import refined
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.joint_zero import zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
-from sindyjoint.diagnosis.campaign.number_bias import without_bias
+from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
+from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
+from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, response_error
+from sindyjoint.diagnosis.campaign.numbers.whole import nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
-from sindyjoint.diagnosis.campaign.regression import GapRegression, fit_effects, rank_effects
+from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
@@ -35,7 +43,6 @@ from sindyjoint.diagnosis.campaign.start import (
 )
 from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget
 from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
-from sindyjoint.diagnosis.campaign.whole import nuisances_of, whole_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effort import Effort
@@ -152,6 +159,14 @@ class CampaignProblem(Problem):
         """Noise of the runs of which the gap is told; NaN where it is not known."""
         return noise_floor(self.work)
 
+    def uncertainty(self) -> Gap:
+        """Return the gaps that noise leaves by the numbers of the law; of the response where it is in question."""
+        model, effects, floor = self.repaired.model, self.found, self.noise_floor.response
+        response = 0.0
+        if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor:
+            response = response_error(self.work, model, effects)
+        return Gap(left_out_error(self.work, model, effects), response)
+
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with a drifting channel put right, and the step that this is."""
         work = self.work
@@ -184,8 +199,8 @@ class CampaignProblem(Problem):
             both = self.work.regression([*self.found, second])
             beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
             if beside.fitted[0].name == first.name:
-                return Proposal(beside, paired=True)
-        return Proposal(rank_effects(problem, fitted))
+                return Proposal(off_the_ends(both, beside), paired=True)
+        return Proposal(off_the_ends(problem, rank_effects(problem, fitted)))
 
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""

@@ -12,7 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, column_error, stack
+from sindyjoint.diagnosis.campaign.regression import (
+    GapRegression,
+    column_error,
+    effect_rows,
+    exact_first,
+    stack,
+)
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -37,7 +43,7 @@ class CoarseRows:
         How many rows there were.
     choices : tuple of int
         Numbers that each member chooses.
-    explained, correlated : float
+    inherited, correlated : float
         As in :class:`~sindyjoint.diagnosis.ranking.EvidenceScale`.
     repeats : bool
         Whether every row is of a mean period.
@@ -47,7 +53,7 @@ class CoarseRows:
     base: int
     rows: int
     choices: tuple[int, ...]
-    explained: float
+    inherited: float
     correlated: float
     repeats: bool
     runs: tuple[GapRun, ...]
@@ -72,7 +78,7 @@ class CoarseRows:
             base=problem.base.shape[1],
             rows=len(columns),
             choices=tuple(problem.choices(each.variant) for each in members),
-            explained=problem.explained,
+            inherited=problem.inherited,
             correlated=problem.correlated,
             repeats=problem.repeats,
             runs=tuple(runs),
@@ -83,7 +89,10 @@ class CoarseRows:
 
     def evidence(self, added: Sequence[GapRun], members: Sequence[FittedEffect]) -> list[Array]:
         """Return, with each member in turn taken for true, the logarithms of all their probabilities."""
-        base = [stack(added, lambda run: base_columns(self.model, run)), _columns(added, self.others)]
+        base = [
+            stack(added, lambda run: base_columns(self.model, run)),
+            _columns(added, exact_first(self.others)),
+        ]
         more = np.hstack([*base, _columns(added, members)])
         both = np.vstack([self.factor, more])
         ends = self.base + np.cumsum([0, *(len(each.coefficients) for each in members)])
@@ -93,7 +102,7 @@ class CoarseRows:
         for true, columns in zip(members, parts, strict=True):
             target = columns @ true.coefficients
             problem = GapRegression.of_columns(
-                (*self.runs, *added), both[:, : self.base], target, self.explained, self.policy
+                (*self.runs, *added), both[:, : self.base], target, self.inherited, self.policy
             )
             fitted = []
             for each, own in zip(members, parts, strict=True):
@@ -105,7 +114,7 @@ class CoarseRows:
                 rows - self.base,
                 rows / self.correlated,
                 column_error(fitted, repeats, self.policy),
-                self.explained,
+                self.inherited,
                 self.correlated,
             )
             ranking = rank(fitted, self.choices, scale, self.policy)
@@ -116,6 +125,6 @@ class CoarseRows:
 
 def _columns(runs: Sequence[GapRun], effects: Sequence[FittedEffect]) -> Array:
     """Return whitened columns of some effects along some runs."""
-    columns = [stack(runs, lambda run, e=each: e.variant.along(run.motion, e.values)) for each in effects]  # type: ignore[misc]
+    columns = [effect_rows(runs, each) for each in effects]
     rows = sum(run.white_size for run in runs)
     return np.hstack([np.empty((rows, 0)), *columns])

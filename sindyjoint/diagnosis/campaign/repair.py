@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, refine_effect, stack
+from sindyjoint.diagnosis.campaign.candidates import refine_effect
+from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -103,6 +104,31 @@ def scaled_covariance(jacobian: Array, residual: Array) -> Array:
 def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
     """Return the columns of the model's terms and of the effects at the kept samples."""
     return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
+
+
+def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()) -> float:
+    """Return where the elastic moment of the terms and a constant, fitted beside effects, is zero; rad.
+
+    Nearest to the middle; zero where there is no such angle.
+    """
+    from sindyjoint.equation.formula import compile_terms
+
+    beside = [e for e in effects if e.family != "measurement"]
+    own = stack(runs, lambda r: np.column_stack([base_columns(model, r), np.ones(r.target.size)]))
+    columns = np.hstack([own, *(effect_rows(runs, e) for e in beside)])
+    solved, _ = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    solved = solved[: own.shape[1]]
+    largest = max(float(np.abs(run.angle).max()) for run in runs)
+    angle = np.linspace(-largest, largest, 401)
+    function = compile_terms([term.expression for term in model.terms])
+    rest = np.zeros_like(angle)
+    moment = function(angle, rest, rest) @ solved[:-1] + solved[-1]
+    change = np.flatnonzero(np.diff(np.sign(moment)) != 0)
+    if not change.size:
+        return 0.0
+    nearest = change[np.argmin(np.abs(angle[change]))]
+    low, high = moment[nearest], moment[nearest + 1]
+    return float(angle[nearest] - low * (angle[nearest + 1] - angle[nearest]) / (high - low))
 
 
 def coefficients_of(model: JointModel, effects: Sequence[FittedEffect]) -> Array:

@@ -15,16 +15,10 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.campaign.candidates import fit_effect, refine_effect, trials_of
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, Design, designs, expected_states
 from sindyjoint.diagnosis.campaign.promises import CoarseRows
-from sindyjoint.diagnosis.campaign.regression import (
-    GapRegression,
-    fit_effect,
-    rank_effects,
-    refine_effect,
-    shortened,
-    trials_of,
-)
+from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects, shortened
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work

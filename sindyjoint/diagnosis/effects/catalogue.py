@@ -38,6 +38,7 @@ class _ParameterEntry(StrictEntry):
     upper: Annotated[float, Field(gt=0)]
     relative_to: Literal["angle", "rate"] | None = None
     open: Literal["lower", "upper"] | None = None
+    special: Literal["lower", "upper"] | None = None
 
 
 class _StateEntry(StrictEntry):
@@ -67,6 +68,7 @@ class _EffectEntry(StrictEntry):
     meaning: Line
     source: str = ""
     confused_with: list[Identifier] = []
+    contains: list[Identifier] = []
     enters: Enters = "moment"
     variant: Annotated[list[_VariantEntry], Field(min_length=1)]
 
@@ -139,6 +141,7 @@ class Effect:
     confused_with: tuple[str, ...]
     enters: Enters
     variants: tuple[Variant, ...]
+    contains: tuple[str, ...] = ()
 
 
 def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
@@ -204,6 +207,7 @@ def _effect(path: Path, entry: Any) -> Effect:
         tuple(entry.confused_with),
         entry.enters,
         variants,
+        tuple(entry.contains),
     )
 
 
@@ -223,7 +227,9 @@ def _variant(entry: Any) -> Variant:
         if not p.lower < p.upper:
             raise InputError(f"parameter {p.name!r}: lower {p.lower:g} is not below upper {p.upper:g}")
         middle = float(np.sqrt(p.lower * p.upper))
-        parameters.append(Parameter(p.name, p.unit, middle, p.relative_to, p.lower, p.upper, p.open))
+        parameters.append(
+            Parameter(p.name, p.unit, middle, p.relative_to, p.lower, p.upper, p.open, p.special)
+        )
     return Variant(
         tuple(columns),
         tuple(parameters),

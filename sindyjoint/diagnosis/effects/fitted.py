@@ -34,6 +34,8 @@ class FittedEffect:
         Of the variant's columns beside the model's terms, SI.
     gain : float
         Fall of χ².
+    within : ndarray, shape (n, 2), optional
+        Bounds of the nonlinear parameters; default: those of the variant.
     """
 
     effect: Effect
@@ -41,6 +43,7 @@ class FittedEffect:
     values: Array
     coefficients: Array
     gain: float
+    within: Array | None = None
 
     @property
     def name(self) -> str:
@@ -51,6 +54,11 @@ class FittedEffect:
     def family(self) -> str:
         """Of the effect."""
         return self.effect.family
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Ids of effects that are special cases of it."""
+        return self.effect.contains
 
     @property
     def shifts(self) -> bool:

@@ -49,6 +49,8 @@ class MeasuredMotion:
         Internal states are integrated over every so-manieth sample and interpolated between.
     lead : tuple of two ndarray, shape (k,), optional
         Angle and rate before the first sample, at the same step: internal states begin with them.
+    centre : float
+        Angle at which the joint rests unloaded, rad: a slider is in its middle there.
     """
 
     angle: Array
@@ -65,6 +67,7 @@ class MeasuredMotion:
     substeps: int = 1
     follow: int = 1
     lead: tuple[Array, Array] | None = None
+    centre: float = 0.0
 
     @cached_property
     def joined(self) -> JoinedMotions:
@@ -100,7 +103,7 @@ class JoinedMotions:
     ends : ndarray of int
         Where the followed samples of each motion end.
     timing : tuple of ndarray
-        Per motion: s between followed samples, passes, parts of a step.
+        Per motion: s between followed samples, passes, parts of a step, state of a slider at its first sample.
     before : ndarray of int, shape (m,)
         The followed sample before each kept one.
     share : ndarray, shape (m,)
@@ -111,7 +114,7 @@ class JoinedMotions:
     angle: Array
     rate: Array
     ends: NDArray[np.int64]
-    timing: tuple[Array, NDArray[np.int64], NDArray[np.int64]]
+    timing: tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]
     before: NDArray[np.intp]
     share: Array
 
@@ -144,6 +147,7 @@ class JoinedMotions:
                 np.array([m.step * m.follow for m in motions]),
                 np.array([PASSES if m.repeats else 1 for m in motions]),
                 np.array([m.substeps for m in motions]),
+                np.array([angle[0] - m.centre for angle, m in zip(angles, motions, strict=True)]),
             ),
             before=before,
             share=place - before,

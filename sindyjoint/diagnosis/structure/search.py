@@ -39,6 +39,11 @@ class FittedChange:
     gain: float
 
     @property
+    def contains(self) -> tuple[str, ...]:
+        """Nothing that matters: numbers of a structure keep their full price anyway."""
+        return ()
+
+    @property
     def name(self) -> str:
         """Id of the effect."""
         return self.change.effect
@@ -66,9 +71,9 @@ def rank_changes(
 
     ``base_cost`` is χ² without any of them, ``explained`` the fall that effects found before have brought.
     """
-    rows = problem.rows()
-    scale = EvidenceScale(base_cost, rows, rows, problem.policy.column_error, explained)
-    return rank(fitted, [f.change.size for f in fitted], scale, problem.policy)
+    rows, policy = problem.rows(), problem.policy
+    scale = EvidenceScale(base_cost, rows, rows, policy.column_error, policy.found_error**2 * explained)
+    return rank(fitted, [f.change.size for f in fitted], scale, policy)
 
 
 def horizons(problem: PulseProblem, period: float) -> tuple[float, ...]:

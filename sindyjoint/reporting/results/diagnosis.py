@@ -254,7 +254,11 @@ def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...]
     shown = (
         floor if np.isfinite(gap) else DASH for floor, gap in zip(floors, _pair(result.initial), strict=True)
     )
-    return (*rows, ("noise floor", *shown, "", ""))
+    rows.append(("noise floor", *shown, "", ""))
+    if any(_pair(result.uncertainty)):
+        unsure = (percent(part) if part else DASH for part in _pair(result.uncertainty))
+        rows.append(("uncertainty of numbers and drive", *unsure, "", ""))
+    return tuple(rows)
 
 
 def _record_row(record: RecordGap) -> tuple[str, ...]:

@@ -51,6 +51,9 @@ def find_noise(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
         share = noise / np.array([c.std for _, c in alive])
         for i, (p, _) in enumerate(alive):
             others, usual = np.delete(share, i), float(np.median(np.delete(noise, i)))
+            if not usual:
+                # Of most of the others no noise is known: at few samples per period motion hides it or passes for it.
+                continue
             if share[i] > POLICY.excess_noise * others.max() and noise[i] > POLICY.excess_noise * usual:
                 much = share[i] > POLICY.noticeable_noise
                 yield Finding(
@@ -59,7 +62,7 @@ def find_noise(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
                     name,
                     "biases" if much else "note",
                     f"noise of {noise[i]:.3g} {words.unit(name)} RMS, {100 * share[i]:.2g} % of the {words.of(name)}, "
-                    f"{noise[i] / max(usual, 1e-300):.3g} times that of the other runs",
+                    f"{noise[i] / usual:.3g} times that of the other runs",
                     "widens the intervals of all coefficients"
                     if name == "moment"
                     else "noise of the motion draws k1 and c1 towards zero",

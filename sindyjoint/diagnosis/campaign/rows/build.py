@@ -148,6 +148,7 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
         noise,
         band,
         record=record,
+        noise_share=max(noise, 0.0) / float(np.mean(variance)),
     )
 
 
@@ -200,6 +201,7 @@ def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, mo
         int
     )
     moments, motion = _strided_motion(replicate, model, rows)
+    motion = replace(motion, centre=run.motion.centre)
     return replace(run, motion=motion, target=moments[rows])
 
 

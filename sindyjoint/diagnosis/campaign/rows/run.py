@@ -41,6 +41,8 @@ class GapRun:
         Whether the rows are a mean period, whose noise repetition has measured.
     variance : float
         Mean variance of the rows by noise, (N·m)²; what a model leaves beyond it is the model's own error.
+    noise_share : float
+        Share of the variance by which rows are weighted that is noise; the rest is the model's own error.
     band : Band, optional
         Where an acceleration enters: the band within which it is known.
     half_cycles : HalfCycles, optional
@@ -64,6 +66,7 @@ class GapRun:
     half_cycles: HalfCycles | None = None
     record: Array | None = None
     processing: Array | None = None
+    noise_share: float = 1.0
 
     def whole(self) -> GapRun:
         """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
@@ -95,6 +98,10 @@ class GapRun:
             return np.full(size, self.group, dtype=object)
         stretch = np.arange(size) * STRETCHES // size
         return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
+
+    def centred(self, rest: float) -> GapRun:
+        """Return the run with the angle at which its sliders are in their middle; what repeats finds that itself."""
+        return self if self.folded else replace(self, motion=replace(self.motion, centre=rest))
 
     def rough(self) -> GapRun:
         """Return the run for searching nonlinear parameters: internal states are integrated in longer steps."""

@@ -84,19 +84,23 @@ def _slice(at: count[int], size: int) -> slice:
 def _joint_covariance(
     runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], adding: Sequence[FittedEffect]
 ) -> Array:
-    whole = stack(runs, lambda run: jacobian(run, model, effects))
+    shifts = [e for e in effects if e.shifts]
+    whole = stack(runs, lambda run: number_columns(run, model, adding, shifts))
     target = np.concatenate([run.white(run.target) for run in runs])
     linear = coefficients_of(model, adding)
     residual = target - whole[:, : linear.size] @ linear
     return scaled_covariance(whole, residual)
 
 
-def jacobian(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
-    """Return the derivative of the moment by every number of a repaired model, in the order of :class:`Numbers`."""
-    adding = [e for e in effects if not e.shifts]
+def number_columns(
+    run: GapRun, model: JointModel, adding: Sequence[FittedEffect], shifts: Sequence[FittedEffect] = ()
+) -> Array:
+    """Return the derivatives of a run's moment by all numbers: columns, delays, then nonlinear parameters."""
     parts = [all_columns(run, model, adding)]
-    parts += [e.variant.along(run.motion, e.values) for e in effects if e.shifts]
-    parts += [_slope_by(run, each, k)[:, None] for each in adding for k in range(each.values.size)]
+    parts += [e.variant.along(run.motion, e.values) for e in shifts]
+    for each in adding:
+        for k in range(each.values.size):
+            parts.append(_slope_by(run, each, k)[:, None])
     return np.hstack(parts)
 
 

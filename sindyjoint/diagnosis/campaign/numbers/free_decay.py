@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from sindyjoint.diagnosis.campaign.numbers.whole import whole_model
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.diagnosis.campaign.whole import whole_model
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
+from sindyjoint.diagnosis.campaign.numbers.whole import is_element, number_columns, numbers_of
 from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, modelled
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.diagnosis.campaign.whole import is_element, jacobian, numbers_of
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
@@ -49,12 +49,12 @@ def without_bias(work: Work, repaired: Repaired) -> Repaired:
         return repaired
     numbers = numbers_of(repaired, work.rows)
     left = np.concatenate([row.white(row.target - modelled(row, model, effects)) for row in rows])
-    slopes = stack(rows, lambda row: jacobian(row, model, effects))
+    adding, shifts = ([e for e in effects if e.shifts == shift] for shift in (False, True))
+    slopes = stack(rows, lambda row: number_columns(row, model, adding, shifts))
     moved, _ = least_squares(slopes, left)
     remaining = _covariance_of(slopes, left - slopes @ moved)
-    shifted = [e.name for e in effects if e.shifts]
-    for name in shifted:
-        moved[numbers.coefficients[name]] = 0.0
+    for each in shifts:
+        moved[numbers.coefficients[each.name]] = 0.0
     if np.any(np.abs(moved) > LARGEST * np.abs(numbers.values)):
         return repaired
     values = numbers.values - moved
