@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import signal
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -186,7 +187,7 @@ def _move_in(stage: Path, target: Path) -> None:
         if file.is_dir():
             raise OutputError(f"cannot write {str(file)!r}: it is a folder; remove it or choose another path")
         file.parent.mkdir(parents=True, exist_ok=True)
-    with hold_folder(target, wait=True):
+    with hold_folder(target, wait=True), _uninterrupted():
         sums = _known_sums(target)
         write_text(target / SUMS, sums_text(sums, finished=False))
         for path in files:
@@ -226,7 +227,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     with _open_stage(target, target) as stage:
         yield stage
         old = _name_temporary(target, OLD)
-        with hold_folder(target):
+        with hold_folder(target), _uninterrupted():
             if target.exists():
                 os.replace(target, old)
             try:
@@ -281,23 +282,43 @@ def _hold_new(location: Path, make: Callable[[Path], None]) -> Iterator[Path]:
 
     Between its making and its holding another process may take it for a leftover: then it is made again.
     """
-    while True:
-        temporary = _name_temporary(location)
-        make(temporary)
-        handle = _open(temporary)
-        if _lock(handle) is not False and temporary.exists():
-            break
-        if handle >= 0:
-            os.close(handle)
+    temporary, handle = _name_temporary(location), -1
     try:
+        with _uninterrupted():
+            while True:
+                make(temporary)
+                handle = _open(temporary)
+                if _lock(handle) is not False and temporary.exists():
+                    break
+                if handle >= 0:
+                    os.close(handle)
+                temporary, handle = _name_temporary(location), -1
         yield temporary
     finally:
-        if temporary.is_dir():
-            shutil.rmtree(temporary, ignore_errors=True)
-        with suppress(OSError):
-            temporary.unlink()
-        if handle >= 0:
-            os.close(handle)
+        with _uninterrupted():
+            if temporary.is_dir():
+                shutil.rmtree(temporary, ignore_errors=True)
+            with suppress(OSError):
+                temporary.unlink()
+            if handle >= 0:
+                os.close(handle)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait until the block has ended: of what belongs together nothing is written without the rest."""
+    came: list[int] = []
+    try:
+        before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    except ValueError:  # of a thread that Ctrl-C does not come to
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager

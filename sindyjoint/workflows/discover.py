@@ -21,7 +21,7 @@ from sindyjoint.judgement.second_search import campaign_model, search_again, sof
 from sindyjoint.judgement.verdict import judge, noise_alike, undecided_by_data
 from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.parallel import executor
+from sindyjoint.parallel import check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
@@ -112,6 +112,7 @@ def discover(
     if campaign is None:
         say("simulating the virtual test")
     campaign = opened = the_campaign(campaign, random_state, LONGEST)
+    unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
@@ -160,6 +161,8 @@ def discover(
         *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
     ]
     warnings += filter(None, notes)
+    if unused:
+        warnings.append(f"{unused}: not used, for no run is too long for the memory of this process")
     if fixed is not None and fixed.reason:
         warnings.append(
             f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"

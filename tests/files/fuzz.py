@@ -232,13 +232,13 @@ def _documents(folder: Path) -> dict[str, Target]:
         "model": Target(
             [paper_model().to_json(), with_elements(JENKINS, MAXWELL).to_json()], read_model, "model.json"
         ),
-        "test": Target([_test_of_a_joint().to_json()], read_test, "test.json"),
+        "test": Target([made_test().to_json()], read_test, "test.json"),
         "record": Target([record.to_json()], read_record, "record.json"),
         "hashes": Target([sums_text(sums_of(folder))], read_list, "SHA256SUMS"),
     }
 
 
-def _test_of_a_joint() -> Any:
+def made_test() -> Any:
     """Return errors of channels, a drift, and a moment of the frequency."""
     from dataclasses import replace
 
