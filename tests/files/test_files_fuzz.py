@@ -24,7 +24,7 @@ def known(tmp_path_factory):
     for library in ("pyarrow", "h5py", "pyuff", "nptdms", "openpyxl"):
         pytest.importorskip(library)
     folder = tmp_path_factory.mktemp("fuzz")
-    return targets(folder, results=False), folder
+    return targets(folder), folder
 
 
 def test_every_kind_is_fuzzed(known):

@@ -101,14 +101,14 @@ def test_a_tampered_record_of_a_test_is_refused(tmp_path):
     file.write_text(text)
     (tmp_path / SUMS).write_text(sums_text(sums_of(tmp_path)))
     assert read_test(tmp_path).to_json() == text
-    file.write_text(text.replace("0.002", "0.003"))
+    file.write_text(text.replace('"value": 0.002', '"value": 0.003'))
     with pytest.raises(InputError, match="is not the file that was written"):
         read_test(tmp_path)
     (tmp_path / SUMS).unlink()
     data = json.loads(text)
     for changed, message in (
-        (text.replace("0.002", "9" * 400), "holds an integer"),
-        (text.replace("0.002", "NaN"), "value"),
+        (text.replace('"value": 0.002', '"value": ' + "9" * 400), "holds an integer"),
+        (text.replace('"value": 0.002', '"value": NaN'), "value"),
         (text[:-30], "is not JSON"),
         (json.dumps([data]), "not a record of a test"),
         (json.dumps(data | {"nuisances": data["nuisances"] + [None]}), "nuisances"),
