@@ -51,11 +51,13 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     Raises
     ------
     OutputError
-        When the folder does not exist, the path is a folder, or the system refuses.
+        When the folder does not exist, the path is a folder or a device, or the system refuses.
     """
     target = Path(path)
     if target.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
+    if target.exists() and not target.is_file():
+        raise OutputError(f"cannot write {str(target)!r}: it is a device or a pipe; give the name of a file")
     try:
         settle(target)
         with _hold_new(target, _touch) as temporary:
