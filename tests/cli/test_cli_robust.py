@@ -41,6 +41,19 @@ def test_options_that_mean_nothing(folder, tmp_path, sindyjoint, monkeypatch, co
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_options_that_would_do_nothing(folder, sindyjoint):
+    address = ("--cluster", "tcp://127.0.0.1:9")
+    refine = ("discover", folder.path, "--refine", "--model", folder.path)
+    refused(sindyjoint(*refine, *address), "--cluster", "belongs to a search for terms")
+    refused(sindyjoint(*refine, "--no-correct"), "--correct", "belongs to a search for terms")
+    batch = ("batch", folder.path, "--out", folder.path / "out", "--verify-only")
+    refused(sindyjoint(*batch, *address), "--verify-only", "leave out --workers and --cluster")
+    assert (
+        "not used, for no run is too long"
+        in sindyjoint("discover", folder.path, "-l", "paper", "--workers", "2").stdout
+    )
+
+
 def test_a_temperature_in_degrees_however_they_are_spelled(folder):
     from sindyjoint.files import load_campaign
 
