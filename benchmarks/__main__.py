@@ -5,6 +5,7 @@
     python -m benchmarks --campaigns 200      # the batch on one process, two processes, two Dask workers
     python -m benchmarks --only restart --campaigns 200     # the batch killed at half, and a worker of it killed
     python -m benchmarks --only kills --campaigns 60 --kills 20     # killed at random instants, restarted, compared
+    python -m benchmarks --only together      # eight processes, then eight threads, on one cache and one parent folder
     python -m benchmarks --only doors         # coefficients by pysindy.SINDy, JointRegressor and discover: 50 joints
     python -m benchmarks public --data ../shared/data       # public data in the metric of their owners
     python -m benchmarks round-trip --seeds 0               # a diagnosis saved, read and verified: the same gap
@@ -173,6 +174,17 @@ def many_kills(campaigns: int, folder: str, count: int) -> dict[str, Any]:
     return record
 
 
+def at_once(campaigns: int, folder: str) -> dict[str, Any]:
+    record = run("together", campaigns, folder, module="batch_tasks.py")
+    for name, what in record.items():
+        line(
+            f"{campaigns} {name} on one cache",
+            "identical" if what["identical"] else "DIFFERENT",
+            what["text"],
+        )
+    return record
+
+
 def doors() -> list[dict[str, Any]]:
     record = run("--json", "--joints", 50, module="bench_doors.py")
     known = [each for each in record if "difference" in each]
@@ -212,7 +224,7 @@ def main() -> None:
     parser.add_argument(
         "--only",
         nargs="+",
-        choices=["fit", "disk", "statistics", "others", "batch", "restart", "kills", "doors"],
+        choices=["fit", "disk", "statistics", "others", "batch", "restart", "kills", "together", "doors"],
     )
     parser.add_argument("--kills", type=int, default=20, help="of a batch, for each way to run it")
     parser.add_argument("--folder", help="where large files are made and kept; default: a temporary one")
@@ -242,6 +254,8 @@ def main() -> None:
             record["restart"] = restarts(given.campaigns or 12, folder)
         if "kills" in wanted:
             record["kills"] = many_kills(given.campaigns or 60, folder, given.kills)
+        if "together" in wanted:
+            record["together"] = at_once(given.campaigns or 8, folder)
         if "doors" in wanted:
             record["doors"] = doors()
         record["load at the end"] = os.getloadavg()[0]

@@ -205,7 +205,62 @@ def wait_for(run: subprocess.Popen[bytes], reached: Callable[[], bool]) -> None:
         time.sleep(STEP)
 
 
-TASKS = {task.__name__: task for task in (batch, restart, kills)}
+THREADS = """
+import sys, threading
+import sindyjoint
+from sindyjoint.reporting.output import write_results
+def work(name):
+    found = sindyjoint.discover(f"{sys.argv[1]}/{name}", "paper")
+    write_results(found, f"{sys.argv[2]}/{name}")
+threads = [threading.Thread(target=work, args=(name,)) for name in sys.argv[3:]]
+[thread.start() for thread in threads]
+[thread.join() for thread in threads]
+"""
+
+
+def together(count: int, folder: str) -> dict[str, Any]:
+    """Discover so many campaigns at once, by processes and by threads, into one parent: the model of each as by itself.
+
+    Processes and threads begin with one and the same empty cache of compiled code.
+    """
+    source = alike_campaigns(folder, count)
+    names = sorted(path.name for path in source.iterdir())
+    single = [sys.executable, "-m", "sindyjoint", "discover", "-q", "-l", "paper"]
+    found: dict[str, list[bytes]] = {}
+    for way in ("alone", "processes", "threads"):
+        out = Path(folder) / f"out-{way}"
+        shutil.rmtree(out, ignore_errors=True)
+        environment = dict(os.environ)
+        if way != "alone":
+            environment["NUMBA_CACHE_DIR"] = str(Path(folder) / f"cache-{way}")
+            shutil.rmtree(environment["NUMBA_CACHE_DIR"], ignore_errors=True)
+        commands = [[*single, str(source / name), "--out", str(out / name)] for name in names]
+        if way == "threads":
+            commands = [[sys.executable, "-c", THREADS, str(source), str(out), *names]]
+        runs = []
+        for each in commands:
+            runs.append(
+                subprocess.Popen(
+                    each, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+                )
+            )
+            if way == "alone":
+                runs[-1].communicate()
+        errors = [run.communicate()[1] if way != "alone" else "" for run in runs]
+        if any(errors) or any(run.returncode for run in runs):
+            raise RuntimeError(f"{way}: {errors}")
+        leftovers = [path for path in out.rglob(".*")]
+        found[way] = [(out / name / "model.json").read_bytes() for name in names] + [b""] * len(leftovers)
+    return {
+        way: {
+            "identical": found[way] == found["alone"],
+            "text": f"{count} campaigns into one parent, at once",
+        }
+        for way in ("processes", "threads")
+    }
+
+
+TASKS = {task.__name__: task for task in (batch, restart, kills, together)}
 
 if __name__ == "__main__":
     name, *arguments = sys.argv[1:]

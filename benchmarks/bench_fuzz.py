@@ -30,12 +30,12 @@ PEAK = 1500.0  # MB
 
 def work(kind: str, seed: int, first: int, count: int, seconds: float, folder: Path) -> dict[str, Any]:
     """Read inputs of one kind until their number or the time is reached."""
-    from fuzz import targets
+    from fuzz import RESULTS, targets
 
     from sindyjoint.errors import SindyJointError
 
     warnings.simplefilter("ignore")
-    target = targets(folder, results=kind in ("saved", "factors"))[kind]
+    target = targets(folder, kind if kind in RESULTS else None)[kind]
     state = folder / "state.json"
     found: dict[str, Any] = {"refused": 0, "others": {}, "hangs": {}, "slowest": 0.0}
     end = time.process_time() + seconds
@@ -134,9 +134,9 @@ def main() -> None:
     parser.add_argument("--out", help="file for all numbers")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        from fuzz import targets
+        from fuzz import RESULTS, targets
 
-        kinds = given.kinds or list(targets(Path(folder)))
+        kinds = given.kinds or [*targets(Path(folder)), *RESULTS]
     record = {"seed": given.seed, "kinds": {}}
     for kind in kinds:
         done = campaign(kind, given.seed, given.count, 60 * given.minutes / len(kinds))

@@ -103,13 +103,22 @@ def parse_json(text: str, called: str) -> Any:
         For a text that is no JSON, or beyond the bounds of a document.
     """
     try:
-        content = json.loads(text)
+        content = json.loads(text, object_pairs_hook=without_repetition)
     except RecursionError:
         raise InputError(f"{called}: is nested too deeply") from None
     except ValueError as error:
         raise InputError(f"{called}: is not JSON ({_on_a_line(error)})") from None
     _check_tree(content, called)
     return content
+
+
+def without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object; a key that occurs twice, of which JSON would keep the last in silence, is refused."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r:.60} is there twice")
+    return found
 
 
 def _on_a_line(error: Exception) -> str:

@@ -161,14 +161,7 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
     MissingExtraError
         Without Dask distributed.
     """
-    given = [name for name, on in (("jobs", jobs != 1), ("workers", workers is not None),
-                                   ("cluster", cluster is not None)) if on]  # fmt: skip
-    if len(given) > 1:
-        raise InputError(f"{' and '.join(given)} were given; expected one way to run the tasks")
-    if jobs != -1 and jobs < 1:
-        raise InputError(f"jobs is {jobs}; expected a positive number, or -1 for one per core")
-    if workers is not None and workers < 1:
-        raise InputError(f"workers is {workers}; expected a positive number")
+    _check_way(jobs, workers, cluster)
     if workers is not None or cluster is not None:
         with _dask(workers, cluster) as client:
             yield _Dask(client)
@@ -179,6 +172,26 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
     else:
         with _processes():
             yield _Joblib(jobs)
+
+
+def check_unused(jobs: int, workers: int | None, cluster: str | None) -> str:
+    """Refuse what :func:`executor` would refuse, where its tasks stay in this process; say what is then not used."""
+    _check_way(jobs, workers, cluster)
+    if cluster is not None:
+        with _dask(None, cluster):
+            pass
+    return "" if workers is None and cluster is None else "cluster" if workers is None else "workers"
+
+
+def _check_way(jobs: int, workers: int | None, cluster: str | None) -> None:
+    given = [name for name, on in (("jobs", jobs != 1), ("workers", workers is not None),
+                                   ("cluster", cluster is not None)) if on]  # fmt: skip
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)} were given; expected one way to run the tasks")
+    if jobs != -1 and jobs < 1:
+        raise InputError(f"jobs is {jobs}; expected a positive number, or -1 for one per core")
+    if workers is not None and workers < 1:
+        raise InputError(f"workers is {workers}; expected a positive number")
 
 
 class _Serial:

@@ -18,8 +18,8 @@ def main(arguments: list[str] | None = None) -> None:
 
     0: done. 1: ran, and the answer is a reasoned "no". 2: the input is at fault; one line on stderr says how.
     """
-    _open_missing_streams()
     try:
+        _open_missing_streams()
         status = _run(sys.argv[1:] if arguments is None else arguments)
         _flush()
     except KeyboardInterrupt as error:

@@ -72,6 +72,11 @@ def batch(
     Example: sindyjoint batch virtual --out joints --jobs 2
     """
     if verify_only:
+        if workers is not None or cluster is not None:
+            raise typer.BadParameter(
+                "the check runs in this process; leave out --workers and --cluster",
+                param_hint="--verify-only",
+            )
         from sindyjoint.reporting.output import CampaignFiles
         from sindyjoint.workflows.verify_batch import verify_batch
 

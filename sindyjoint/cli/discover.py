@@ -29,8 +29,15 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.refine import RefinedModel
 
 
+# What a refinement of a model takes; all other options are of a search for terms.
+OF_A_REFINEMENT = {
+    "campaign", "out", "accept", "as_json", "refine", "model", "nuisance", "align", "random_state", "quiet", "verbose",
+}  # fmt: skip
+
+
 @takes_finding
 def discover(
+    context: typer.Context,
     campaign: CampaignPath = None,
     library: CandidatesOption = None,
     out: Annotated[
@@ -94,6 +101,13 @@ def discover(
             raise typer.BadParameter(
                 "belongs to --refine; add --refine, or leave it out", param_hint="--model"
             )
+        for name in context.params.keys() - OF_A_REFINEMENT:
+            source = context.get_parameter_source(name)
+            if source is not None and source.name == "COMMANDLINE":
+                raise typer.BadParameter(
+                    "belongs to a search for terms; with --model none are sought",
+                    param_hint=f"--{name.replace('_', '-')}",
+                )
         given_model: Path = model
 
         def find_refined(progress: Progress) -> RefinedModel:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import signal
 import uuid
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -50,11 +51,13 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     Raises
     ------
     OutputError
-        When the folder does not exist, the path is a folder, or the system refuses.
+        When the folder does not exist, the path is a folder or a device, or the system refuses.
     """
     target = Path(path)
     if target.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
+    if target.exists() and not target.is_file():
+        raise OutputError(f"cannot write {str(target)!r}: it is a device or a pipe; give the name of a file")
     try:
         settle(target)
         with _hold_new(target, _touch) as temporary:
@@ -198,7 +201,7 @@ def _move_in(stage: Path, target: Path, sums: dict[str, str], kind: str, whole: 
         file = target / name
         if file.is_dir():
             raise OutputError(f"cannot write {str(file)!r}: it is a folder; remove it or choose another path")
-    with hold_folder(target, wait=True):
+    with hold_folder(target, wait=True), _uninterrupted():
         if not force:
             refuse_foreign(target, sums, kind)
         known = {name: digest for name, digest in _known_sums(target).items() if (target / name).is_file()}
@@ -257,7 +260,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     with _open_stage(target, target) as stage:
         yield stage
         old = _name_temporary(target, OLD)
-        with hold_folder(target):
+        with hold_folder(target), _uninterrupted():
             if target.exists():
                 os.replace(target, old)
             try:
@@ -312,23 +315,43 @@ def _hold_new(location: Path, make: Callable[[Path], None]) -> Iterator[Path]:
 
     Between its making and its holding another process may take it for a leftover: then it is made again.
     """
-    while True:
-        temporary = _name_temporary(location)
-        make(temporary)
-        handle = _open(temporary)
-        if _lock(handle) is not False and temporary.exists():
-            break
-        if handle >= 0:
-            os.close(handle)
+    temporary, handle = _name_temporary(location), -1
     try:
+        with _uninterrupted():
+            while True:
+                make(temporary)
+                handle = _open(temporary)
+                if _lock(handle) is not False and temporary.exists():
+                    break
+                if handle >= 0:
+                    os.close(handle)
+                temporary, handle = _name_temporary(location), -1
         yield temporary
     finally:
-        if temporary.is_dir():
-            shutil.rmtree(temporary, ignore_errors=True)
-        with suppress(OSError):
-            temporary.unlink()
-        if handle >= 0:
-            os.close(handle)
+        with _uninterrupted():
+            if temporary.is_dir():
+                shutil.rmtree(temporary, ignore_errors=True)
+            with suppress(OSError):
+                temporary.unlink()
+            if handle >= 0:
+                os.close(handle)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait until the block has ended: of what belongs together nothing is written without the rest."""
+    came: list[int] = []
+    try:
+        before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    except ValueError:  # of a thread that Ctrl-C does not come to
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager

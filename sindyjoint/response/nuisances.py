@@ -16,6 +16,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from sindyjoint.checksums import read_checked
+from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_record import (
@@ -252,9 +254,12 @@ def read_test(path: str | os.PathLike[str]) -> TestNuisances | None:
     if not file.is_file():
         return None
     try:
-        return TestNuisances.from_dict(json.loads(file.read_bytes().decode("utf-8-sig")))
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from error
-    except (ValueError, RecursionError) as error:
-        text = str(error) if isinstance(error, InputError) else f"not a record of a test: {error}"
-        raise InputError(f"{file}: {text}") from error
+        text = read_checked(file, LARGEST["JSON"]).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file}: is not UTF-8 text (byte {error.start})") from None
+    data = parse_json(text, str(file))
+    try:
+        return TestNuisances.from_dict(data)
+    except (ValueError, AttributeError) as error:
+        reason = str(error) if isinstance(error, InputError) else f"not a record of a test: {error}"
+        raise InputError(f"{file}: {reason}") from error

@@ -166,7 +166,7 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
 
 
 def cycle_energy(simulated: SimulatedRun) -> Array | None:
-    """Work done on the joint in each whole period, measured and simulated, J, shape (2, cycles)."""
+    """Work done on the joint in each whole period, measured and simulated, J, shape (2, cycles); None without one."""
     if simulated.frequency is None:
         return None
     rate = simulated.states.rate
@@ -178,5 +178,7 @@ def cycle_energy(simulated: SimulatedRun) -> Array | None:
         return None
     per = simulated.sample_rate / simulated.frequency
     edges = np.round(np.arange(int(simulated.time.size / per + 1e-9) + 1) * per).astype(int)
+    if edges.size < 2:
+        return None
     sums = [np.add.reduceat(power[: edges[-1]], edges[:-1]) for power in powers]
     return np.array(sums) / simulated.sample_rate

@@ -172,6 +172,8 @@ def _energy_per_cycle(
     if measured is None or simulated is None:
         return None
     n = min(measured.amplitude.size, simulated.amplitude.size)
+    if n < 3:
+        return None
     at = np.interp(simulated.amplitude_time[:n], response.time, response.energy)
     ratio = (measured.amplitude[:n] / simulated.amplitude[:n]) ** 2
     energies = np.array([at * ratio, at])

@@ -8,7 +8,7 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -131,10 +131,13 @@ def batch(
     check_output(out)
     tasks = find_tasks(campaigns, Path(out), library, options, write)
     _check_options(library, options)
-    folder = prepare_output(Path(out) / CAMPAIGNS)
     records: dict[int, CampaignRecord] = {}
     kept = 0
-    with _only_batch(folder), executor(jobs, workers, cluster) as workers_here:
+    with ExitStack() as stack:
+        # Before there is a folder: a cluster that does not answer leaves none.
+        workers_here = stack.enter_context(executor(jobs, workers, cluster))
+        folder = prepare_output(Path(out) / CAMPAIGNS)
+        stack.enter_context(_only_batch(folder))
         for number, answer in workers_here.completed(run_task, tasks):
             if isinstance(answer, Lost):
                 record, fresh = _recorded_lost(tasks[number], answer), True

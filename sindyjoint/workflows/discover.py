@@ -22,7 +22,7 @@ from sindyjoint.judgement.second_search import campaign_model, search_again, sof
 from sindyjoint.judgement.verdict import Verdict, judge, noise_alike, undecided_by_data
 from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.parallel import Executor, executor
+from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
@@ -113,6 +113,7 @@ def discover(
     if campaign is None:
         say("simulating the virtual test")
     campaign = opened = the_campaign(campaign, random_state, LONGEST)
+    unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
@@ -148,7 +149,14 @@ def discover(
     warnings = (
         *checked.warnings,
         *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
-        *filter(None, (note, _unmeasured_bias(fixed))),
+        *filter(
+            None,
+            (
+                note,
+                unused and f"{unused}: not used, for no run is too long for the memory of this process",
+                _unmeasured_bias(fixed),
+            ),
+        ),
     )
     return Discovery(
         model=fitted_to(model, opened),

@@ -41,6 +41,19 @@ def test_options_that_mean_nothing(folder, tmp_path, sindyjoint, monkeypatch, co
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_options_that_would_do_nothing(folder, sindyjoint):
+    address = ("--cluster", "tcp://127.0.0.1:9")
+    refine = ("discover", folder.path, "--refine", "--model", folder.path)
+    refused(sindyjoint(*refine, *address), "--cluster", "belongs to a search for terms")
+    refused(sindyjoint(*refine, "--no-correct"), "--correct", "belongs to a search for terms")
+    batch = ("batch", folder.path, "--out", folder.path / "out", "--verify-only")
+    refused(sindyjoint(*batch, *address), "--verify-only", "leave out --workers and --cluster")
+    assert (
+        "not used, for no run is too long"
+        in sindyjoint("discover", folder.path, "-l", "paper", "--workers", "2").stdout
+    )
+
+
 def test_a_temperature_in_degrees_however_they_are_spelled(folder):
     from sindyjoint.files import load_campaign
 
@@ -213,15 +226,15 @@ def test_a_path_that_is_no_utf_8(tmp_path):
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "does not exist" in done.stderr
 
 
-COMMANDS = [["discover"], ["compare"], ["diagnose"], ["reproduce"], ["check"], ["simulate", "--out", "made"]]
+COMMANDS = ["discover", "compare", "diagnose", "reproduce"]  # others in test_cli_interrupted.py
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_an_interruption_is_one_line(tmp_path, command):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen(
-        [sys.executable, "-m", "sindyjoint", *command, *(["--verbose"] if command[0] != "check" else ["-v"])],
+        [sys.executable, "-m", "sindyjoint", command, "--verbose"],
         env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
     )  # fmt: skip
     first = process.stderr.readline()  # the first stage has begun
@@ -230,4 +243,3 @@ def test_an_interruption_is_one_line(tmp_path, command):
     lines = [line for line in (first + rest).splitlines() if not line.lstrip()[:1].isdigit()]
     if process.returncode != 0:  # a quick one may have ended
         assert process.returncode == 130 and lines == ["sindyjoint: interrupted"], rest
-    assert not (tmp_path / "made").exists() or process.returncode == 0

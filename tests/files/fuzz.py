@@ -1,4 +1,4 @@
-"""Inputs that nobody would write, and what reads them: for the tests, and for ``benchmarks/bench_fuzz.py``.
+"""Every kind of input and what reads it: for the tests, and for ``benchmarks/bench_fuzz.py``.
 
 Every input follows from its format, a seed and its number. It is read as a user's file is; a reader may understand it
 or refuse it with a :class:`SindyJointError`, and nothing else.
@@ -6,109 +6,20 @@ or refuse it with a :class:`SindyJointError`, and nothing else.
 
 from __future__ import annotations
 
-import random
+import json
 import re
 import shutil
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from fuzz_inputs import Target
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+sys.path += [str(Path(__file__).resolve().parents[level]) for level in (1, 2)]
 
 ROOT = Path(__file__).resolve().parents[2]
-NUMBERS = (
-    "0", "-1", "1e999", "nan", "inf", "-0.0", "1e-320", "1e30", "9" * 400, "9" * 5000, "0x10", "1_000", "true",
-    "null", "99999999999", "[]", "{}", '""',
-)  # fmt: skip
-TEXTS = (
-    "\x1b[31m", "\\u001b", "\u202e", "\\ud800", "=1+1", "'", '"', "[" * 300, "{" * 300, "a." * 60, "\n", "\r", "\0",
-    ",", ";", "\t", "#", "%", "exp(", "**", "theta", "(", ")", "..", "/", "\\", "NaN", "Infinity",
-    "N*m", "dB", "degC", "é",
-)  # fmt: skip
-INTEGERS = tuple(
-    value.to_bytes(size, order)
-    for size in (4, 8)
-    for order in ("little", "big")
-    for value in (0, 1, 2**31 - 1, 2 ** (8 * size) - 1, 2**28, 2 ** (8 * size - 1))
-)
-_NUMBER = re.compile(r"-?\d+(?:\.\d*)?(?:e[+-]?\d+)?")
-_WORD = re.compile(r'"[^"\n]*"|\w+|[^\w\s]')
-
-
-def mutate_text(text: str, rng: random.Random) -> str:
-    """Return a text with a few of its numbers, words and lines replaced, repeated or taken out."""
-    for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
-        kind = rng.randrange(7)
-        found = list((_NUMBER if kind == 0 else _WORD).finditer(text)) if kind < 4 else []
-        if found:
-            start, end = rng.choice(found).span()
-            other = rng.choice(found).group()
-            text = text[:start] + (rng.choice(NUMBERS), rng.choice(TEXTS), "", other)[kind] + text[end:]
-        elif kind == 4:
-            at = rng.randrange(len(text) + 1)
-            text = text[:at] + rng.choice(TEXTS + NUMBERS) + text[at:]
-        elif kind == 5:
-            lines = text.split("\n")
-            at = rng.randrange(len(lines))
-            lines[at : at + 1] = rng.choice(([], [lines[at]] * 2, [lines[at], rng.choice(lines)]))
-            text = "\n".join(lines)
-        else:
-            text = text[: rng.randrange(len(text) + 1)]
-    return text
-
-
-def mutate_bytes(data: bytes, rng: random.Random) -> bytes:
-    """Return bytes of which a few are changed, overwritten with lengths that tempt, repeated, taken out or cut off."""
-    out = bytearray(data)
-    for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
-        if not out:
-            break
-        # Heads and tails, where formats keep their lengths, as often as everything between.
-        edge = min(len(out), 512)
-        at = rng.choice((rng.randrange(len(out)), rng.randrange(edge), len(out) - rng.randint(1, edge)))
-        kind = rng.randrange(7)
-        if kind == 0:
-            out[at] ^= 1 << rng.randrange(8)
-        elif kind == 1:
-            out[at] = rng.randrange(256)
-        elif kind in (2, 3):
-            integer = rng.choice(INTEGERS)
-            out[at : at + len(integer)] = integer
-        elif kind == 4:
-            del out[at : at + rng.choice((1, 4, 8, 100))]
-        elif kind == 5:
-            out[at:at] = out[at : at + rng.choice((1, 8, 64))]
-        elif rng.random() < 0.3:
-            del out[at:]
-    return bytes(out)
-
-
-@dataclass(frozen=True)
-class Target:
-    """One kind of input: examples to begin with, and what reads a file (or text) of it."""
-
-    examples: list[str] | list[bytes]
-    read: Callable[[Path], None] | Callable[[str], None]
-    name: str | None = None
-    """Of the file; None where the text itself is read."""
-
-    def make(self, kind: str, seed: int, number: int) -> str | bytes:
-        rng = random.Random(f"{kind}/{seed}/{number}")
-        example = rng.choice(self.examples)
-        return mutate_text(example, rng) if isinstance(example, str) else mutate_bytes(example, rng)
-
-    def run(self, given: str | bytes, folder: Path) -> None:
-        """Read an input; whatever is wrong with it is raised."""
-        if self.name is None:
-            assert isinstance(given, str)
-            self.read(given)
-            return
-        path = folder / self.name
-        path.write_bytes(given.encode("utf-8", "surrogatepass") if isinstance(given, str) else given)
-        self.read(path)
 
 
 def read_formula(text: str) -> None:
@@ -150,11 +61,15 @@ def read_columns(path: Path) -> None:
     refusals = []
     try:
         table, _ = read_table(path)
-        for name in table.names[:6]:
-            table.columns([name])
-            table.stated_unit(name)
     except SindyJointError as error:
+        table = None
         refusals.append(error)
+    for position in range(1, 1 + len(table.names[:6] if table else ())):
+        try:
+            table.columns([position])
+            table.stated_unit(position)
+        except SindyJointError as error:
+            refusals.append(error)
     blocks = open_blocks(path)
     if blocks is not None:
         half = blocks.rows // 2
@@ -165,6 +80,20 @@ def read_columns(path: Path) -> None:
                 refusals.append(error)
     if refusals:
         raise refusals[0]
+
+
+def read_folder(path: Path) -> None:
+    """Draft a manifest for a folder with a data file."""
+    from sindyjoint.files.drafting.draft import draft_manifest
+    from sindyjoint.files.drafting.survey import survey_folder
+
+    draft_manifest("joint", *survey_folder(path.parent), {})
+
+
+def read_test(path: Path) -> None:
+    from sindyjoint.response.nuisances import read_test as read
+
+    read(path)
 
 
 def read_manifest(path: Path) -> None:
@@ -197,7 +126,7 @@ def read_model(path: Path) -> None:
     model = read(path)
     # What every command begins with.
     model.equation(), model.latex(), model.to_json()
-    model.moment(np.linspace(-1e-3, 1e-3, 5), np.linspace(-0.1, 0.1, 5))
+    model.without_elements().moment(np.linspace(-1e-3, 1e-3, 5), np.linspace(-0.1, 0.1, 5))
 
 
 def read_record(path: Path) -> None:
@@ -209,12 +138,15 @@ def read_record(path: Path) -> None:
 
 
 def read_saved(path: Path) -> None:
-    from sindyjoint.reporting.registry import drawable
+    from sindyjoint.reporting.registry import draw, drawable
     from sindyjoint.reporting.saved import drawing, load_results
 
     data = load_results(path.parent.parent)
     with drawing(path.parent.parent):
-        drawable(data, parts=True)
+        kinds = drawable(data, parts=True)
+        chosen = zlib.crc32(path.read_bytes())
+        if kinds and chosen % 8 == 0:  # drawing takes a hundred times as long as reading
+            draw(kinds[chosen // 8 % len(kinds)], data)
 
 
 def read_list(path: Path) -> None:
@@ -281,6 +213,7 @@ def _documents(folder: Path) -> dict[str, Target]:
 
     from sindyjoint.batch.record import CampaignRecord
     from sindyjoint.checksums import sums_of, sums_text
+    from tests.equation.test_element import JENKINS, MAXWELL, with_elements
 
     (folder / "run.csv").write_text(_table(), encoding="utf-8")
     shutil.copy(folder / "run.csv", folder / "other")
@@ -294,33 +227,64 @@ def _documents(folder: Path) -> dict[str, Target]:
         "unit": Target(_units(), read_unit),
         "manifest": Target([MANIFEST], read_manifest, "campaign.toml"),
         "catalogue": Target(_texts("libraries/p*.toml"), read_catalogue, "own.toml"),
-        "effects": Target(_texts("libraries/effects/[fr]*.toml"), read_effects, "effects.toml"),
+        "effects": Target(
+            _texts("libraries/effects/*.toml"),
+            read_effects,
+            "effects.toml",
+        ),
         "rig": Target(_texts("sindyjoint/mechanics/rig_files/*.toml"), read_rig, "rig.toml"),
-        "model": Target([paper_model().to_json()], read_model, "model.json"),
+        "model": Target(
+            [paper_model().to_json(), with_elements(JENKINS, MAXWELL).to_json()], read_model, "model.json"
+        ),
+        "test": Target([made_test().to_json()], read_test, "test.json"),
         "record": Target([record.to_json()], read_record, "record.json"),
         "hashes": Target([sums_text(sums_of(folder))], read_list, "SHA256SUMS"),
     }
 
 
-def _results(folder: Path) -> dict[str, Target]:
-    """Return the data that figures are drawn from, and the factors of a campaign."""
+def made_test() -> Any:
+    """Return errors of channels, a drift, and a moment of the frequency."""
+    from dataclasses import replace
+
+    from sindyjoint.response.nuisances import Nuisance, TestNuisances
+    from tests.equation.test_element import JENKINS, value
+
+    stiffer = replace(
+        JENKINS, columns=(value("k_f", 10.0, "frequency*theta"),), parameters=(), states=(), signals=("frequency",)
+    )  # fmt: skip
+    delay = Nuisance("channel_delay", "time shift", value("channel_delay", 2e-3, unit="s"))
+    slopes = {"run": 1e-3}
+    return TestNuisances("0" * 64, "a", (delay,), "moment_drift", slopes, (stiffer,), ("run",))
+
+
+def _results(folder: Path, wanted: str) -> dict[str, Target]:
+    """Return the factors of a campaign, or the data that figures of one kind of result are drawn from."""
     from sindyjoint.batch.record import FACTORS_FILE
+    from sindyjoint.diagnosis.effects.catalogue import load_effects
     from sindyjoint.discovery.evidence_file import evidence_bytes
     from sindyjoint.mechanics.virtual import virtual_campaign
     from sindyjoint.reporting.output import write_results
+    from sindyjoint.soundness.check import check_campaign
+    from sindyjoint.workflows.diagnose import diagnose
     from sindyjoint.workflows.discover import discover
+    from sindyjoint.workflows.rig import rig_motion
+    from sindyjoint.workflows.verify import verify
 
-    found = discover(
-        virtual_campaign(random_state=0, duration=1.0, frequencies=(3.0, 5.0)), "paper", correct=False
-    )
-    write_results(found, folder / "results")
-    (folder / "results" / "SHA256SUMS").unlink()
-    data = (folder / "results" / "figures" / "data.json").read_text(encoding="utf-8")
-    factors = evidence_bytes(found.regressor.evidence_)
-    return {
-        "saved": Target([data], read_saved, "results/figures/data.json"),
-        "factors": Target([factors], read_factors, FACTORS_FILE),
+    campaign = virtual_campaign(random_state=0, duration=1.0, frequencies=(3.0, 5.0))
+    found = discover(campaign, "paper", correct=False)
+    if wanted == "factors":
+        return {"factors": Target([evidence_bytes(found.regressor.evidence_)], read_factors, FACTORS_FILE)}
+    results = {
+        "saved": lambda: found,
+        "verified": lambda: verify(found.model, campaign, draws=2),
+        "rigged": lambda: rig_motion("pulse-rig"),
+        "diagnosed": lambda: diagnose(campaign, advise=False, effects=load_effects()[:4], max_effects=1),
+        "checked": lambda: check_campaign(campaign),
     }
+    write_results(results[wanted](), folder / wanted)
+    (folder / wanted / "SHA256SUMS").unlink()
+    file = f"{wanted}/figures/data.json"
+    return {wanted: Target([thinned((folder / file).read_text(encoding="utf-8"))], read_saved, file)}
 
 
 def _formats(folder: Path) -> dict[str, Target]:
@@ -328,7 +292,10 @@ def _formats(folder: Path) -> dict[str, Target]:
     import io
 
     import made_files as made
+    import pyarrow as pa
+    import pyarrow.parquet as pq
     import scipy.io
+    from pyarrow import feather
 
     text = _table()
     old = io.BytesIO()
@@ -347,7 +314,12 @@ def _formats(folder: Path) -> dict[str, Target]:
     np.savez(plain, t=made.T, m=made.M.astype("f4"), n=np.arange(64, dtype="i2"))
     fields = io.BytesIO()
     np.save(fields, np.array(list(zip(made.T, made.M, strict=True)), dtype=[("t", "f8"), ("m", "f4")]))
-    target = {
+    numbers = pa.table({"t": made.T, "m": made.M.astype("f4")})
+    pq.write_table(numbers, plain_parquet := io.BytesIO(), compression="none", use_dictionary=False)
+    feather.write_feather(numbers, plain_feather := io.BytesIO(), compression="uncompressed")
+    rows = json.dumps([{"t": t, "m": m} for t, m in zip(made.T.tolist(), made.M.tolist(), strict=True)])
+    (folder / "in").mkdir(exist_ok=True)
+    return {
         "csv": Target(
             [text, text.replace(",", ";").replace(".", ","), "# note\n" + text], read_columns, "run.csv"
         ),
@@ -357,16 +329,49 @@ def _formats(folder: Path) -> dict[str, Target]:
         "mat": Target([made.mat5(), packed.getvalue(), old.getvalue()], read_columns, "run.mat"),
         "mat73": Target([made.mat73()], read_columns, "seven.mat"),
         "hdf5": Target([made.hdf5(), chunked.getvalue()], read_columns, "run.h5"),
-        "parquet": Target([made.parquet()], read_columns, "run.parquet"),
-        "feather": Target([made.feather()], read_columns, "run.feather"),
+        "parquet": Target([made.parquet(), plain_parquet.getvalue()], read_columns, "run.parquet"),
+        "feather": Target([made.feather(), plain_feather.getvalue()], read_columns, "run.feather"),
         "uff": Target([made.uff(False), made.uff(True)], read_columns, "run.uff"),
         "tdms": Target([made.tdms()], read_columns, "run.tdms"),
+        "asc": Target([f"Bench 3\nRate: 200 Hz\n\n{text}"], read_columns, "run.asc"),
+        "lvm": Target([made.lvm(way).decode() for way in ("No", "One")], read_columns, "run.lvm"),
+        "json": Target([made.json_columns().decode(), rows], read_columns, "run.json"),
+        "xlsx": Target([_short_workbook()], read_columns, "run.xlsx"),
+        "folder": Target(
+            [text, text.replace("t,m,a", "time [s],force [kN],x [mm]")], read_folder, "in/run.csv"
+        ),
     }
-    return target
 
 
-def targets(folder: Path, results: bool = True) -> dict[str, Target]:
-    """Return every kind of input; the folder is for their files."""
+def _short_workbook() -> bytes:
+    import io
+
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    for row in [["t", "m", "a"], ["s", "N*m", "rad"], *[[i / 100, i % 5, -i * 1e-3] for i in range(20)]]:
+        book.active.append(row)
+    book.save(buffer := io.BytesIO())
+    return buffer.getvalue()
+
+
+def thinned(text: str, longest: int = 60) -> str:
+    """Return a JSON document with every long list cut to a few of its entries, alike for all of the same length."""
+
+    def thin(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: thin(inner) for key, inner in value.items()}
+        if isinstance(value, list):
+            return [thin(inner) for inner in value[:: max(1, -(-len(value) // longest))]]
+        return value
+
+    return json.dumps(thin(json.loads(text)))
+
+
+RESULTS = ("saved", "verified", "rigged", "diagnosed", "checked", "factors")
+
+
+def targets(folder: Path, result: str | None = None) -> dict[str, Target]:
+    """Return every kind of input, of :data:`RESULTS` the one that is named; the folder is for their files."""
     folder.mkdir(parents=True, exist_ok=True)
-    found = {**_documents(folder), **_formats(folder)}
-    return {**found, **(_results(folder) if results else {})}
+    return {**_documents(folder), **_formats(folder), **(_results(folder, result) if result else {})}

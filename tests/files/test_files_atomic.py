@@ -53,6 +53,16 @@ def test_a_folder_is_no_file(tmp_path):
         write_text(tmp_path, "x")
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes")
+def test_a_pipe_or_a_device_is_not_replaced_by_a_file(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("pipe")
+    for name in ("pipe", "link"):
+        with pytest.raises(OutputError, match="it is a device or a pipe"):
+            write_text(tmp_path / name, "x")
+    assert (tmp_path / "pipe").is_fifo() and everything(tmp_path) == {"pipe", "link"}
+
+
 def test_the_folder_of_a_file_must_exist(tmp_path):
     with pytest.raises(OutputError, match=r"cannot write '.*x.json': No such file or directory"):
         write_text(tmp_path / "no" / "x.json", "x")

@@ -13,18 +13,18 @@ from sindyjoint.errors import SindyJointError
 
 KINDS = (
     "formula", "unit", "manifest", "catalogue", "effects", "rig", "model", "record", "hashes", "csv", "tsv", "npy",
-    "npz", "mat", "mat73", "hdf5", "parquet", "feather", "uff", "tdms",
+    "npz", "mat", "mat73", "hdf5", "parquet", "feather", "uff", "tdms", "test", "asc", "lvm", "json", "xlsx", "folder",
 )  # fmt: skip
-SECONDS = 0.6  # of the processor, for each kind
+SECONDS = 0.3  # of the processor, for each kind
 SEED = 16
 
 
 @pytest.fixture(scope="module")
 def known(tmp_path_factory):
-    for library in ("pyarrow", "h5py", "pyuff", "nptdms"):
+    for library in ("pyarrow", "h5py", "pyuff", "nptdms", "openpyxl"):
         pytest.importorskip(library)
     folder = tmp_path_factory.mktemp("fuzz")
-    return targets(folder, results=False), folder
+    return targets(folder), folder
 
 
 def test_every_kind_is_fuzzed(known):

@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from small_joints import content, write_joint
+from small_joints import write_joint
 
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
@@ -54,16 +54,6 @@ def test_coefficients_are_compared_on_one_set_of_terms(joints, tmp_path):
     assert terms["linear_stiffness"]["coefficient"] == pytest.approx(6000, rel=0.01)
     assert result.values["linear_stiffness"][1] == pytest.approx(fit.coefficients[0], rel=2e-3)
     assert result.values["linear_stiffness"][1] < 5700
-
-
-@pytest.mark.parametrize("way", [{"jobs": 2}, {"workers": 2}])
-def test_every_way_of_running_writes_the_same_bytes(done, joints, tmp_path, way):
-    if "workers" in way:
-        pytest.importorskip("distributed", reason="dask[distributed] is not installed")
-    out, result = done
-    other = batch(joints, tmp_path / "out", "paper", **way)
-    assert content(tmp_path / "out" / "campaigns") == content(out / "campaigns")
-    assert other.to_dict() == result.to_dict()
 
 
 def test_the_command_reports_a_broken_campaign_and_goes_on(joints, tmp_path, sindyjoint):

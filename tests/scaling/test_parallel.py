@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, WorkerError
-from sindyjoint.parallel import Lost, executor, ordered_map
+from sindyjoint.parallel import Lost, check_unused, executor, ordered_map
 
 
 def seeded(seed):
@@ -85,3 +85,14 @@ def reciprocal(value):
 def test_what_cannot_be_is_refused(way, message):
     with pytest.raises(InputError, match=message), executor(**way):
         pass
+    # Nor is it where no task is handed out.
+    with pytest.raises(InputError, match=message):
+        check_unused(**{"jobs": 1, "workers": None, "cluster": None, **way})
+
+
+def test_what_is_not_used_is_said():
+    assert [check_unused(1, None, None), check_unused(2, None, None), check_unused(1, 2, None)] == [
+        "",
+        "",
+        "workers",
+    ]

@@ -20,6 +20,7 @@ from sindyjoint.files.drafting.survey import DataFile
 from sindyjoint.files.timeaxis import LONGEST_GAP, check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity, unit_ratio
 from sindyjoint.record import Motion
+from sindyjoint.text import printable
 
 # The sampling rate, or interval, as instruments write it above their tables.
 _RATE = re.compile(
@@ -260,7 +261,12 @@ def _write(
         lines.append('# What is marked "guessed" the files do not tell: correct it, or remove the mark.')
     if any(run.bundle.simulated for run in runs):
         lines += ["", "simulated = true"]
-    lines += ["", "[joint]", f"name = {quote(name)}", f"motion = {quote(motion)}{doubts.mark('motion')}"]
+    lines += [
+        "",
+        "[joint]",
+        f"name = {quote(printable(name))}",
+        f"motion = {quote(motion)}{doubts.mark('motion')}",
+    ]
     lines.append(
         f"{inertia} = {quote(given)}"
         if given
@@ -285,5 +291,5 @@ def _write(
         particular = [f"{key} = {value}" for key, value in run.channels.items() if key not in shared]
         lines += ["[run.channels]", *particular] if particular else []
     lines += ["", "# Left out:"] if left_out else []
-    lines += [f"#   {file}: {' '.join(why.split())}" for file, why in left_out]
+    lines += [f"#   {' '.join(printable(f'{file}: {why}').split())}" for file, why in left_out]
     return "\n".join(lines) + "\n"

@@ -14,6 +14,7 @@ from sindyjoint.files.manifest import natural_order
 from sindyjoint.files.readers import READERS, read_table
 from sindyjoint.files.readers.table import Table
 from sindyjoint.record import MINIMUM_SAMPLES
+from sindyjoint.text import control_character
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,8 @@ class DataFile:
     def key(self, position: int) -> str | int:
         """Return what a manifest calls a column: its name, or its number where the name does not do."""
         title = self.titles[position]
-        return position + 1 if self.titles.count(title) > 1 or not title.strip() else title
+        unnamed = self.titles.count(title) > 1 or not title.strip() or control_character(title)
+        return position + 1 if unnamed else title
 
 
 def survey_folder(folder: Path) -> tuple[tuple[DataFile, ...], tuple[tuple[str, str], ...]]:
@@ -76,6 +78,10 @@ def survey_folder(folder: Path) -> tuple[tuple[DataFile, ...], tuple[tuple[str, 
     files, left_out = [], []
     for path in paths:
         name = path.relative_to(folder).as_posix()
+        found = control_character(name)
+        if found is not None:
+            left_out.append((name, f"its name holds the control character U+{ord(found):04X}; rename it"))
+            continue
         try:
             files.append(_read(path, name))
         except SindyJointError as error:

@@ -9,9 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.documents import without_repetition
 from sindyjoint.errors import InputError
+from sindyjoint.files.limits import check_bytes
 from sindyjoint.files.readers.stamps import is_stamp, seconds_since_first
 from sindyjoint.files.readers.table import Table, foreign
+
+# Bytes of memory that a byte of JSON may come to: "1.5," is an entry of a list and a number.
+MEMORY = 8
 
 
 def read_json(path: Path, data: bytes) -> Table:
@@ -23,8 +28,9 @@ def read_json(path: Path, data: bytes) -> Table:
         For text that is not JSON, or without lists of numbers.
     """
     with foreign(path, "JSON"):
-        record = json.loads(data.decode("utf-8-sig"))
-        found = dict(_leaves("", _as_columns(record)))
+        check_bytes(path, MEMORY * len(data))
+        record = json.loads(data.decode("utf-8-sig"), object_pairs_hook=without_repetition)
+        found = without_repetition(list(_leaves("", _as_columns(record))))
     if not found:
         raise InputError(
             f'{path}: holds no columns; expected lists of numbers, such as {{"time": [0, 0.001, ...]}}'
@@ -34,6 +40,8 @@ def read_json(path: Path, data: bytes) -> Table:
         try:
             stamped = isinstance(values[0], str) and is_stamp(values[0])
             columns[name] = seconds_since_first(values) if stamped else np.asarray(values, dtype=np.float64)
+        except OverflowError:
+            raise InputError(f"{path}: column {name!r:.60} holds an integer that is no number") from None
         except (TypeError, ValueError):
             continue  # lists of names or of lists of different lengths are no channels
     remarks = (
@@ -53,7 +61,8 @@ def _as_columns(record: Any) -> Any:
         and {"columns", "data"} <= record.keys()
         and isinstance(record["columns"], list)
     ):
-        return dict(zip(record["columns"], map(list, zip(*record["data"], strict=True)), strict=True))
+        columns = zip(*record["data"], strict=True)
+        return without_repetition(list(zip(record["columns"], map(list, columns), strict=True)))
     return record
 
 

@@ -52,24 +52,29 @@ def _read_segments(path: Path, lines: Sequence[str]) -> Table:
             f"{path}: has {len(ends)} line(s) {END}; expected one below the header, one above the data"
         )
     header = _pairs(table[: ends[0]])
-    segments = [_segment(table, end, before) for before, end in zip(ends, ends[1:], strict=False)]
+    segments = [_segment(path, table, end, before) for before, end in zip(ends, ends[1:], strict=False)]
     if len({tuple(segment.names) for segment in segments}) > 1:
         raise InputError(
             f"{path}: its {len(segments)} segments have different channels; save them as single files"
         )
     comma = header.get("Decimal_Separator", ["."])[0] == ","
     columns = _columns(segments, header.get("X_Columns", ["One"])[0], comma)
+    positions = _channels(segments[0])
     units = segments[0].header.get("Y_Unit_Label", [])
-    stated = dict(zip(_channels(segments[0]), units, strict=False)) | {TIME: "s"}
-    remarks = [f"{name} {' '.join(values)}" for name, values in header.items()]
-    return Table.of(path, columns, units=[stated.get(name, "") for name in columns], remarks=remarks)
+    return Table(
+        path,
+        (TIME, *(segments[0].names[at] for at in positions)),
+        lambda wanted: [columns[at] for at in wanted],
+        units=("s", *units[: len(positions)], *[""] * (len(positions) - len(units))),
+        remarks=tuple(f"{name} {' '.join(values)}" for name, values in header.items()),
+    )
 
 
 def _pairs(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
     return {row[0]: list(row[1:]) for row in rows if row[0]}
 
 
-def _segment(table: list[list[str]], end: int, before: int) -> _Segment:
+def _segment(path: Path, table: list[list[str]], end: int, before: int) -> _Segment:
     """Return the segment whose header ends in one line and began after another, or after the rows above it."""
     start = end
     while start > before + 1 and table[start - 1][0] and not _is_float(table[start - 1][0]):
@@ -80,7 +85,14 @@ def _segment(table: list[list[str]], end: int, before: int) -> _Segment:
         if not any(row) or row[0] in (END, "Channels"):
             break
         rows.append(row)
-    return _Segment(_pairs(table[start:end]), [name for name in names if name], rows)
+    header = _pairs(table[start:end])
+    # More rows than the header states are of later writes below the same header.
+    stated = [int(count) for count in header.get("Samples", []) if count]
+    if stated and len(rows) < max(stated):
+        raise InputError(
+            f"{path}: a segment announces {max(stated)} samples and holds {len(rows)}; the file is truncated or damaged"
+        )
+    return _Segment(header, names, rows)
 
 
 def _is_float(field: str) -> bool:
@@ -91,26 +103,23 @@ def _is_float(field: str) -> bool:
     return True
 
 
-def _channels(segment: _Segment) -> list[str]:
-    return [name for name in segment.names if name not in (TIME, "Comment")]
+def _channels(segment: _Segment) -> list[int]:
+    """Return the positions of the channels in a row; two may have the same name."""
+    return [at for at, name in enumerate(segment.names) if name not in (TIME, "Comment", "")]
 
 
-def _columns(segments: Sequence[_Segment], x_columns: str, comma: bool) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of all segments, one below the other."""
-    names = segments[0].names
-    positions = {name: names.index(name) for name in _channels(segments[0])}
-    written = TIME in names and x_columns != "No"
-    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in (TIME, *positions)}
+def _columns(segments: Sequence[_Segment], x_columns: str, comma: bool) -> list[NDArray[np.float64]]:
+    """Return the time and the channels, those of all segments one below the other."""
+    names, times, done = segments[0].names, [], 0
     for segment in segments:
-        for name, at in positions.items():
-            parts[name].append(_numbers(segment.rows, at, comma))
-        if written:
-            parts[TIME].append(_numbers(segment.rows, names.index(TIME), comma))
+        if TIME in names and x_columns != "No":
+            times.append(_numbers(segment.rows, names.index(TIME), comma))
         else:
             step = np.float64(segment.header["Delta_X"][0].replace(",", "."))
-            done = sum(part.size for part in parts[TIME])
-            parts[TIME].append(np.arange(done, done + len(segment.rows), dtype=np.float64) * step)
-    return {name: np.concatenate(arrays) for name, arrays in parts.items()}
+            times.append(np.arange(done, done + len(segment.rows), dtype=np.float64) * step)
+        done += len(segment.rows)
+    channels = [[_numbers(s.rows, at, comma) for s in segments] for at in _channels(segments[0])]
+    return [np.concatenate(parts) for parts in (times, *channels)]
 
 
 def _numbers(rows: Sequence[Sequence[str]], at: int, comma: bool) -> NDArray[np.float64]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import logging
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,20 @@ def read_tdms(path: Path, data: bytes) -> Table:
     return TdmsBlocks(path, io.BytesIO(data)).whole()
 
 
+@contextmanager
+def _tdms(path: Path) -> Iterator[None]:
+    """Report bad bytes in one sentence; npTDMS would write lines of its own about them to stderr."""
+    from nptdms.log import log_manager
+
+    level = log_manager.log_level
+    log_manager.set_level(logging.CRITICAL)
+    try:
+        with foreign(path, "TDMS"):
+            yield
+    finally:
+        log_manager.set_level(level)
+
+
 def _increment(path: Path, channel: Any) -> float:
     """Return the sampling interval of a channel, s; zero where it states none."""
     given = channel.properties.get("wf_increment", 0.0)
@@ -51,7 +67,7 @@ class TdmsBlocks(Blocks):
         except ImportError as error:
             raise missing_extra(path, "npTDMS", error) from error
         self.path = path
-        with foreign(path, "TDMS"):
+        with _tdms(path):
             # Opened here: of a file that it refuses npTDMS would leave its own open.
             stream = path.open("rb") if data is None else data
             weakref.finalize(self, stream.close)
@@ -78,7 +94,7 @@ class TdmsBlocks(Blocks):
                 f"{self.path}: its channels have no common sampling interval; declare [channels] rate"
             )
         rows = len(self._channels[asked[0]]) if asked else self.rows
-        with foreign(self.path, "TDMS"):
+        with _tdms(self.path):
             return [
                 np.asarray(self._channels[position].read_data(start, stop - start))
                 if position < len(self._channels)
