@@ -288,7 +288,10 @@ def cut_states(states: ForceStates, skip: int) -> ForceStates:
     if not skip:
         return states
     names = ("time", "angle", "rate", "acceleration", "moment", "moving", "block")
-    return replace(states, replicate=None, **{name: getattr(states, name)[skip:] for name in names})
+    inputs = {name: values[skip:] for name, values in states.inputs.items()}
+    return replace(
+        states, replicate=None, inputs=inputs, **{name: getattr(states, name)[skip:] for name in names}
+    )
 
 
 def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:

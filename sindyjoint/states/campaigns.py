@@ -21,6 +21,8 @@ def content_hash(campaign: Campaign) -> str:
         digest.update(repr((run.name, float(run.sample_rate), run.frequency, run.n_samples)).encode())
         for signal in (run.moment, run.angle, run.rate):
             digest.update(b"-" if signal is None else np.ascontiguousarray(signal).tobytes())
+        for name, values in sorted(run.inputs.items()):
+            digest.update(name.encode() + np.ascontiguousarray(values).tobytes())
         if run.whole is not None and run.source is not None:
             digest.update(run.source.sha256.encode())
     return f"sha256:{digest.hexdigest()}"
@@ -37,4 +39,5 @@ def aligned_run(run: Run, delay: float) -> Run:
     rate = None if run.rate is None else delayed(run.rate, samples)[kept]
     valid = None if run.valid is None else run.valid[kept]
     angle = delayed(run.angle, samples)[kept]
-    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid)
+    inputs = {name: values[kept] for name, values in run.inputs.items()}
+    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid, inputs=inputs)

@@ -112,6 +112,7 @@ def discover(
     if campaign is None:
         say("simulating the virtual test")
     campaign = opened = the_campaign(campaign, random_state, LONGEST)
+    options.setdefault("inputs", campaign.inputs)
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
