@@ -19,8 +19,10 @@ RESERVED = frozenset(
     "theta omega alpha x v a pi abs sign sqrt exp log sin cos tan tanh atan min max heaviside frequency time elapsed "
     "moment_rate moment_slope angle rate acceleration moment".split()
 )
-# Means of runs that differ by less than this share of the tested range are one level of an input.
-SAME_LEVEL = 0.02
+# Values are sorted into so many bins over the tested range: neighbours are one level.
+BINS = 50
+# A bin that holds less of each run than this share was passed on the way to another.
+PASSED = 0.005
 # Levels that a quadratic dependence needs: one more than it has numbers.
 QUADRATIC_LEVELS = 4
 
@@ -47,6 +49,8 @@ class Input:
         Least and largest value of the runs, SI.
     levels : int
         At how many levels it was tested.
+    lag : float
+        Time constant of the first-order lag with which the joint follows it, s; already in the runs.
     """
 
     name: str
@@ -58,6 +62,7 @@ class Input:
     zero: float = 0.0
     tested: tuple[float, float] | None = None
     levels: int = 1
+    lag: float = 0.0
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -161,11 +166,25 @@ def levels(values: Iterable[Array], tested: tuple[float, float]) -> int:
     low, high = tested
     if not high > low:
         return 1
-    samples = [
-        v[:1] if np.ptp(v) <= SAME_LEVEL * (high - low) else v[:: max(1, v.size // 4096)] for v in values
-    ]
-    places = np.sort(np.concatenate(samples))
-    # A level is a stretch of values without a gap; one that runs on counts once for every quarter of the range.
-    edges = np.flatnonzero(np.diff(places) > SAME_LEVEL * (high - low))
-    parts = np.split(places, edges + 1)
-    return int(sum(1 + int(4 * (part[-1] - part[0]) / (high - low)) for part in parts))
+    parts = [np.histogram(v, BINS, (low, high))[0] / v.size for v in values]
+    # What is passed on the way from one level to another is none.
+    seen = np.flatnonzero(np.sum(parts, axis=0) > min(PASSED * len(parts), 0.5))
+    # A level is a stretch without a gap; one that runs on counts once more for every quarter of the range.
+    groups = np.split(seen, np.flatnonzero(np.diff(seen) > 1) + 1)
+    return int(sum(1 + 4 * (group.size - 1) // BINS for group in groups))
+
+
+def reference_values(inputs: Iterable[Input]) -> tuple[tuple[str, float], ...]:
+    """Return the numbers that formulas use of inputs: each one's reference by its name, and its ``NAME_mid``."""
+    pairs = [(each.name, each.reference, sum(each.tested or (each.reference,) * 2) / 2) for each in inputs]
+    return tuple(pair for name, own, mid in pairs for pair in ((name, own), (f"{name}_mid", mid)))
+
+
+def lagged(values: Array, samples: float) -> Array:
+    """Return a signal behind a first-order lag with a time constant of so many samples; it begins settled."""
+    if samples <= 0 or values[0] == values.min() == values.max():
+        return values
+    from scipy.signal import lfilter
+
+    share = 1 - np.exp(-1 / samples)
+    return lfilter([share], [1, share - 1], values, zi=[(1 - share) * values[0]])[0]

@@ -25,7 +25,7 @@ from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import run_laws
+from sindyjoint.response.law_in_run import held_laws
 from sindyjoint.states import ForceStates
 from sindyjoint.states.noise import WIDEST
 from sindyjoint.states.periodic import BAND_SHARE
@@ -105,7 +105,7 @@ def measure_bias(
             f"a model of {len(model.terms)} term(s) and {pairs} pair(s) given; expected at least one term and two pairs"
         )
     rng = np.random.default_rng(random_state)
-    replicates = make_replicates(run_laws(model, states), campaign.identification_runs, states)
+    replicates = make_replicates(held_laws(model, states), campaign.identification_runs, states)
     held = [{name: float(np.mean(v)) for name, v in state.inputs.items()} for state in states]
     labels = group_labels(states)
     true = np.array([model[term.id].coefficient if term.id in model else 0.0 for term in terms])

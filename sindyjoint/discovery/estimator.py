@@ -25,7 +25,7 @@ from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.inputs import Input
+from sindyjoint.inputs import Input, reference_values
 from sindyjoint.record import Joint, Motion
 from sindyjoint.threads import single_threaded
 
@@ -63,8 +63,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
     motion : {"rotation", "translation"}
         For the units of the coefficients.
     inputs : sequence of str or Input
-        What else the moment may depend on: the last columns of X, or columns of a data frame by name. The dependences of
-        the catalogue ``"inputs"`` join the candidates.
+        What else the moment may depend on: the last columns of X, or columns of a data frame by name. The dependences
+        of the catalogue ``"inputs"`` join the candidates.
     random_state : int, Generator or None
         Used by methods that resample.
 
@@ -194,7 +194,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         """Return the candidate terms, their nonlinear parameters at the scales of the data."""
         known = self._inputs
         if known:
-            reference = replace(reference, inputs=tuple((each.name, each.reference) for each in known))
+            reference = replace(reference, inputs=reference_values(known))
         return tuple(self._catalogue(with_inertia=with_acceleration).resolve(reference))
 
     @property

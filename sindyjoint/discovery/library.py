@@ -21,7 +21,7 @@ from sindyjoint.discovery.inputs import input_names, known_inputs, with_dependen
 from sindyjoint.discovery.rows import state_columns
 from sindyjoint.equation.catalogue import Catalogue, Reference, ResolvedTerm, load_catalogue
 from sindyjoint.errors import InputError
-from sindyjoint.inputs import Input
+from sindyjoint.inputs import Input, reference_values
 
 
 class TermLibrary(BaseFeatureLibrary):
@@ -129,7 +129,7 @@ class TermLibrary(BaseFeatureLibrary):
             catalogue = catalogue.union(load_catalogue("inertia"))
         inputs = known_inputs(self.inputs, np.concatenate(runs)[:, runs[0].shape[1] - len(names) :])
         catalogue = with_dependences(catalogue, inputs)
-        own = tuple((each.name, each.reference) for each in inputs)
+        own = reference_values(inputs)
         self.reference_ = replace(self._reference(runs), inputs=own)
         self.terms_ = catalogue.resolve(self.reference_)
         self.n_features_in_ = widths.pop()

@@ -51,7 +51,7 @@ def _named(name: str, unit: str) -> tuple[Term, ...]:
     made = []
     for term in load_catalogue(TEMPLATE):
         inputs = tuple(
-            TermInput(name, unit, each.reference and f"{name}_ref", each.levels, each.offered_for)
+            TermInput(name, unit, named(each.reference), each.levels, each.offered_for)
             for each in term.inputs
         )
         text = named(term.formula)

@@ -91,6 +91,7 @@ class InputRecord(_Part):
     zero: Number = 0.0
     tested: Interval | None = None
     levels: Annotated[int, Field(ge=1, le=10**9)] = 1
+    lag: Size = 0.0
 
 
 class ElementRecord(_Part):

@@ -228,7 +228,7 @@ class Term:
                     f"{', '.join(known) or 'none'}); declare it in [inputs] of the campaign, or leave the term out"
                 )
             if each.reference:
-                yield each.reference, known[each.name]
+                yield each.reference, known.get(each.reference, known[each.name])
 
     def with_parameters(self, values: dict[str, float]) -> ResolvedTerm:
         """Set the nonlinear parameters to the given numbers, in SI units."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.manifest import InputTable, Manifest, RunTable
 from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
-from sindyjoint.inputs import Input, with_range
+from sindyjoint.inputs import Input, lagged, with_range
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,8 @@ class DeclaredInputs:
             )
         try:
             si, factor, zero = input_unit(unit or "1", where)
-            each = Input(name, si, 0.0, table.name or "", unit or "1", factor, zero)
+            lag = 0.0 if table.lag is None else parse_quantity(table.lag, "s", f"{where}.lag")
+            each = Input(name, si, 0.0, table.name or "", unit or "1", factor, zero, lag=lag)
         except InputError as error:
             raise type(error)(f"{where}: {error}") from None
         if table.reference is None:
@@ -106,7 +107,7 @@ class DeclaredInputs:
                 samples = parse_quantity(table.delay, "s", f"{place}.delay") * rate
                 grid = np.arange(values.size, dtype=float)
                 values = np.interp(grid + samples, grid, values)
-            found[name] = values
+            found[name] = lagged(values, each.lag * rate)
         return found
 
     def tested(self, runs: Iterable[Any]) -> tuple[Input, ...]:

@@ -188,6 +188,11 @@ class InputTable(StrictTable):
         default=None, description="Time by which the column lags; it is removed on reading."
     )
 
+    lag: str | None = Field(
+        default=None,
+        description="Time constant of the first-order lag with which the joint follows the input; omitted: found.",
+    )
+
     @model_validator(mode="after")
     def _one_source(self) -> InputTable:
         if self.column is not None and self.constant is not None:

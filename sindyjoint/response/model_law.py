@@ -15,8 +15,6 @@ from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.response.element_law import parts_of, sum_law
-from sindyjoint.response.policy import POLICY
-from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of
 
 Array = NDArray[np.float64]
@@ -71,45 +69,6 @@ def model_law(model: JointModel) -> Law:
         model = model.at()
     law = _terms_law(model)
     return law if elements is None else SumLaw(law, elements)
-
-
-def model_in_run(model: JointModel, states: ForceStates) -> JointModel:
-    """Return the law of a model in one run: its inputs held at the run's values.
-
-    Raises
-    ------
-    InputError
-        If an input moves so much along the run that the moment differs from that at its mean by more than a hundredth,
-        or if the run has no value of it.
-    """
-    used = {name for term in model.terms for name in term.inputs}
-    if not used:
-        return model
-    lacking = sorted(used - set(states.inputs))
-    if lacking:
-        raise InputError(
-            f"run {states.run!r} has no value of {lacking[0]!r}, on which the model depends; declare it in [inputs]"
-        )
-    means = {name: float(np.mean(states.inputs[name])) for name in used}
-    held = model.at(**means)
-    moving = [name for name in used if np.ptp(states.inputs[name]) > 0]
-    if moving:
-        terms = model.without_elements()
-        along = terms.moment(states.angle, states.rate, inputs=states.inputs)
-        apart = along - held.without_elements().moment(states.angle, states.rate)
-        if np.std(apart) > POLICY.input_moves * np.std(along):
-            raise InputError(
-                f"{', '.join(sorted(moving))} moves the law within run {states.run!r} by "
-                f"{100 * np.std(apart) / np.std(along):.0f} % of its moment: its motion is not simulated"
-            )
-    return held
-
-
-def run_laws(model: JointModel, states: Sequence[ForceStates]) -> list[Law]:
-    """Return the law of a model in each run; one law where it depends on no input."""
-    if not any(term.inputs for term in model.terms):
-        return [model_law(model)] * len(states)
-    return [model_law(model_in_run(model, each)) for each in states]
 
 
 def _terms_law(model: JointModel) -> Law:

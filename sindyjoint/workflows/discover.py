@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
+from sindyjoint.discovery.input_lag import find_lags, lag_notes, with_lags
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -125,8 +126,13 @@ def discover(
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in force_states)
         regressor.set_params(library=default_candidates(largest, campaign.joint.motion))
+    lags = find_lags(force_states, inertia, campaign.inputs)
+    if lags:
+        campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
+        force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+        regressor.set_params(inputs=campaign.inputs)
     say("time delay between the channels")
-    delay = find_delay(force_states, inertia)
+    delay = find_delay(force_states, inertia, campaign.inputs)
     lag = delay.time if align and delay is not None and delay.significant else 0.0
     force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
@@ -160,7 +166,7 @@ def discover(
         *checked.warnings,
         *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
     ]
-    warnings += filter(None, notes)
+    warnings += filter(None, [*notes, *lag_notes(lags)])
     if fixed is not None and fixed.reason:
         warnings.append(
             f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"

@@ -6,8 +6,8 @@ cost more than the steps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,8 @@ class MeasuredMotion:
         Internal states are integrated over every so-manieth sample and interpolated between.
     lead : tuple of two ndarray, shape (k,), optional
         Angle and rate before the first sample, at the same step: internal states begin with them.
+    inputs : mapping of str to ndarray, shape (n,)
+        Declared inputs along the motion.
     """
 
     angle: Array
@@ -64,6 +66,7 @@ class MeasuredMotion:
     substeps: int = 1
     follow: int = 1
     lead: tuple[Array, Array] | None = None
+    inputs: Mapping[str, Array] = field(default_factory=dict)
 
     def rough(self) -> MeasuredMotion:
         """Return the motion for searching: internal states are integrated in longer steps."""
@@ -99,6 +102,8 @@ class JoinedMotions:
         Per motion: its kept samples, and every how-manieth sample is followed.
     begun : tuple of int
         How many of the followed samples of each motion are its lead.
+    inputs : mapping of str to ndarray, shape (m,)
+        Declared inputs at the kept samples of all motions.
     """
 
     signals: tuple[Array, ...]
@@ -108,6 +113,7 @@ class JoinedMotions:
     timing: tuple[Array, NDArray[np.int64], NDArray[np.int64]]
     kept: tuple[tuple[NDArray[np.intp], int], ...]
     begun: tuple[int, ...]
+    inputs: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, motions: Sequence[MeasuredMotion]) -> JoinedMotions:
@@ -133,6 +139,9 @@ class JoinedMotions:
             ),
             kept=tuple((m.keep, m.follow) for m in motions),
             begun=tuple(lead[0].size for lead in leads),
+            inputs={
+                name: np.concatenate([m.inputs[name][m.keep] for m in motions]) for name in motions[0].inputs
+            },
         )
 
     def states(self, parameters: Array, limits: Array, program: tuple[Any, ...]) -> Array:
