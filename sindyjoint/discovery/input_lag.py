@@ -15,7 +15,6 @@ from sindyjoint.equation.catalogue import load_catalogue, term_columns
 from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.inputs import Input, lagged, reference_values
-from sindyjoint.record import Campaign
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
@@ -66,27 +65,6 @@ def find_lags(
         if removed > POLICY.lag_explains:
             found.append(InputLag(each.name, float(f"{finer[int(np.argmin(again))]:.3g}"), removed))
     return tuple(found)
-
-
-def with_lags(campaign: Campaign, lags: Mapping[str, float]) -> Campaign:
-    """Return a campaign whose inputs are as the joint follows them; lags that are declared stay.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    lags : mapping of str to float
-        Time constants, s, by the names of inputs.
-    """
-    own = {each.name: lags.get(each.name, 0.0) for each in campaign.inputs if not each.lag}
-    own = {name: time for name, time in own.items() if time}
-    if not own:
-        return campaign
-    runs = tuple(
-        replace(run, inputs={n: lagged(v, own.get(n, 0.0) * run.sample_rate) for n, v in run.inputs.items()})
-        for run in campaign.runs
-    )
-    inputs = tuple(replace(each, lag=own.get(each.name, each.lag)) for each in campaign.inputs)
-    return replace(campaign, runs=runs, inputs=inputs)
 
 
 def lag_notes(lags: Sequence[InputLag]) -> list[str]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from sindyjoint.inputs import lagged
 from sindyjoint.numeric import delayed
 from sindyjoint.record import Campaign, Run
 
@@ -41,3 +43,24 @@ def aligned_run(run: Run, delay: float) -> Run:
     angle = delayed(run.angle, samples)[kept]
     inputs = {name: values[kept] for name, values in run.inputs.items()}
     return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid, inputs=inputs)
+
+
+def with_lags(campaign: Campaign, lags: Mapping[str, float]) -> Campaign:
+    """Return a campaign whose inputs are as the joint follows them; lags that are declared stay.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    lags : mapping of str to float
+        Time constants, s, by the names of inputs.
+    """
+    own = {each.name: lags.get(each.name, 0.0) for each in campaign.inputs if not each.lag}
+    own = {name: time for name, time in own.items() if time}
+    if not own:
+        return campaign
+    runs = tuple(
+        replace(run, inputs={n: lagged(v, own.get(n, 0.0) * run.sample_rate) for n, v in run.inputs.items()})
+        for run in campaign.runs
+    )
+    inputs = tuple(replace(each, lag=own.get(each.name, each.lag)) for each in campaign.inputs)
+    return replace(campaign, runs=runs, inputs=inputs)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
-from sindyjoint.discovery.input_lag import find_lags, lag_notes, with_lags
+from sindyjoint.discovery.input_lag import find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -27,7 +27,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.states.campaigns import content_hash
+from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
 from sindyjoint.versions import versions

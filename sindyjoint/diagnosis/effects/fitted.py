@@ -108,9 +108,9 @@ def law_of(model: JointModel, effects: Sequence[FittedEffect], states: ForceStat
 
 def input_terms(fitted: FittedEffect) -> list[ModelTerm]:
     """Return an effect of inputs as terms; errors are not known."""
-    from sindyjoint.diagnosis.effects.parts import terms_of
+    from sindyjoint.diagnosis.effects.parts import parts_of_law
 
-    return terms_of(fitted.name, fitted.family, fitted.variant, fitted.coefficients, fitted.values)[0]
+    return parts_of_law(fitted.name, fitted.family, fitted.variant, fitted.coefficients, fitted.values)[0]
 
 
 def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:
