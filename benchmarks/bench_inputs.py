@@ -78,7 +78,9 @@ def one(seed: int) -> dict:
     true = [*COEFFICIENTS.values(), *(ids[c] for c in slope)]
     fit = fit_columns(evidence, [evidence.ids.index(term) for term in true])
     errors = dict(zip(true, fit.standard_errors.tolist(), strict=True))
-    truth = dict(zip(COEFFICIENTS.values(), middle.values(), strict=True)) | {ids[c]: v for c, v in slope.items()}
+    truth = dict(zip(COEFFICIENTS.values(), middle.values(), strict=True)) | {
+        ids[c]: v for c, v in slope.items()
+    }
     if proportional in truth:
         truth["coulomb_friction"] = middle["M_F"] - slope["M_F"] * (low + high) / 2
     model = found.model
@@ -115,7 +117,9 @@ def show(arguments) -> None:
     own = [value for r in records for term, value in r["inside"].items() if "_by_" in term or "_prop" in term]
     exact = sum(bool(r["inside"]) for r in records)
     print(f"campaigns                                    {len(records)}, {exact} with exactly the true terms")
-    print(f"dependences beyond three intervals, found    {found} of {len(clear)} = {found / max(len(clear), 1):.1%}")
+    print(
+        f"dependences beyond three intervals, found    {found} of {len(clear)} = {found / max(len(clear), 1):.1%}"
+    )
     print(f"campaigns with a false dependence            {false} = {false / max(len(records), 1):.1%}")
     print(f"intervals that hold, all coefficients        {np.mean(inside):.1%} of {len(inside)}")
     print(f"intervals that hold, the dependences         {np.mean(own):.1%} of {len(own)}")
