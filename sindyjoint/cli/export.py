@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from sindyjoint.cli.inputs import AtOption, given_inputs
+
 
 def export(
     model: Annotated[
@@ -33,6 +35,7 @@ def export(
         str | None,
         typer.Option("--rig", help="With ansys: rig written around the joint, by name or file. [pulse-rig]"),
     ] = None,
+    at: AtOption = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the record of the export as JSON; wants --out.")
     ] = False,
@@ -51,7 +54,8 @@ def export(
         raise InputError(f"--rig is given with --to {to}; only ansys writes a rig")
     if as_json and out is None:
         raise InputError("--json is given without --out; say with --out where the files go")
-    result = export_model(read_model(model), to, **options)
+    known = read_model(model)
+    result = export_model(known, to, at=given_inputs(known, at), **options)
     if out is not None:
         paths = write_export(result, out)
         if as_json:

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import default_of
+from sindyjoint.cli.inputs import AtOption, given_inputs
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 
@@ -67,6 +68,7 @@ def simulate(
             "largest angle that it was fitted to."
         ),
     ] = None,
+    at: AtOption = None,
     frequencies: Annotated[
         str, typer.Option(help="Excitation frequencies in Hz, with commas.")
     ] = FREQUENCIES,
@@ -104,6 +106,7 @@ def simulate(
     import numpy as np
 
     from sindyjoint.equation.model_file import read_model
+    from sindyjoint.errors import InputError
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
@@ -112,7 +115,10 @@ def simulate(
     from sindyjoint.response.tested_range import range_warnings
 
     known = None if model is None else read_model(model)
-    law = joint.value if known is None else model_law(known)
+    if known is None and at:
+        raise InputError(f"--at {at[0]} is given without --model; the paper's joints have no inputs")
+    held = None if known is None else known.at(**given_inputs(known, at))
+    law = joint.value if held is None else model_law(held)
     test = virtual_test(
         law,
         angle_limit=None if known is None else known.fitted.angle,
@@ -131,7 +137,10 @@ def simulate(
         progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
         made = run_tests(test, np.random.default_rng(random_state))
         tested = campaign_joint(test) if known is None else replace(known.joint, inertia=known.inertia)
-        campaign = Campaign(tested, tuple(one.run for one in made), simulated=True)
+        inputs = () if held is None else held.inputs
+        values = {each.name: each.reference for each in inputs}
+        runs = tuple(replace(one.run, inputs=values) for one in made)
+        campaign = Campaign(tested, runs, simulated=True, inputs=inputs)
         channels = [one.raw for one in made] if raw else None
         progress.say("writing the files")
         manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if raw else None, channels)
@@ -142,12 +151,12 @@ def simulate(
             for warning in range_warnings(known, one.angle, rate, one.name):
                 typer.echo(warning, err=True)
     if as_json:
-        runs = [
+        listed = [
             {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
             for run in campaign.runs
         ]
         typer.echo(
-            json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs})
+            json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": listed})
         )
     else:
         typer.echo(f"{manifest}: {len(campaign.runs)} simulated runs of the {campaign.joint.name}")

@@ -40,10 +40,9 @@ def model_at(model: JointModel, given: Mapping[str, float]) -> JointModel:
 
     What then has the form of another term is added to its coefficient: k1 + k1T·(T − T0) is the k1 at T.
     """
-    if not model.inputs:
-        input_values(model, given)
-        return model
     values = tuple(sorted(input_values(model, given).items()))
+    if not model.inputs:
+        return model
     written = tuple((term.formula, term.parameters, term.inputs) for term in model.terms)
     joined, formulas = _plan(written, values)
     size, count = model.numbers.size, len(model.terms)
@@ -60,7 +59,9 @@ def model_at(model: JointModel, given: Mapping[str, float]) -> JointModel:
         for row, place in enumerate(rows)
     )
     kept = () if covariance is None else tuple(map(tuple, covariance.tolist()))
-    return replace(model, terms=terms, covariance=kept, inputs=())
+    at = dict(values)
+    inputs = tuple(replace(each, reference=at[each.name]) for each in model.inputs)
+    return replace(model, terms=terms, covariance=kept, inputs=inputs)
 
 
 def _term(term: ModelTerm, formula: str, value: float, covariance: np.ndarray | None, row: int) -> ModelTerm:
