@@ -165,6 +165,7 @@ class _RunLoader:
         )  # fmt: skip
         signals, rate = reader.read()
         measured = {key.removeprefix(INPUT): each for key, each in signals.items() if key.startswith(INPUT)}
+        inputs = self.inputs.values(table, measured, rate, entry)
         try:
             run = Run(
                 str(PurePosixPath(table.file).with_suffix("")) if table.name is None else table.name,
@@ -180,7 +181,7 @@ class _RunLoader:
                 whole=whole,
                 noise=declared_noise(channels, self.motion, f"{self.file}: [channels]"),
                 file_units=reader.file_units(),
-                inputs=self.inputs.values(table, measured, rate, entry),
+                inputs=inputs,
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error

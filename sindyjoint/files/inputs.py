@@ -150,7 +150,8 @@ def inputs_of_runs(
         if column:
             own = [np.asarray(frame[values], dtype=np.float64) for frame in frames.values()]
         else:
-            single = isinstance(values, str) or np.ndim(values) == 0
+            one_signal = isinstance(values, np.ndarray) and values.ndim == 1 and len(frames) == 1
+            single = isinstance(values, str) or np.ndim(values) == 0 or one_signal
             own = [values] * len(frames) if single else list(values)
         if len(own) != len(frames):
             raise InputError(
