@@ -235,6 +235,9 @@ class Campaign:
         What reading the files had to decide; repeated in reports.
     inputs : tuple of Input
         Declared inputs of the law; every run has a value of each.
+    gain_uncertainty : mapping of str to float
+        Relative standard uncertainty of the gain of ``"moment"``, ``"angle"``, ``"rate"``, where declared: an error
+        that all runs share.
     """
 
     joint: Joint
@@ -243,6 +246,7 @@ class Campaign:
     skew: float | None = None
     notes: tuple[str, ...] = ()
     inputs: tuple[Input, ...] = ()
+    gain_uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))
@@ -254,6 +258,12 @@ class Campaign:
             raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run another name")
         object.__setattr__(self, "inputs", tuple(self.inputs))
         check_inputs(self.inputs, self.runs)
+        for name, value in self.gain_uncertainty.items():
+            if name not in ("moment", "angle", "rate") or not 0 < value < 1:
+                raise InputError(
+                    f"gain_uncertainty of {name!r} is {value!r}; expected a share between 0 and 1, of moment, angle "
+                    "or rate"
+                )
 
     @property
     def identification_runs(self) -> tuple[Run, ...]:

@@ -83,6 +83,8 @@ class Fitted:
         Hash of the campaign's content, see :func:`~sindyjoint.states.campaigns.content_hash`; empty where not known.
     versions : tuple of (str, str)
         Names and versions of what fitted it.
+    gains : tuple of (str, float)
+        Declared relative uncertainty of the gain of each channel, which is in the intervals.
     """
 
     moment_rms: float
@@ -97,6 +99,7 @@ class Fitted:
     simulated: bool = False
     data: str = ""
     versions: tuple[tuple[str, str], ...] = ()
+    gains: tuple[tuple[str, float], ...] = ()
 
     @property
     def misfit(self) -> float:

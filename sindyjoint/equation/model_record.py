@@ -132,6 +132,7 @@ class FittedRecord(_Part):
     simulated: bool = False
     data: Text = ""
     versions: dict[Text, Text] = {}
+    gains: dict[Text, Size] = {}
 
 
 class ModelRecord(_Part):
@@ -151,6 +152,7 @@ class ModelRecord(_Part):
 def to_record(model: Any) -> dict[str, Any]:
     """Return a model as plain JSON data, schema 2."""
     fitted = asdict(model.fitted)
+    del fitted["gains"]  # written where there are some
     for name in MAY_BE_UNKNOWN:
         if not math.isfinite(fitted[name]):
             fitted[name] = None  # JSON has no NaN
@@ -161,7 +163,11 @@ def to_record(model: Any) -> dict[str, Any]:
         "terms": [_without_empty(asdict(term)) for term in model.terms],
         "elements": [element_record(element) for element in model.elements],
         "covariance": [list(row) for row in model.covariance],
-        "fitted": {**fitted, "versions": dict(model.fitted.versions)},
+        "fitted": {
+            **fitted,
+            "versions": dict(model.fitted.versions),
+            **({"gains": dict(model.fitted.gains)} if model.fitted.gains else {}),
+        },
         **({"inputs": [asdict(each) for each in model.inputs]} if model.inputs else {}),
     }
 
@@ -225,6 +231,7 @@ def from_record(data: Any) -> dict[str, Any]:
                 **fitted,
                 "frequencies": tuple(fitted["frequencies"]),
                 "versions": tuple(fitted["versions"].items()),
+                "gains": tuple(fitted["gains"].items()),
             }
         ),
         "elements": elements,

@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.blocks import open_blocks
-from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys, declared_noise
+from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys, declared_gains, declared_noise
 from sindyjoint.files.inputs import DeclaredInputs
 from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
 from sindyjoint.files.readers import read_table, sha256_of
@@ -64,7 +64,13 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
         simulated = manifest.simulated or loader.simulated
         inputs = loader.inputs.tested(runs)
         return Campaign(
-            joint, runs, simulated=simulated, skew=loader.declared_skew(), notes=notes, inputs=inputs
+            joint,
+            runs,
+            simulated=simulated,
+            skew=loader.declared_skew(),
+            notes=notes,
+            inputs=inputs,
+            gain_uncertainty=declared_gains(manifest.channels, joint.motion, f"{file}: [channels]"),
         )
     except InputError as error:
         raise InputError(f"{file}: {error}") from error

@@ -327,6 +327,27 @@ def declared_noise(channels: Channels, motion: Motion, where: str) -> SensorNois
         raise InputError(f"{where}: {error}") from error
 
 
+def declared_gains(channels: Channels, motion: Motion, where: str) -> dict[str, float]:
+    """Return the relative uncertainty of the gains that channels declare.
+
+    Raises
+    ------
+    InputError, UnitError
+        For what is no share between 0 and 1.
+    """
+    values = {}
+    for quantity, (key, _) in KEYS[motion].items():
+        channel: Channel | None = getattr(channels, key, None)
+        given = None if channel is None else channel.gain_uncertainty
+        if given is not None:
+            place = f"{where} {key}.gain_uncertainty"
+            share = parse_quantity(given, "m/m", place) if isinstance(given, str) else float(given)
+            if not 0 < share < 1:
+                raise InputError(f"{place}: {given!r}; expected a share such as '1 %'")
+            values[quantity] = share
+    return values
+
+
 def _noise(channel: Channel, unit: str, where: str) -> float:
     """Return declared noise in SI units: of the quantity itself or, multiplied by the gain, of what the file holds."""
     assert channel.noise is not None

@@ -68,10 +68,14 @@ class Channel(StrictTable):
     constant: str | None = Field(
         default=None, description="Value of a quantity that was not recorded, such as '0 N*m'."
     )
+    gain_uncertainty: str | float | None = Field(
+        default=None,
+        description="Relative standard uncertainty of the calibration, such as '1 %'; common to all runs.",
+    )
 
     @model_validator(mode="after")
     def _column_or_constant(self) -> Channel:
-        if self.model_fields_set == {"noise"}:
+        if self.model_fields_set <= {"noise", "gain_uncertainty"} and self.model_fields_set:
             return self
         if (self.column is None) == (self.constant is None):
             raise ValueError("expected either column (with unit) or constant")

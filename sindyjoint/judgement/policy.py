@@ -56,6 +56,14 @@ class VerdictPolicy:
         "frequencies, and levels, from which on terms that are alike on one run are told apart",
         source="the campaigns of the guide; two of each leave no group to check on",
     )
+    change_margin: float = limit(
+        0.10, "relative change of a coefficient between two tests that would not matter, unless given"
+    )
+    change_level: float = limit(
+        0.05,
+        "risk of calling any coefficient of an unchanged joint changed, over all of them together",
+        source="convention",
+    )
     verification_tolerance: float = limit(
         0.05, "largest response NRMSE beyond the noise floor that passes", source="chosen by judgement"
     )

@@ -18,6 +18,7 @@ from sindyjoint.diagnosis.result import Diagnosis, Gap
 from sindyjoint.diagnosis.verdict import UNDECIDED
 from sindyjoint.discovery.delay import ChannelDelay, delay_to_remove, without_delay
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
+from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
@@ -179,8 +180,11 @@ def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | No
         found = (Nuisance("channel_delay", "time shift", known), *found)
     kept = tuple(run.name for run in campaign.validation_runs)
     test = replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
-    whole = None if result.whole is None else fitted_to(result.whole, campaign)
-    return replace(result, test=test, model=fitted_to(result.model, campaign), whole=whole)
+    whole, model = (
+        None if each is None else with_gain_uncertainty(fitted_to(each, campaign), campaign.gain_uncertainty)
+        for each in (result.whole, result.model)
+    )
+    return replace(result, test=test, model=model, whole=whole)
 
 
 def _limit(result: Diagnosis, checked: Check) -> Diagnosis:

@@ -13,6 +13,7 @@ import numpy as np
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
 from sindyjoint.discovery.input_lag import find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
@@ -162,6 +163,7 @@ def discover(
     fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     told = delay if align else left_in
+    model = with_gain_uncertainty(model, campaign.gain_uncertainty)
     warnings = [
         *checked.warnings,
         *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
@@ -228,9 +230,14 @@ def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: obj
         **options,  # type: ignore[arg-type]
     )
     apart = _warn_of_disagreement(result.model, refinement.model) if refinement.refined else ()
+    # The intervals of a refinement hold noise alone.
+    refined_model = refinement.model
+    if refinement.refined:
+        plain = replace(refined_model, fitted=replace(refined_model.fitted, gains=()))
+        refined_model = with_gain_uncertainty(plain, result.campaign.gain_uncertainty)
     return replace(
         result,
-        model=refinement.model,
+        model=refined_model,
         warnings=(*result.warnings, *refinement.notes, *apart),
         # What was taken out of the coefficients of the regression says nothing of these.
         bias=None if refinement.refined else result.bias,
