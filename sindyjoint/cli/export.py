@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from sindyjoint.cli.defaults import given
 from sindyjoint.cli.inputs import AtOption, given_inputs
 
 
@@ -15,7 +16,9 @@ def export(
     model: Annotated[
         Path,
         typer.Argument(
-            metavar="MODEL", help="model.json, or the folder of results that holds it.", show_default=False
+            metavar="MODEL",
+            help="model.json, or the folder of results that holds it; for samples also the folder of a batch.",
+            show_default=False,
         ),
     ],
     to: Annotated[
@@ -23,7 +26,7 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
-            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex or json.",
+            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex, json or samples.",
             show_default=False,
         ),
     ],
@@ -36,6 +39,12 @@ def export(
         typer.Option("--rig", help="With ansys: rig written around the joint, by name or file. [pulse-rig]"),
     ] = None,
     at: AtOption = None,
+    count: Annotated[
+        int | None, typer.Option("--count", help="With samples: sets of coefficients. [1000]")
+    ] = None,
+    random_state: Annotated[
+        int | None, typer.Option("--random-state", min=0, help="With samples: seed of the draws. [0]")
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the record of the export as JSON; wants --out.")
     ] = False,
@@ -48,14 +57,23 @@ def export(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.export import export_model, read_model, write_export
+    from sindyjoint.export.samples import BATCH_FILE, batch_samples
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
     if options and to != "ansys":
         raise InputError(f"--rig is given with --to {to}; only ansys writes a rig")
     if as_json and out is None:
         raise InputError("--json is given without --out; say with --out where the files go")
-    known = read_model(model)
-    result = export_model(known, to, at=given_inputs(known, at), **options)
+    drawing = given(count=count, random_state=random_state)
+    if drawing and to != "samples":
+        raise InputError(
+            f"--{next(iter(drawing)).replace('_', '-')} is given with --to {to}; only samples draws"
+        )
+    if to == "samples" and (model / BATCH_FILE).is_file():
+        result = batch_samples(model, **drawing)
+    else:
+        known = read_model(model)
+        result = export_model(known, to, at=given_inputs(known, at), **options, **drawing)
     if out is not None:
         paths = write_export(result, out)
         if as_json:

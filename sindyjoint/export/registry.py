@@ -24,11 +24,12 @@ TARGETS = {
     "c": "a C99 header, with stick-slip steps",
     "latex": "equation and table of the terms",
     "json": "the model with its fidelity table",
+    "samples": "sets of coefficients as CSV, for Monte Carlo: of one joint, or of the joints of a batch",
 }
 
 
 # What writes formulas as they are carries inputs, too.
-WITH_INPUTS = ("json", "latex")
+WITH_INPUTS = ("json", "latex", "samples")
 
 
 def export_model(
@@ -42,8 +43,8 @@ def export_model(
     target : str
         One of :data:`TARGETS`.
     at : mapping of str to float, optional
-        Values of the law's inputs, SI; those not given are at their reference. Without it ``"json"`` and ``"latex"``
-        carry the dependence itself.
+        Values of the law's inputs, SI; those not given are at their reference. Without it ``"json"``, ``"latex"`` and
+        ``"samples"`` carry the dependence itself.
     **options
         Of the target: ``rig`` for "ansys", the name or path of the rig written around the joint.
 

@@ -2,7 +2,7 @@
 
 A coefficient has *changed* where its difference passes its error by more than chance explains in any of all
 coefficients (Bonferroni, 5 % over all). It is *the same within the margin* where every change beyond the margin is
-ruled out (two one-sided tests, Schuirmann 1987); both can be true of sharp estimates. Otherwise these tests cannot tell.
+ruled out (two one-sided tests, Schuirmann 1987); both can be true of sharp estimates. Otherwise nothing is decided.
 """
 
 from __future__ import annotations

@@ -107,7 +107,9 @@ class Discovery(Shown):
     @property
     def over_inputs(self) -> tuple[OverInput, ...]:
         """The law over each declared input, and which coefficients are the same at all of its levels."""
-        return over_inputs(self)
+        if not self.found or not self.model.inputs:
+            return ()
+        return over_inputs(self.model, self.regressor.evidence_, self.states)
 
     @property
     def selection(self) -> Selection:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,6 @@ from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
 from sindyjoint.inputs import Input
 from sindyjoint.states import ForceStates
-
-if TYPE_CHECKING:
-    from sindyjoint.judgement.discovery import Discovery
 
 Array = NDArray[np.float64]
 
@@ -86,24 +82,27 @@ class OverInput:
         return tuple(f"{value:.4g} {self.unit}".removesuffix(" 1") for value in self.values)
 
 
-def over_inputs(discovery: Discovery, margin: float = POLICY.frequency_margin) -> tuple[OverInput, ...]:
+def over_inputs(
+    model: JointModel,
+    evidence: Evidence,
+    states: Sequence[ForceStates],
+    margin: float = POLICY.frequency_margin,
+) -> tuple[OverInput, ...]:
     """Return the law over each input that was tested at more than one level.
 
     Parameters
     ----------
-    discovery : Discovery
+    model : JointModel
+    evidence : Evidence
+        That it was found in.
+    states : sequence of ForceStates
+        Of its runs.
     margin : float
         Relative change of a coefficient over the tested range that would not matter.
     """
-    if not discovery.found:
-        return ()
-    tests = {
-        each.name: level_tests(discovery.regressor.evidence_, discovery.states, discovery.model, each, margin)
-        for each in discovery.model.inputs
-    }
     return tuple(
-        over_input(discovery.model, each, tests[each.name])
-        for each in discovery.model.inputs
+        over_input(model, each, level_tests(evidence, states, model, each, margin))
+        for each in model.inputs
         if each.tested is not None and each.levels > 1
     )
 
