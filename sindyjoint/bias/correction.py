@@ -149,9 +149,9 @@ def _fit_replicates(
         motion, moment = replicate.rows(drawn, sign)
         target = moment - (inertia or 0.0) * motion[:, 2]
         if given:
-            known = term_columns([t for t, _ in given], *motion.T, inputs)
+            known = term_columns([t for t, _ in given], *motion.T, inputs=inputs)
             target = target - known @ [value for _, value in given]
-        columns = term_columns(terms, *motion.T, inputs)
+        columns = term_columns(terms, *motion.T, inputs=inputs)
         factors[label].append(Factor.of(columns, target).scaled(replicate.weight))
     groups = [merge(parts) for parts in factors.values()]
     return np.array([_solve(factor) for factor in (merge(groups), *groups)])

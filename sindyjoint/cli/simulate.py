@@ -108,6 +108,7 @@ def simulate(
     from sindyjoint.equation.model_file import read_model
     from sindyjoint.errors import InputError
     from sindyjoint.files import write_campaign
+    from sindyjoint.inputs import constant
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
     from sindyjoint.record import Campaign
@@ -138,8 +139,12 @@ def simulate(
         made = run_tests(test, np.random.default_rng(random_state))
         tested = campaign_joint(test) if known is None else replace(known.joint, inertia=known.inertia)
         inputs = () if held is None else held.inputs
-        values = {each.name: each.reference for each in inputs}
-        runs = tuple(replace(one.run, inputs=values) for one in made)
+        runs = tuple(
+            replace(
+                one.run, inputs={each.name: constant(each.reference, one.run.n_samples) for each in inputs}
+            )
+            for one in made
+        )
         campaign = Campaign(tested, runs, simulated=True, inputs=inputs)
         channels = [one.raw for one in made] if raw else None
         progress.say("writing the files")

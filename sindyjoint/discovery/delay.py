@@ -204,7 +204,7 @@ def _evaluate_columns(
     slope = (states.rate, states.acceleration, jerk)
     here, after, before = (
         term_columns(
-            terms, *(m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)), inputs
+            terms, *(m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)), inputs=inputs
         )
         for offset in (0.0, half, -half)
     )

@@ -195,7 +195,7 @@ class TermLibrary(BaseFeatureLibrary):
             unknown = sorted(set(given) - {"angle", "rate", "moment"})
             if unknown:
                 raise InputError(f"reference has the key {unknown[0]!r}; angle, rate and moment are known")
-            given = Reference(**given)
+            given = Reference(**given)  # type: ignore[arg-type]
         given = given or Reference()
         angle, rate = (max(float(np.abs(states[:, column]).max()) for states in runs) for column in (0, 1))
         return Reference(

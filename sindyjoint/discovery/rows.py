@@ -313,9 +313,8 @@ def state_columns(terms: Sequence[ResolvedTerm], X: Array, inputs: Sequence[str]
     """Return the terms' columns at force states, shape (n, p); the last columns of X are the inputs."""
     motion = X.shape[1] - len(inputs)
     acceleration = X[:, 2] if motion == 3 else None
-    return term_columns(
-        list(terms), X[:, 0], X[:, 1], acceleration, dict(zip(inputs, X[:, motion:].T, strict=True))
-    )
+    named = dict(zip(inputs, X[:, motion:].T, strict=True))
+    return term_columns(list(terms), X[:, 0], X[:, 1], acceleration, inputs=named)
 
 
 def _rows_of(labels: NDArray[Any]) -> dict[Any, Index]:

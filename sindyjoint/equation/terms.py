@@ -36,7 +36,7 @@ class Reference:
     angle: float | None = None
     rate: float | None = None
     moment: float | None = None
-    inputs: tuple[tuple[str, float], ...] = ()
+    inputs: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
 
     @classmethod
     def of(
@@ -270,6 +270,7 @@ def term_columns(
     angle: ArrayLike,
     rate: ArrayLike,
     acceleration: ArrayLike | None = None,
+    *,
     inputs: Mapping[str, ArrayLike] | None = None,
 ) -> NDArray[np.float64]:
     """Evaluate terms along measured motion.

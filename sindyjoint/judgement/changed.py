@@ -237,7 +237,7 @@ def _shift(
         _half_width(model[name], float(error[model.ids.index(name)]))
         for model, error in zip((before, after), common, strict=True)
     ]
-    half = float(np.hypot(*halves))
+    half = float(np.hypot(halves[0], halves[1]))
     difference = other.coefficient - one.coefficient
     size = abs(one.coefficient) or nan
     score = abs(difference) / half * NORMAL95 if half > 0 else (np.inf if difference else 0.0)

@@ -180,11 +180,12 @@ def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | No
         found = (Nuisance("channel_delay", "time shift", known), *found)
     kept = tuple(run.name for run in campaign.validation_runs)
     test = replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
-    whole, model = (
-        None if each is None else with_gain_uncertainty(fitted_to(each, campaign), campaign.gain_uncertainty)
-        for each in (result.whole, result.model)
-    )
-    return replace(result, test=test, model=model, whole=whole)
+
+    def of_campaign(model: JointModel) -> JointModel:
+        return with_gain_uncertainty(fitted_to(model, campaign), campaign.gain_uncertainty)
+
+    whole = None if result.whole is None else of_campaign(result.whole)
+    return replace(result, test=test, model=of_campaign(result.model), whole=whole)
 
 
 def _limit(result: Diagnosis, checked: Check) -> Diagnosis:

@@ -55,7 +55,7 @@ def states(n=400, seed=11):
 
 
 def column(term, theta, omega, alpha, reference=REFERENCE):
-    return term_columns([term.resolve(reference)], theta, omega, alpha, {"input": 0.7})[:, 0]
+    return term_columns([term.resolve(reference)], theta, omega, alpha, inputs={"input": 0.7})[:, 0]
 
 
 def test_these_catalogues_ship():
