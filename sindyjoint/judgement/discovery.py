@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -162,7 +162,7 @@ class Discovery(Shown):
                 "samples": fitted.samples,
                 "runs": fitted.runs,
             },
-            **({"over_inputs": [asdict(each) for each in self.over_inputs]} if model.inputs else {}),
+            **({"over_inputs": [each.to_dict() for each in self.over_inputs]} if model.inputs else {}),
             "warnings": list(self.warnings),
             "soundness": summarize(self.soundness),
         }

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,13 @@ class OverInput:
     unit: str
     values: tuple[float, ...]
     coefficients: tuple[CoefficientOver, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints; a bound that is not known is null."""
+        record = asdict(self)
+        for row in record["coefficients"]:
+            row["bound"] = row["bound"] if np.isfinite(row["bound"]) else None
+        return record
 
     @property
     def headings(self) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ NAMES = (
     "polynomial",
     "stiffness",
 )
-TERMS = {term.id: term for name in NAMES for term in load_catalogue(name)}
+TERMS = {term.id: term for name in NAMES for term in load_catalogue(name) if not term.inputs}
 REFERENCE = Reference(angle=8e-4, rate=0.03, moment=5.0)
 
 # Declared by hand: what a term does when angle, rate and acceleration change sign.
