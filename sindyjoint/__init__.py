@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
     from sindyjoint.files import load_campaign
     from sindyjoint.record import Campaign, Joint, Run
+    from sindyjoint.workflows.changed import changed
     from sindyjoint.workflows.check import check
     from sindyjoint.workflows.compare import compare
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
@@ -30,6 +31,7 @@ __all__ = [
     "Run",
     "TermLibrary",
     "UniqueShareSTLSQ",
+    "changed",
     "check",
     "compare",
     "diagnose",
@@ -50,6 +52,7 @@ _HOMES = {
     "JointRegressor": "discovery.estimator",
     "TermLibrary": "discovery.library",
     "UniqueShareSTLSQ": "discovery.optimizer",
+    "changed": "workflows.changed",
     "check": "workflows.check",
     "compare": "workflows.compare",
     "diagnose": "workflows.diagnose",

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import Input, check_inputs, signals_of
 from sindyjoint.shown import Shown
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
 from sindyjoint.text import control_character, printable
@@ -113,6 +114,8 @@ class Run:
         interpolated values. Default: all samples count.
     file_units : tuple of FileUnit
         Of the channels that were read from a file.
+    inputs : mapping of str to array_like, shape (n,), or float
+        What else the law may depend on, SI, at the same instants; a number stands for all of them.
 
     Raises
     ------
@@ -134,6 +137,7 @@ class Run:
     noise: SensorNoise = SensorNoise()
     valid: NDArray[np.bool_] | None = None
     file_units: tuple[FileUnit, ...] = ()
+    inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_texts("run", (self.name, self.level))
@@ -161,6 +165,7 @@ class Run:
             self._check_frequency()
         if self.valid is not None:
             self._check_valid()
+        object.__setattr__(self, "inputs", signals_of(self.name, self.inputs, n))
 
     def _check_valid(self) -> None:
         valid = np.array(self.valid)
@@ -229,6 +234,11 @@ class Campaign(Shown):
         Declared time by which the moment channel lags the angle channel, s; already removed from the runs.
     notes : tuple of str
         What reading the files had to decide; repeated in reports.
+    inputs : tuple of Input
+        Declared inputs of the law; every run has a value of each.
+    gain_uncertainty : mapping of str to float
+        Relative standard uncertainty of the gain of ``"moment"``, ``"angle"``, ``"rate"``, where declared: an error
+        that all runs share.
     """
 
     joint: Joint
@@ -236,6 +246,8 @@ class Campaign(Shown):
     simulated: bool = False
     skew: float | None = None
     notes: tuple[str, ...] = ()
+    inputs: tuple[Input, ...] = ()
+    gain_uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))
@@ -245,6 +257,14 @@ class Campaign(Shown):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run another name")
+        object.__setattr__(self, "inputs", tuple(self.inputs))
+        check_inputs(self.inputs, self.runs)
+        for name, value in self.gain_uncertainty.items():
+            if name not in ("moment", "angle", "rate") or not 0 < value < 1:
+                raise InputError(
+                    f"gain_uncertainty of {name!r} is {value!r}; expected a share between 0 and 1, of moment, angle "
+                    "or rate"
+                )
 
     @property
     def identification_runs(self) -> tuple[Run, ...]:

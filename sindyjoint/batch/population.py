@@ -83,6 +83,8 @@ class Scatter:
         Of "drawn from the same distribution", by Holm over all joints and coefficients.
     covariate : str or None
         With which there is a significant trend, about which the scatter is meant.
+    joints : int
+        That were not rejected.
     """
 
     coefficient: str
@@ -92,11 +94,47 @@ class Scatter:
     scores: tuple[float, ...]
     p_adjusted: tuple[float, ...]
     covariate: str | None = None
+    joints: int = 0
 
     @property
     def outliers(self) -> tuple[int, ...]:
         """Numbers of the joints that stand out at 5 % over all."""
         return tuple(i for i, p in enumerate(self.p_adjusted) if p < POLICY.level)
+
+
+@dataclass(frozen=True)
+class NextJoint:
+    """What is known of a coefficient of a joint that was not tested.
+
+    Parameters
+    ----------
+    mean, scale, degrees : float
+        Of its Student distribution: scale² = τ² + the mean's error².
+    """
+
+    mean: float
+    scale: float
+    degrees: float
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """In which it lies in 95 of 100 cases."""
+        from scipy.special import stdtrit
+
+        half = float(stdtrit(self.degrees, 0.975)) * self.scale
+        return self.mean - half, self.mean + half
+
+
+def next_joint(scatter: Scatter) -> NextJoint | None:
+    """Return what joints say of the next one, at the mean of a covariate with a trend; None of too few.
+
+    The true coefficient of a further joint of the same kind is y = μ + u; with its error the mean of n joints knows μ,
+    and their spread τ on n − 1 degrees of freedom (Higgins, Thompson and Spiegelhalter 2009, with one more degree: here
+    errors are small against τ).
+    """
+    if scatter.joints < POLICY.fewest_joints or not np.isfinite([scatter.spread, scatter.mean_error]).all():
+        return None
+    return NextJoint(scatter.mean, float(np.hypot(scatter.spread, scatter.mean_error)), scatter.joints - 1.0)
 
 
 @dataclass(frozen=True)
@@ -151,8 +189,8 @@ def population(
     return Population(
         tuple(
             Scatter(name, mean, error, tau, tuple(map(float, scores)), tuple(map(float, p)),
-                    best.covariate if best is not None else None)
-            for (name, best, (mean, error, tau, scores, _)), p in zip(scatters, parts, strict=True)
+                    best.covariate if best is not None else None, kept)
+            for (name, best, (mean, error, tau, scores, _, kept)), p in zip(scatters, parts, strict=True)
         ),
         trends,
     )  # fmt: skip
@@ -166,13 +204,13 @@ def _check_values(name: str, values: ArrayLike, errors: ArrayLike) -> tuple[Arra
     return y, s
 
 
-def _estimate_robustly(y: Array, s: Array, level: float) -> tuple[float, float, float, Array, Array]:
-    """Return mean, its error, τ, modified z-scores and p-values of the joints; ``level`` for all of them together."""
+def _estimate_robustly(y: Array, s: Array, level: float) -> tuple[float, float, float, Array, Array, int]:
+    """Return mean, its error, τ, modified z-scores, p-values and how many joints were kept; ``level`` is for all."""
     here = np.flatnonzero(np.isfinite(y))
     scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
     if here.size < POLICY.fewest_joints:
         mean = float(np.mean(y[here])) if here.size else float("nan")
-        return mean, float("nan"), float("nan"), scores, p
+        return mean, float("nan"), float("nan"), scores, p, here.size
     v, e = y[here], s[here]
     centre = float(np.median(v))
     first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
@@ -187,7 +225,7 @@ def _estimate_robustly(y: Array, s: Array, level: float) -> tuple[float, float, 
             break
         kept = joined
     scores[here], p[here] = z, p_here
-    return mean, error, tau, scores, p
+    return mean, error, tau, scores, p, int(kept.sum())
 
 
 def _judge_outliers(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.batch.policy import POLICY
-from sindyjoint.batch.population import Population, population
+from sindyjoint.batch.population import Population, next_joint, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
@@ -121,6 +121,7 @@ class Batch(Shown):
                     "mean": _number(s.mean),
                     "mean_error": _number(s.mean_error),
                     "spread": _number(s.spread),
+                    "next_joint95": None if (ahead := next_joint(s)) is None else list(ahead.interval95),
                     "about_trend_with": s.covariate,
                     "outliers": [
                         {"id": self.records[i].id, "score": _number(s.scores[i]), "p": _number(s.p_adjusted[i])}
@@ -240,6 +241,9 @@ def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
         TEMPERATURE: [record.joint.get("temperature") for record in records],
         SERIAL: _parse_serials([record.joint.get("serial") for record in records]),
     }
+    inputs = list(dict.fromkeys(key for record in records for key in record.joint.get("inputs", {})))
+    for name in inputs:
+        columns[name.replace("_", " ")] = [record.joint.get("inputs", {}).get(name) for record in records]
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
         columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]

@@ -26,13 +26,14 @@ Array = NDArray[np.float64]
 
 
 def completed_states(
-    law: Law, runs: Sequence[Run], states: Sequence[ForceStates]
+    law: Law | list[Law], runs: Sequence[Run], states: Sequence[ForceStates]
 ) -> tuple[ForceStates, ...] | None:
     """Return states whose weak and missing harmonics are the law's; None where they matter little to the moment.
 
     Parameters
     ----------
-    law : Law
+    law : Law or list of Law
+        Of all runs, or of each; of one inertia.
     runs : sequence of Run
     states : sequence of ForceStates
         Of the same runs, as measured. Only periodic runs whose drive is known change.
@@ -43,7 +44,8 @@ def completed_states(
         If the law has no finite moment along a measured motion.
     """
     whole = sum(float(np.sum(s.moment[s.moving] ** 2)) for s in states)
-    inertial = sum(float(np.sum((law.inertia * s.acceleration[s.moving]) ** 2)) for s in states)
+    inertia = (law[0] if isinstance(law, list) else law).inertia
+    inertial = sum(float(np.sum((inertia * s.acceleration[s.moving]) ** 2)) for s in states)
     if inertial < (2 * POLICY.completion_matters) ** 2 * whole:
         # Weak harmonics are no more than half of the acceleration: there is no need to simulate anything.
         return None
@@ -58,9 +60,7 @@ def completed_states(
             and len(state.series) == 1
         ):
             better = _complete_run(state, replicate)
-            exchanged += float(
-                np.sum((law.inertia * (better.acceleration - state.acceleration)[moving]) ** 2)
-            )
+            exchanged += float(np.sum((inertia * (better.acceleration - state.acceleration)[moving]) ** 2))
         changed.append(better)
     return None if exchanged < POLICY.completion_matters**2 * whole else tuple(changed)
 

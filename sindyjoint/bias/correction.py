@@ -10,7 +10,7 @@ bias and is omitted. Correction by simulation: Efron and Tibshirani, An Introduc
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.law_in_run import held_laws
 from sindyjoint.states import ForceStates
 from sindyjoint.states.noise import WIDEST
 from sindyjoint.states.periodic import BAND_SHARE
@@ -105,7 +105,8 @@ def measure_bias(
             f"a model of {len(model.terms)} term(s) and {pairs} pair(s) given; expected at least one term and two pairs"
         )
     rng = np.random.default_rng(random_state)
-    replicates = make_replicates(model_law(model), campaign.identification_runs, states)
+    replicates = make_replicates(held_laws(model, states), campaign.identification_runs, states)
+    held = [{name: float(np.mean(v)) for name, v in state.inputs.items()} for state in states]
     labels = group_labels(states)
     true = np.array([model[term.id].coefficient if term.id in model else 0.0 for term in terms])
     given = [(term, model[term.id].coefficient) for term in known]
@@ -114,7 +115,10 @@ def measure_bias(
     for _ in range(pairs):
         noise = [replicate.noise(rng) for replicate in replicates]
         found.append(
-            [_fit_replicates(replicates, noise, sign, labels, terms, inertia, given) for sign in (1.0, -1.0)]
+            [
+                _fit_replicates(replicates, noise, sign, labels, terms, inertia, given, held)
+                for sign in (1.0, -1.0)
+            ]
         )
     means = np.array(found).mean(axis=1) - true  # (pairs, 1 + groups, k)
     mean, error = means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(pairs)
@@ -137,15 +141,18 @@ def _fit_replicates(
     terms: Sequence[ResolvedTerm],
     inertia: float | None,
     given: Sequence[tuple[ResolvedTerm, float]],
+    held: Sequence[Mapping[str, float]],
 ) -> Array:
     """Return the coefficients of all replicates together and of each group separately, shape (1 + groups, k)."""
     factors: dict[str, list[Factor]] = {label: [] for label in labels}
-    for replicate, label, drawn in zip(replicates, labels, noise, strict=True):
+    for replicate, label, drawn, inputs in zip(replicates, labels, noise, held, strict=True):
         motion, moment = replicate.rows(drawn, sign)
         target = moment - (inertia or 0.0) * motion[:, 2]
         if given:
-            target = target - term_columns([t for t, _ in given], *motion.T) @ [value for _, value in given]
-        factors[label].append(Factor.of(term_columns(terms, *motion.T), target).scaled(replicate.weight))
+            known = term_columns([t for t, _ in given], *motion.T, inputs=inputs)
+            target = target - known @ [value for _, value in given]
+        columns = term_columns(terms, *motion.T, inputs=inputs)
+        factors[label].append(Factor.of(columns, target).scaled(replicate.weight))
     groups = [merge(parts) for parts in factors.values()]
     return np.array([_solve(factor) for factor in (merge(groups), *groups)])
 

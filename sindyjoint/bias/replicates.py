@@ -35,12 +35,15 @@ class Replicate(Protocol):
         """Return moving (θ, θ̇, θ̈), shape (m, 3), and the moment, shape (m,), under noise times a sign."""
 
 
-def make_replicates(law: Law, runs: Sequence[Run], states: Sequence[ForceStates]) -> list[Replicate]:
+def make_replicates(
+    law: Law | list[Law], runs: Sequence[Run], states: Sequence[ForceStates]
+) -> list[Replicate]:
     """Return a synthetic replicate for each run.
 
     Parameters
     ----------
-    law : Law
+    law : Law or list of Law
+        Of all runs, or of each.
     runs : sequence of Run
     states : sequence of ForceStates
         Of the same runs.
@@ -50,14 +53,15 @@ def make_replicates(law: Law, runs: Sequence[Run], states: Sequence[ForceStates]
     SimulationError
         If the law has no finite moment along a measured motion.
     """
+    laws = law if isinstance(law, list) else [law] * len(states)
     spectra = {s.run: Spectrum.of(run, s) for run, s in zip(runs, states, strict=True) if s.series}
     periodic = [s for s in states if s.series]
     exciter_inertia = (
         estimate_exciter_inertia([spectra[s.run] for s in periodic], periodic) if periodic else 0.0
     )
     return [
-        make_periodic_replicate(law, state, spectra[state.run], exciter_inertia)
+        make_periodic_replicate(own, state, spectra[state.run], exciter_inertia)
         if state.series
-        else make_broadband_replicate(law, run, state)
-        for run, state in zip(runs, states, strict=True)
+        else make_broadband_replicate(own, run, state)
+        for own, run, state in zip(laws, runs, states, strict=True)
     ]

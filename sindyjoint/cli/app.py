@@ -8,6 +8,7 @@ import typer
 
 from sindyjoint.cli import libraries, reproduce
 from sindyjoint.cli.batch import batch
+from sindyjoint.cli.changed import changed
 from sindyjoint.cli.check import check
 from sindyjoint.cli.compare import compare
 from sindyjoint.cli.diagnose import diagnose
@@ -74,6 +75,7 @@ app.command("verify", no_args_is_help=True)(verify)
 app.command("rig", no_args_is_help=True)(rig)
 app.add_typer(reproduce.app, name="reproduce")
 app.command("diagnose")(diagnose)
+app.command("changed", no_args_is_help=True)(changed)
 app.command("export", no_args_is_help=True)(export)
 app.command("plot", no_args_is_help=True)(plot)
 app.add_typer(libraries.app, name="libraries")

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from sindyjoint.cli.defaults import given
+from sindyjoint.cli.inputs import AtOption, given_inputs
 from sindyjoint.cli.options import ForceOption
 
 
@@ -15,7 +17,9 @@ def export(
     model: Annotated[
         Path,
         typer.Argument(
-            metavar="MODEL", help="model.json, or the folder of results that holds it.", show_default=False
+            metavar="MODEL",
+            help="model.json, or the folder of results that holds it; for samples also the folder of a batch.",
+            show_default=False,
         ),
     ],
     to: Annotated[
@@ -23,7 +27,7 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
-            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex or json.",
+            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex, json or samples.",
             show_default=False,
         ),
     ],
@@ -34,6 +38,13 @@ def export(
     rig: Annotated[
         str | None,
         typer.Option("--rig", help="With ansys: rig written around the joint, by name or file. [pulse-rig]"),
+    ] = None,
+    at: AtOption = None,
+    count: Annotated[
+        int | None, typer.Option("--count", help="With samples: sets of coefficients. [1000]")
+    ] = None,
+    random_state: Annotated[
+        int | None, typer.Option("--random-state", min=0, help="With samples: seed of the draws. [0]")
     ] = None,
     force: ForceOption = False,
     as_json: Annotated[
@@ -48,13 +59,23 @@ def export(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.export import export_model, read_model, write_export
+    from sindyjoint.export.samples import BATCH_FILE, batch_samples
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
     if options and to != "ansys":
         raise InputError(f"--rig is given with --to {to}; only ansys writes a rig")
     if as_json and out is None:
         raise InputError("--json is given without --out; say with --out where the files go")
-    result = export_model(read_model(model), to, **options)
+    drawing = given(count=count, random_state=random_state)
+    if drawing and to != "samples":
+        raise InputError(
+            f"--{next(iter(drawing)).replace('_', '-')} is given with --to {to}; only samples draws"
+        )
+    if to == "samples" and (model / BATCH_FILE).is_file():
+        result = batch_samples(model, **drawing)
+    else:
+        known = read_model(model)
+        result = export_model(known, to, at=given_inputs(known, at), **options, **drawing)
     if out is not None:
         paths = write_export(result, out, force)
         if as_json:

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import default_of
+from sindyjoint.cli.inputs import AtOption, given_inputs
 from sindyjoint.cli.options import ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
@@ -68,6 +69,7 @@ def simulate(
             "largest angle that it was fitted to."
         ),
     ] = None,
+    at: AtOption = None,
     frequencies: Annotated[
         str, typer.Option(help="Excitation frequencies in Hz, with commas.")
     ] = FREQUENCIES,
@@ -106,7 +108,9 @@ def simulate(
     import numpy as np
 
     from sindyjoint.equation.model_file import read_model
+    from sindyjoint.errors import InputError
     from sindyjoint.files import write_campaign
+    from sindyjoint.inputs import constant
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
     from sindyjoint.record import Campaign
@@ -114,7 +118,10 @@ def simulate(
     from sindyjoint.response.tested_range import range_warnings
 
     known = None if model is None else read_model(model)
-    law = joint.value if known is None else model_law(known)
+    if known is None and at:
+        raise InputError(f"--at {at[0]} is given without --model; the paper's joints have no inputs")
+    held = None if known is None else known.at(**given_inputs(known, at))
+    law = joint.value if held is None else model_law(held)
     test = virtual_test(
         law,
         angle_limit=None if known is None else known.fitted.angle,
@@ -133,7 +140,14 @@ def simulate(
         progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
         made = run_tests(test, np.random.default_rng(random_state))
         tested = campaign_joint(test) if known is None else replace(known.joint, inertia=known.inertia)
-        campaign = Campaign(tested, tuple(one.run for one in made), simulated=True)
+        inputs = () if held is None else held.inputs
+        runs = tuple(
+            replace(
+                one.run, inputs={each.name: constant(each.reference, one.run.n_samples) for each in inputs}
+            )
+            for one in made
+        )
+        campaign = Campaign(tested, runs, simulated=True, inputs=inputs)
         channels = [one.raw for one in made] if raw else None
         progress.say("writing the files")
         sensors = SENSOR_RIG if raw else None
@@ -145,12 +159,12 @@ def simulate(
             for warning in range_warnings(known, one.angle, rate, one.name):
                 typer.echo(warning, err=True)
     if as_json:
-        runs = [
+        listed = [
             {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
             for run in campaign.runs
         ]
         typer.echo(
-            json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs})
+            json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": listed})
         )
     else:
         typer.echo(f"{manifest}: {len(campaign.runs)} simulated runs of the {campaign.joint.name}")

@@ -7,7 +7,7 @@ come from merged factors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -145,7 +145,7 @@ def _fold(
     choice: dict[str, Any],
 ) -> Fold:
     found = find(
-        Evidence(evidence.ids, tuple(evidence.runs[i] for i in train)), method, random_state, **choice
+        replace(evidence, runs=tuple(evidence.runs[i] for i in train)), method, random_state, **choice
     )
     coefficients = np.zeros(len(evidence.ids))
     coefficients[[evidence.ids.index(name) for name in found.kept]] = found.coefficients

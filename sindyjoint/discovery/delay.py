@@ -18,8 +18,10 @@ from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import Reference, load_catalogue, term_columns
+from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import Input, reference_values
 from sindyjoint.numeric import delayed, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
@@ -96,15 +98,23 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     )
 
 
-def find_delay(states: Sequence[ForceStates], inertia: float | None) -> ChannelDelay | None:
-    """Return the delay under the paper's law and a constant; None where the data do not carry that law."""
+def find_delay(
+    states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input] = ()
+) -> ChannelDelay | None:
+    """Return the delay under the paper's law and a constant; None where the data do not carry that law.
+
+    Of the law's coefficients each may depend linearly on every input.
+    """
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
         return None
     law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
     if inertia is None:
         law = law.union(load_catalogue("inertia"))
+    moved = [each for each in inputs if each.levels > 1]
+    law = law.union(dependences(moved, {each.name: 2 for each in moved}, law.ids))
+    reference = replace(reference_of(states), inputs=reference_values(inputs))
     try:
-        return estimate_delay(states, law.resolve(reference_of(states)), inertia)
+        return estimate_delay(states, law.resolve(reference), inertia)
     except (np.linalg.LinAlgError, InputError):
         # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
         return None
@@ -121,7 +131,7 @@ def align_channels(campaign: Campaign) -> Campaign:
 
 def delay_to_remove(campaign: Campaign) -> ChannelDelay | None:
     """Return the delay between the channels of a campaign where it is significant, and no end of the search."""
-    delay = find_delay(campaign_states(campaign), campaign.joint.inertia)
+    delay = find_delay(campaign_states(campaign), campaign.joint.inertia, campaign.inputs)
     return None if delay is None or not delay.significant or delay.at_limit else delay
 
 
@@ -189,10 +199,13 @@ def _evaluate_columns(
     half = 0.5 / states.sample_rate
     index = np.flatnonzero(states.moving)[::stride]
     motion = (states.angle, states.rate, states.acceleration)
+    inputs = {name: values[index] for name, values in states.inputs.items()}
     jerk = np.gradient(states.acceleration, 1 / states.sample_rate)
     slope = (states.rate, states.acceleration, jerk)
     here, after, before = (
-        term_columns(terms, *(m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)))
+        term_columns(
+            terms, *(m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)), inputs=inputs
+        )
         for offset in (0.0, half, -half)
     )
     derivative = (after - before) / (2 * half)

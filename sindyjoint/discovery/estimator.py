@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from sindyjoint.discovery.choice import SelectionRules
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.foreign_library import catalogue_of
-from sindyjoint.discovery.frame_order import refuse_order
+from sindyjoint.discovery.frame_order import ordered_frame
+from sindyjoint.discovery.inputs import input_names, known_inputs, with_dependences
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
@@ -23,6 +25,7 @@ from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.inputs import Input, reference_values
 from sindyjoint.record import Joint, Motion
 from sindyjoint.threads import single_threaded
 
@@ -59,6 +62,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         Id of a term to its known coefficient, SI: it is in the model and not fitted.
     motion : {"rotation", "translation"}
         For the units of the coefficients.
+    inputs : sequence of str or Input
+        What else the moment may depend on: the last columns of X, or columns of a data frame by name. The dependences
+        of the catalogue ``"inputs"`` join the candidates.
     random_state : int, Generator or None
         Used by methods that resample.
 
@@ -84,6 +90,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         Least unique share that was let pass: the parameter's, or more where blocks share one estimate of the motion.
     reference_ : Reference
         Largest angle and rate of the data.
+    inputs_ : tuple of Input
+        With the range and the number of levels of the data.
     n_features_in_ : int
 
     Examples
@@ -108,6 +116,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         signs: Mapping[str, int] | None = None,
         fixed: Mapping[str, float] | None = None,
         motion: Motion = "rotation",
+        inputs: Sequence[str | Input] = (),
         random_state: Any = None,
     ):
         self.library = library
@@ -121,6 +130,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         self.signs = signs
         self.fixed = fixed
         self.motion = motion
+        self.inputs = inputs
         self.random_state = random_state
 
     def fit(
@@ -139,9 +149,9 @@ class JointRegressor(RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array_like, shape (n, 2) or (n, 3)
-            Moving force states: θ rad, θ̇ rad/s and, to identify the inertia as a term, θ̈ rad/s². Rows of one run
-            follow one another in time.
+        X : array_like, shape (n, 2 + k) or (n, 3 + k)
+            Moving force states: θ rad, θ̇ rad/s and, to identify the inertia as a term, θ̈ rad/s²; then the k inputs.
+            Rows of one run follow one another in time.
         y : array_like, shape (n,)
             Transfer moment N·m, or with θ̈ in X the moment at the sensor.
         groups : array_like, shape (n,), optional
@@ -161,24 +171,39 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             For data or parameters that cannot be used.
         """
         self.check_parameters()
-        refuse_order(X)
+        names = input_names(self.inputs)
+        X = ordered_frame(X, names)
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
-        if X.shape[1] not in (2, 3):
+        motion = X.shape[1] - len(names)
+        if motion not in (2, 3):
+            behind = f", then {len(names)} input(s): {', '.join(names)}" if names else ""
             raise InputError(
-                f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected"
+                f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected{behind}"
             )
         weight = row_weights(sample_weight, X.shape[0])
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
+        self.inputs_ = known_inputs(self.inputs, X[:, motion:], labels)
         reference = Reference.of(X[:, 0], X[:, 1], y)
-        terms = self.candidates(reference, X.shape[1] == 3)
+        terms = self.candidates(reference, motion == 3)
         shared = X_replicate is not None and np.array_equal(X_replicate, X)
         with single_threaded():
-            evidence = gather(terms, X, y, labels, weight, X_replicate, y_replicate)
+            evidence = gather(terms, X, y, labels, weight, X_replicate, y_replicate, names)
             return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
 
     def candidates(self, reference: Reference, with_acceleration: bool = False) -> tuple[ResolvedTerm, ...]:
         """Return the candidate terms, their nonlinear parameters at the scales of the data."""
+        known = self._inputs
+        if known:
+            reference = replace(reference, inputs=reference_values(known))
         return tuple(self._catalogue(with_inertia=with_acceleration).resolve(reference))
+
+    @property
+    def _inputs(self) -> tuple[Input, ...]:
+        """Inputs as the last rows showed them, or, of rows that are not in memory, as they were declared."""
+        known = getattr(self, "inputs_", ())
+        if tuple(each.name for each in known) == input_names(self.inputs):
+            return known
+        return tuple(Input(each) if isinstance(each, str) else each for each in self.inputs)
 
     def fit_evidence(
         self,
@@ -208,6 +233,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         """
         self.check_parameters()
         features = 3 if any(term.term.needs_acceleration for term in terms) else 2
+        features += len(self.inputs)
+        self.inputs_ = self._inputs
         rows = int(evidence.pooled.rows)
         with single_threaded():
             return self._fit(tuple(terms), evidence, reference, rows, features, shared_motion)
@@ -228,7 +255,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 "choose a smaller library"
             )
         gathered = self._without_dependent(evidence)
-        self.library_ = TermLibrary.of_terms(self.terms_, reference, features)
+        self.library_ = TermLibrary.of_terms(self.terms_, reference, features, self.inputs_)
         self._moment_rms = gathered.target_rms
         self.evidence_ = self._with_fixed(gathered)
         self.optimizer_ = UniqueShareSTLSQ(**vars(self._rules())).fit_evidence(
@@ -242,11 +269,14 @@ class JointRegressor(RegressorMixin, BaseEstimator):
     def predict(self, X: Any) -> Array:
         """Return the moment at force states, shape (n,), N·m."""
         check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
+        names = input_names(self.inputs)
+        X = validate_data(self, ordered_frame(X, names), dtype=np.float64, reset=False)
         if not self.selected_:
             return np.zeros(X.shape[0])
         terms = [term for term in self.terms_ if term.id in self.selected_]
-        return state_columns(terms, X) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
+        return (
+            state_columns(terms, X, names) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
+        )
 
     def check_parameters(self) -> None:
         """Refuse a method, a selection or a number that there is not."""
@@ -256,7 +286,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
                 raise InputError(f"fixed: {term!r} is {value!r}; expected a finite coefficient")
 
     def _catalogue(self, with_inertia: bool) -> Catalogue:
-        catalogue = catalogue_of(self.library)
+        catalogue = with_dependences(catalogue_of(self.library), self._inputs)
         if with_inertia and "inertia" not in catalogue:
             catalogue = catalogue.union(load_catalogue("inertia"))
         elif not with_inertia and "inertia" in catalogue:
@@ -270,10 +300,13 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             self.indistinct_: tuple[str, ...] = ()
             return evidence
         generic = np.random.default_rng(0).normal(size=(8 * len(self.terms_), self.n_features_in_))
-        scales = [self.reference_.angle or 1.0, self.reference_.rate or 1.0, 1.0][: self.n_features_in_]
-        never = dependent_columns(
-            Factor.of(state_columns(self.terms_, generic * scales), np.zeros(generic.shape[0]))
-        )
+        names, spans = input_names(self.inputs), [np.ptp(each.tested or (0.0, 1.0)) for each in self.inputs_]
+        scales = [self.reference_.angle or 1.0, self.reference_.rate or 1.0, 1.0]
+        scales = [*scales[: self.n_features_in_ - len(names)], *(span or 1.0 for span in spans)]
+        offsets = np.zeros(len(scales))
+        offsets[len(scales) - len(names) :] = [each.reference for each in self.inputs_]
+        columns = state_columns(self.terms_, offsets + generic * scales, names)
+        never = dependent_columns(Factor.of(columns, np.zeros(generic.shape[0])))
         if never:
             raise InputError(
                 f"more terms than independent columns: {', '.join(evidence.ids[i] for i in never)} can be written as "
@@ -326,7 +359,10 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         kept = [self.terms_[i] for i in chosen]
         self.selected_ = tuple(term.id for term in kept)
         self.model_ = JointModel(
-            joint=Joint(motion=self.motion, inertia=None if self.n_features_in_ == 3 else 0.0),
+            joint=Joint(
+                motion=self.motion, inertia=None if self.n_features_in_ - len(self.inputs) == 3 else 0.0
+            ),
+            inputs=self.inputs_,
             terms=model_terms(kept, values, covariance, shares, degrees, self.motion),
             covariance=tuple(tuple(float(v) for v in row) for row in covariance),
             fitted=Fitted(

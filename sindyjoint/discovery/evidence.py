@@ -7,7 +7,7 @@ into blocks whose scatter tells the noise. One :class:`Evidence` holds a factor 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -67,10 +67,31 @@ class Evidence:
     ids : tuple of str
         Ids of the columns.
     runs : tuple of RunEvidence
+    within : mapping of str to tuple of str
+        Id of a column to those without which it makes no sense (k1·T without k1).
     """
 
     ids: tuple[str, ...]
     runs: tuple[RunEvidence, ...]
+    within: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def parents(self) -> dict[int, tuple[int, ...]]:
+        """For each column those without which it makes no sense, as far as they are among the columns."""
+        place = {name: index for index, name in enumerate(self.ids)}
+        found = {name: tuple(place[p] for p in self.within.get(name, ()) if p in place) for name in self.ids}
+        return {place[name]: parents for name, parents in found.items() if parents}
+
+    def needed(self, columns: Sequence[int]) -> set[int]:
+        """Return the columns without which some of these make no sense."""
+        return {parent for column in columns for parent in self.parents.get(column, ())}
+
+    def complete(self, columns: Sequence[int]) -> tuple[int, ...]:
+        """Return the columns less those that make no sense beside the others."""
+        kept = set(columns)
+        while orphans := {c for c in kept if not set(self.parents.get(c, ())) <= kept}:
+            kept -= orphans
+        return tuple(sorted(kept))
 
     @cached_property
     def pooled(self) -> Factor:
@@ -109,18 +130,19 @@ class Evidence:
 
     def take(self, columns: Sequence[int]) -> Evidence:
         """Return the evidence on some of the columns."""
-        return Evidence(tuple(self.ids[c] for c in columns), tuple(run.take(columns) for run in self.runs))
+        ids = tuple(self.ids[c] for c in columns)
+        return replace(self, ids=ids, runs=tuple(run.take(columns) for run in self.runs))
 
     def fixing(self, coefficients: Mapping[str, float]) -> Evidence:
         """Return the evidence on the other columns, the target less what the named ones carry at these coefficients."""
         columns = [self.ids.index(name) for name in coefficients]
         values = [*coefficients.values()]
         ids = tuple(name for name in self.ids if name not in coefficients)
-        return Evidence(ids, tuple(run.fixing(columns, values) for run in self.runs))
+        return replace(self, ids=ids, runs=tuple(run.fixing(columns, values) for run in self.runs))
 
     def only(self, groups: Sequence[str]) -> Evidence:
         """Return the evidence of the runs of some groups."""
-        return Evidence(self.ids, tuple(run for run in self.runs if run.group in groups))
+        return replace(self, runs=tuple(run for run in self.runs if run.group in groups))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from sindyjoint.errors import InputError
 
 # What each position is, and the names by which a person may call it.
 ORDER = ("angle", "rate", "acceleration")
+
+
+def ordered_frame(X: Any, inputs: Sequence[str]) -> Any:
+    """Return a data frame with its motion first and then the inputs, picked by name; an array as it is.
+
+    Raises
+    ------
+    InputError
+        For a frame that lacks an input, or whose columns of motion stand in another order.
+    """
+    names = [str(name) for name in getattr(X, "columns", ())]
+    if not names or not inputs:
+        refuse_order(X)
+        return X
+    lacking = [name for name in inputs if name not in names]
+    if lacking:
+        raise InputError(f"X has the columns {', '.join(names)}; expected one for the input {lacking[0]!r}")
+    motion = X[[name for name in names if name not in inputs]]
+    refuse_order(motion)
+    return X[[*motion.columns, *inputs]]
 
 
 def refuse_order(X: Any) -> None:

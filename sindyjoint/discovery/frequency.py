@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +24,17 @@ from sindyjoint.discovery.policy import POLICY
 from sindyjoint.errors import InputError
 
 Array = NDArray[np.float64]
-Answer = Literal["independent within margin", "depends on frequency", "cannot tell"]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Over what a coefficient is looked at, and its unit."""
+
+    name: str = "frequency"
+    unit: str = "Hz"
+
+
+FREQUENCY = Axis()
 
 
 @dataclass(frozen=True)
@@ -75,7 +84,7 @@ class FrequencyTest:
     change: float
     change_bound: float
     margin: float
-    answer: Answer
+    answer: str
     reason: str
 
     @property
@@ -136,6 +145,7 @@ def frequency_test(
     standard_errors: ArrayLike | None = None,
     degrees: ArrayLike | None = None,
     margin: float = POLICY.frequency_margin,
+    axis: Axis = FREQUENCY,
 ) -> FrequencyTest:
     """Test whether estimates at several frequencies are the same.
 
@@ -151,6 +161,8 @@ def frequency_test(
         Degrees of freedom of the standard errors. Default: they are known exactly.
     margin : float
         Relative change over the band that would not matter.
+    axis : Axis
+        What stands in the place of frequency, in words.
 
     Raises
     ------
@@ -165,15 +177,17 @@ def frequency_test(
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(x)) and margin > 0):
         raise InputError(f"{name}: expected frequencies, estimates and a positive margin, all finite")
     if standard_errors is None:
-        return _without_errors(name, f, x, margin)
+        return _without_errors(name, f, x, margin, axis)
     s = np.asarray(standard_errors, dtype=float)
     if s.shape != x.shape or not np.all(np.isfinite(s) & (s > 0)):
         raise InputError(f"{name}: expected one positive standard error for each estimate")
     nu = np.full(x.shape, 1e9) if degrees is None else np.asarray(degrees, dtype=float)
-    return _with_errors(name, f, x, s, nu, margin)
+    return _with_errors(name, f, x, s, nu, margin, axis)
 
 
-def _with_errors(name: str, f: Array, x: Array, s: Array, nu: Array, margin: float) -> FrequencyTest:
+def _with_errors(
+    name: str, f: Array, x: Array, s: Array, nu: Array, margin: float, axis: Axis
+) -> FrequencyTest:
     q, p_homogeneity, i_squared, tau = heterogeneity(x, s, nu)
     weight = 1 / (s**2 + tau**2)
     mean, mean_error = float(weight @ x / weight.sum()), float(weight.sum() ** -0.5)
@@ -185,14 +199,14 @@ def _with_errors(name: str, f: Array, x: Array, s: Array, nu: Array, margin: flo
     p = min(1.0, 2 * min(p_homogeneity, p_trend))
     uncertainty = 1.96 * slope_error * band / abs(mean) if mean else np.inf
     spread = tau / abs(mean) if mean else np.inf
-    answer, reason = _answer(p, (change, uncertainty), spread, bound, margin, (f.min(), f.max()))
+    answer, reason = _answer(p, (change, uncertainty), spread, bound, margin, (f.min(), f.max()), axis)
     return FrequencyTest(
         name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
         slope_error, p_trend, change, bound, margin, answer, reason,
     )  # fmt: skip
 
 
-def _without_errors(name: str, f: Array, x: Array, margin: float) -> FrequencyTest:
+def _without_errors(name: str, f: Array, x: Array, margin: float, axis: Axis) -> FrequencyTest:
     """Treat bare numbers: the scatter about the straight line is all that tells their errors."""
     from scipy.special import stdtrit
 
@@ -215,7 +229,8 @@ def _without_errors(name: str, f: Array, x: Array, margin: float) -> FrequencyTe
         if mean
         else float("inf")
     )
-    answer, reason = _answer(p_trend, (change, uncertainty), float("nan"), bound, margin, (f.min(), f.max()))
+    ends = (f.min(), f.max())
+    answer, reason = _answer(p_trend, (change, uncertainty), float("nan"), bound, margin, ends, axis)
     nan = float("nan")
     return FrequencyTest(
         name, tuple(f), tuple(x), (nan,) * x.size, mean, spread / np.sqrt(x.size), nan, x.size - 1, nan, nan, spread,
@@ -293,15 +308,16 @@ def _answer(
     bound: float,
     margin: float,
     band: tuple[float, float],
-) -> tuple[Answer, str]:
+    axis: Axis,
+) -> tuple[str, str]:
     """Return the answer and its reason; ``change`` is the trend over the band and half its 95 % interval."""
-    tested = f"over {band[0]:.3g} to {band[1]:.3g} Hz"
+    tested = f"over {band[0]:.3g} to {band[1]:.3g} {axis.unit}"
     trend = f"a trend of {100 * change[0]:+.1f} % ± {100 * change[1]:.1f} %"
     if np.isfinite(spread):
         trend += f", spread beyond the errors {100 * spread:.1f} %"
     if p < POLICY.frequency_level and bound >= POLICY.notable_change * margin:
         within = f"; beyond {100 * bound:.1f} % it is ruled out" if bound < margin else ""
-        return "depends on frequency", f"{trend} {tested} (p = {p:.2g}){within}"
+        return f"depends on {axis.name}", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:
         ruled_out = (
             f"every change {tested} beyond {100 * bound:.1f} % is ruled out, which is below the margin of "

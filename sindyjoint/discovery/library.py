@@ -6,6 +6,7 @@ Importing this module imports pysindy; nothing else in the catalogue code does.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,11 @@ from pysindy.utils import AxesArray, comprehend_axes
 from sklearn.utils.validation import check_is_fitted
 
 from sindyjoint.discovery.foreign_library import catalogue_of
-from sindyjoint.equation.catalogue import Catalogue, Reference, ResolvedTerm, load_catalogue, term_columns
+from sindyjoint.discovery.inputs import input_names, known_inputs, with_dependences
+from sindyjoint.discovery.rows import state_columns
+from sindyjoint.equation.catalogue import Catalogue, Reference, ResolvedTerm, load_catalogue
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import Input, reference_values
 
 
 class TermLibrary(BaseFeatureLibrary):
@@ -41,6 +45,10 @@ class TermLibrary(BaseFeatureLibrary):
         here.
     scale : {"rms", None}
         ``None`` leaves columns in physical units.
+
+    inputs : sequence of str or Input
+        What else terms may depend on: the last columns of X (controls ``u`` of ``pysindy.SINDy``). Dependences of the
+        catalogue ``"inputs"`` join the terms.
 
     Attributes
     ----------
@@ -68,17 +76,25 @@ class TermLibrary(BaseFeatureLibrary):
         include_inertia: bool = False,
         reference: Reference | Mapping[str, float] | None = None,
         scale: str | None = "rms",
+        inputs: Sequence[str | Input] = (),
     ):
+        self.inputs = inputs
         self.library = library
         self.include_inertia = include_inertia
         self.reference = reference
         self.scale = scale
 
     @classmethod
-    def of_terms(cls, terms: Sequence[ResolvedTerm], reference: Reference, n_features: int) -> TermLibrary:
+    def of_terms(
+        cls,
+        terms: Sequence[ResolvedTerm],
+        reference: Reference,
+        n_features: int,
+        inputs: Sequence[str | Input] = (),
+    ) -> TermLibrary:
         """Return the library of terms that are resolved already, fitted, in physical units."""
         catalogue = Catalogue("candidates", "candidate terms of a fit", tuple(each.term for each in terms))
-        library = cls(catalogue, reference=reference, scale=None)
+        library = cls(catalogue, reference=reference, scale=None, inputs=tuple(inputs))
         library.terms_, library.reference_ = tuple(terms), reference
         library.n_features_in_, library.n_output_features_ = n_features, len(terms)
         library.scales_ = np.ones(len(terms))
@@ -90,8 +106,8 @@ class TermLibrary(BaseFeatureLibrary):
 
         Parameters
         ----------
-        x_full : array_like, shape (n, 2) or (n, 3), or a list of such
-            Angle, rate and, if a term needs it, acceleration: rad, rad/s, rad/s².
+        x_full : array_like, shape (n, 2 + k) or (n, 3 + k), or a list of such
+            Angle, rate and, if a term needs it, acceleration: rad, rad/s, rad/s²; then the k inputs.
         y : ignored
 
         Raises
@@ -101,7 +117,8 @@ class TermLibrary(BaseFeatureLibrary):
         """
         if self.scale not in ("rms", None):
             raise InputError(f"scale is {self.scale!r}; expected 'rms' or None")
-        runs = [_states(x) for x in x_full]
+        names = input_names(self.inputs)
+        runs = [_states(x, len(names)) for x in x_full]
         widths = {states.shape[1] for states in runs}
         if len(widths) > 1:
             raise InputError(
@@ -110,13 +127,16 @@ class TermLibrary(BaseFeatureLibrary):
         catalogue = catalogue_of(self.library)
         if self.include_inertia:
             catalogue = catalogue.union(load_catalogue("inertia"))
-        self.reference_ = self._reference(runs)
+        inputs = known_inputs(self.inputs, np.concatenate(runs)[:, runs[0].shape[1] - len(names) :])
+        catalogue = with_dependences(catalogue, inputs)
+        own = reference_values(inputs)
+        self.reference_ = replace(self._reference(runs), inputs=own)
         self.terms_ = catalogue.resolve(self.reference_)
         self.n_features_in_ = widths.pop()
         self.n_output_features_ = len(self.terms_)
         self.scales_ = np.ones(len(self.terms_))
         if self.scale == "rms":
-            columns = (term_columns(self.terms_, *states.T) for states in runs)
+            columns = (state_columns(self.terms_, states, names) for states in runs)
             squares = sum(np.einsum("ij,ij->j", each, each) for each in columns)
             rms = np.sqrt(squares / sum(len(states) for states in runs))
             self.scales_ = np.where(rms > 0, rms, 1.0)
@@ -137,12 +157,13 @@ class TermLibrary(BaseFeatureLibrary):
         check_is_fitted(self)
         features = []
         for x in x_full:
-            states = _states(x)
+            names = input_names(self.inputs)
+            states = _states(x, len(names))
             if states.shape[1] != self.n_features_in_:
                 raise InputError(
                     f"X has {states.shape[1]} columns; the library was fitted to {self.n_features_in_}"
                 )
-            columns = term_columns(self.terms_, *states.T)
+            columns = state_columns(self.terms_, states, names)
             columns /= self.scales_
             features.append(AxesArray(columns, comprehend_axes(columns)))
         return features
@@ -174,7 +195,7 @@ class TermLibrary(BaseFeatureLibrary):
             unknown = sorted(set(given) - {"angle", "rate", "moment"})
             if unknown:
                 raise InputError(f"reference has the key {unknown[0]!r}; angle, rate and moment are known")
-            given = Reference(**given)
+            given = Reference(**given)  # type: ignore[arg-type]
         given = given or Reference()
         angle, rate = (max(float(np.abs(states[:, column]).max()) for states in runs) for column in (0, 1))
         return Reference(
@@ -184,13 +205,14 @@ class TermLibrary(BaseFeatureLibrary):
         )
 
 
-def _states(x: Any) -> NDArray[np.float64]:
+def _states(x: Any, inputs: int = 0) -> NDArray[np.float64]:
     """Return force states as a plain array, checked."""
     states = np.asarray(x, dtype=np.float64)
-    if states.ndim != 2 or states.shape[1] not in (2, 3) or not len(states):
+    if states.ndim != 2 or states.shape[1] - inputs not in (2, 3) or not len(states):
+        behind = f", and {inputs} column(s) of inputs behind them" if inputs else ""
         raise InputError(
             f"X has the shape {states.shape}; expected (n, 2) for angle and rate, or "
-            "(n, 3) with the acceleration"
+            f"(n, 3) with the acceleration{behind}"
         )
     bad = np.argwhere(~np.isfinite(states))
     if bad.size:

@@ -63,12 +63,12 @@ Method = Callable[[Asked], Path]
 
 def _stlsq(asked: Asked) -> Path:
     """Sequentially thresholded least squares on unique shares, one term at a time, with exchange."""
-    return elimination_path(asked.factor, asked.forced)
+    return elimination_path(asked.factor, asked.forced, asked.evidence.parents)
 
 
 def _backward(asked: Asked) -> Path:
     """Backward elimination: the term whose removal costs least goes, and does not come back."""
-    return backward_path(asked.factor, asked.forced)
+    return backward_path(asked.factor, asked.forced, asked.evidence.parents)
 
 
 def _best_subset(asked: Asked) -> Path:
@@ -276,6 +276,8 @@ def column_path(
     sets = propose(Asked(evidence, tuple(forced), signs, np.random.default_rng(random_state)))
     if signs:
         sets = [s for each in sets for s in (each, obedient(evidence.pooled, each, signs))]
+    if evidence.parents:
+        sets = [evidence.complete(each) for each in sets]
     unique = dict.fromkeys(tuple(sorted(s)) for s in sets if s)
     return sorted(unique, key=len, reverse=True)
 

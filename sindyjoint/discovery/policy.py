@@ -66,6 +66,11 @@ class DiscoveryPolicy:
         "all rows are read once more under their own",
         source="the maxima of random motion, a segment at a time, differ by less",
     )
+    lag_explains: float = limit(
+        0.1,
+        "share of the mean square left by the paper's law and its dependences on inputs that a lag of an input must "
+        "explain",
+    )
     longest_delay: float = limit(0.02, "largest time delay between the channels that is searched", unit="s")
     delay_significance: float = limit(5.0, "least ratio of a time delay to its standard error")
     unresolved_delay: float = limit(

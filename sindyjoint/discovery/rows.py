@@ -13,7 +13,7 @@ from sindyjoint.discovery.accumulate import Base, FactorSum, GramSum, Tiles, acc
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
-from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.threads import on_threads
@@ -119,20 +119,23 @@ def gather(
     weight: Array | None = None,
     X_replicate: ArrayLike | None = None,
     y_replicate: ArrayLike | None = None,
+    inputs: Sequence[str] = (),
 ) -> Evidence:
     """Return the factors of every run and block of some terms.
 
     Parameters
     ----------
     terms : sequence of ResolvedTerm
-    X : ndarray, shape (n, 2) or (n, 3)
-        θ, θ̇ and perhaps θ̈; SI.
+    X : ndarray, shape (n, 2 + k) or (n, 3 + k)
+        θ, θ̇, perhaps θ̈, and the inputs; SI.
     y : ndarray, shape (n,)
         N·m.
     labels : RowLabels
     weight : ndarray, shape (n,), optional
     X_replicate, y_replicate : array_like, optional
         The same rows from each single block.
+    inputs : sequence of str
+        Names of the k inputs.
 
     Raises
     ------
@@ -149,19 +152,25 @@ def gather(
     sources = (other,) if same else (other, whole)
     problems = [[rows[block] for block in run.blocks] for rows in sources for run in labels.runs]
     try:
-        factors = run_factors(compile_terms([term.expression for term in terms]), problems)
+        function = compile_terms([term.expression for term in terms], row_arguments(X.shape[1], inputs))
+        factors = run_factors(function, problems)
     except InputError:
         # Once more, slowly, for a message that names the term.
         for problem in problems:
             for rows in problem:
-                state_columns(terms, rows.X)
+                state_columns(terms, rows.X, inputs)
         raise
     n = len(labels.runs)
     runs = [
         RunEvidence(run.name, run.group, merge(pooled), tuple(blocks))
         for run, blocks, pooled in zip(labels.runs, factors[:n], factors[-n:], strict=True)
     ]
-    return Evidence(tuple(term.id for term in terms), tuple(runs))
+    return Evidence(tuple(term.id for term in terms), tuple(runs), hierarchy(terms))
+
+
+def hierarchy(terms: Sequence[ResolvedTerm]) -> dict[str, tuple[str, ...]]:
+    """Return for each term that has some the terms without which it makes no sense."""
+    return {term.id: term.term.within for term in terms if term.term.within}
 
 
 def gather_columns(
@@ -295,9 +304,18 @@ def _count(rows: Rows) -> float:
     return float(rows.y.size if rows.weight is None else rows.weight.sum())
 
 
-def state_columns(terms: Sequence[ResolvedTerm], X: Array) -> Array:
-    """Return the terms' columns at force states, shape (n, p)."""
-    return term_columns(list(terms), X[:, 0], X[:, 1], X[:, 2] if X.shape[1] == 3 else None)
+def row_arguments(columns: int, inputs: Sequence[str]) -> tuple[str, ...]:
+    """Return what the columns of force states are called in formulas; an acceleration that is not there comes last."""
+    motion = columns - len(inputs)
+    return (*VARIABLES[:motion], *inputs, *VARIABLES[motion:])
+
+
+def state_columns(terms: Sequence[ResolvedTerm], X: Array, inputs: Sequence[str] = ()) -> Array:
+    """Return the terms' columns at force states, shape (n, p); the last columns of X are the inputs."""
+    motion = X.shape[1] - len(inputs)
+    acceleration = X[:, 2] if motion == 3 else None
+    named = dict(zip(inputs, X[:, motion:].T, strict=True))
+    return term_columns(list(terms), X[:, 0], X[:, 1], acceleration, inputs=named)
 
 
 def _rows_of(labels: NDArray[Any]) -> dict[Any, Index]:

@@ -31,6 +31,7 @@ from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
 
 Array = NDArray[np.float64]
+Parents = Mapping[int, tuple[int, ...]]
 
 # Exchanging terms is worth its time only where the model is small enough to be chosen.
 EXCHANGE_BELOW = 13
@@ -51,12 +52,15 @@ class Step:
         Mean squared error of each run under the fit to the other groups; empty with one group.
     group_t_ratios : ndarray, shape (k,)
         absolute coefficient / its jackknife standard error over groups; infinite with fewer than three.
+    needed : frozenset of int
+        Columns without which others of the model make no sense: they need not pass.
     """
 
     fit: Fit
     threshold: float
     held_out: Array
     group_t_ratios: Array
+    needed: frozenset[int] = frozenset()
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -98,7 +102,9 @@ class Selection:
         return None if self.chosen is None else self.path[self.chosen]
 
 
-def elimination_path(factor: Factor, forced: Sequence[int] = ()) -> list[tuple[int, ...]]:
+def elimination_path(
+    factor: Factor, forced: Sequence[int] = (), parents: Parents | None = None
+) -> list[tuple[int, ...]]:
     """Return one set of columns for every size, by removing the least unique share and exchanging.
 
     Parameters
@@ -107,32 +113,43 @@ def elimination_path(factor: Factor, forced: Sequence[int] = ()) -> list[tuple[i
         Of all candidates.
     forced : sequence of int
         Columns that are never removed.
+    parents : mapping of int to tuple of int, optional
+        Columns that stay as long as the one that is given with them.
     """
-    return _eliminate(factor, forced, EXCHANGE_BELOW)
+    return _eliminate(factor, forced, EXCHANGE_BELOW, parents or {})
 
 
-def backward_path(factor: Factor, forced: Sequence[int] = ()) -> list[tuple[int, ...]]:
+def backward_path(
+    factor: Factor, forced: Sequence[int] = (), parents: Parents | None = None
+) -> list[tuple[int, ...]]:
     """Return one set of columns for every size, by removing the least unique share and never exchanging."""
-    return _eliminate(factor, forced, 0)
+    return _eliminate(factor, forced, 0, parents or {})
 
 
-def _eliminate(factor: Factor, forced: Sequence[int], exchange_below: int) -> list[tuple[int, ...]]:
+def _eliminate(
+    factor: Factor, forced: Sequence[int], exchange_below: int, parents: Parents
+) -> list[tuple[int, ...]]:
     scaled, _, _ = factor.normalised()
     kept = list(range(scaled.n_columns))
     path = [tuple(kept)]
     while len(kept) > max(1, len(forced)):
         part = scaled.take(kept)
         share = np.abs(part.solve()) / np.linalg.norm(part.inverse(), axis=1)
-        removable = [i for i, column in enumerate(kept) if column not in forced]
+        needed = {*forced, *(parent for column in kept for parent in parents.get(column, ()))}
+        removable = [i for i, column in enumerate(kept) if column not in needed]
+        if not removable:
+            break
         least = min(removable, key=lambda i: share[i])
         kept = [column for i, column in enumerate(kept) if i != least]
         if len(kept) < exchange_below:
-            kept = exchange(scaled, kept, forced)
+            kept = exchange(scaled, kept, forced, parents)
         path.append(tuple(kept))
     return path
 
 
-def exchange(factor: Factor, kept: Sequence[int], forced: Sequence[int] = ()) -> list[int]:
+def exchange(
+    factor: Factor, kept: Sequence[int], forced: Sequence[int] = (), parents: Parents | None = None
+) -> list[int]:
     """Return the columns after swapping single ones for outsiders as long as the fit improves.
 
     Parameters
@@ -142,16 +159,23 @@ def exchange(factor: Factor, kept: Sequence[int], forced: Sequence[int] = ()) ->
     kept : sequence of int
     forced : sequence of int
         Columns that stay.
+    parents : mapping of int to tuple of int, optional
+        Columns without which the one that is given with them does not enter, and that stay beside it.
     """
+    parents = parents or {}
     gram = factor.triangle.T @ factor.triangle
     kept = sorted(kept)
     error = _error(gram, kept)
     while True:
         best, best_error = None, error * (1 - 1e-6)
         errors, gains = _score_swaps(factor, gram, kept)
+        needed = {*forced, *(parent for column in kept for parent in parents.get(column, ()))}
         for index, leaving in enumerate(kept):
-            if leaving in forced:
+            if leaving in needed:
                 continue
+            for column, wanted in parents.items():
+                if leaving in wanted or not set(wanted) <= set(kept):
+                    gains[index, column] = -np.inf
             entering = int(np.argmax(gains[index]))
             trial_error = errors[index] - gains[index, entering]
             if trial_error < best_error:
@@ -218,7 +242,8 @@ def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ..
         estimates = left_out_estimates(evidence, columns)
         held_out = held_out_errors(evidence, columns, estimates)
         consistency = group_t_ratios(evidence, columns, estimates)
-        steps.append(Step(fit, float(fit.unique_share.min()), held_out, consistency))
+        needed = frozenset(evidence.needed(columns))
+        steps.append(Step(fit, float(fit.unique_share.min()), held_out, consistency, needed))
     return tuple(steps)
 
 
@@ -266,7 +291,7 @@ def choose_by_evidence(
 
 
 def _passes_limits(step: Step, significance: float, least_share: float, forced: Sequence[int]) -> bool:
-    judged = np.array([column not in forced for column in step.columns])
+    judged = np.array([column not in forced and column not in step.needed for column in step.columns])
     if not judged.any():
         return True
     return bool(
@@ -289,7 +314,8 @@ def choose_by_threshold(
 ) -> Selection:
     """Choose the first step of which every term's unique share, forced ones aside, reaches a given threshold."""
     for index, step in enumerate(path):
-        judged = [s for c, s in zip(step.columns, step.fit.unique_share, strict=True) if c not in forced]
+        free = {*forced, *step.needed}
+        judged = [s for c, s in zip(step.columns, step.fit.unique_share, strict=True) if c not in free]
         if min(judged, default=np.inf) >= threshold and obeys(step, signs):
             return Selection(tuple(path), index, f"the given threshold of {threshold:g}")
     return Selection(

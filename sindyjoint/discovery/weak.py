@@ -134,7 +134,7 @@ def _integrals(
     inertia: float,
     seed: int,
 ) -> tuple[Array, Array]:
-    columns = term_columns(list(terms), *motion)
+    columns = term_columns(list(terms), *motion, inputs=state.inputs)
     by_parts = next((i for i, term in enumerate(terms) if term.id == INERTIA), None)
     rate, found, target = motion[1], [], []
     for part in segments:

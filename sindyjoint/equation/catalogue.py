@@ -8,7 +8,7 @@ numbers in.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache, cached_property
 from pathlib import Path
@@ -26,8 +26,17 @@ from sindyjoint.equation.catalogue_file import (
     shipped_names,
 )
 from sindyjoint.equation.policy import POLICY
-from sindyjoint.equation.terms import Parameter, Reference, ResolvedTerm, Term, term_columns
+from sindyjoint.equation.terms import (
+    Parameter,
+    Reference,
+    ResolvedTerm,
+    Term,
+    TermInput,
+    input_units,
+    term_columns,
+)
 from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError
+from sindyjoint.inputs import check_name
 
 if TYPE_CHECKING:
     import sympy
@@ -235,16 +244,19 @@ def _term(located: LocatedEntry) -> Term:
     entry = located.entry
     where = f"{located.path.name}: term {entry.id!r}"
     try:
-        names = [parameter.name for parameter in entry.parameters]
+        inputs = _inputs(entry)
+        for each in inputs:
+            check_name(each.name)
+        names = [*(p.name for p in entry.parameters), *(each.reference for each in inputs if each.reference)]
         if len(set(names)) < len(names):
             raise InputError(f"a parameter name is used twice among {', '.join(names)}")
-        expression = formula.parse_formula(entry.formula, names)
-        _check_use(expression, names)
+        expression = formula.parse_formula(entry.formula, names, [each.name for each in inputs])
+        _check_use(expression, [*names, *(each.name for each in inputs)])
         motion = _checked_motion(entry, expression)
         parameters = tuple(_parameter(parameter, motion) for parameter in entry.parameters)
     except (FormulaError, UnitError, InputError) as error:
         raise type(error)(f"{where}: {error}") from None
-    return Term(
+    term = Term(
         id=entry.id,
         symbol=entry.symbol,
         formula=entry.formula,
@@ -256,6 +268,16 @@ def _term(located: LocatedEntry) -> Term:
         confused_with=tuple(entry.confused_with),
         parameters=parameters,
         expression=expression,
+        inputs=inputs,
+        within=tuple(entry.within),
+    )
+    return replace(term, unit=term.unit_for("rotation")) if inputs else term
+
+
+def _inputs(entry: TermEntry) -> tuple[TermInput, ...]:
+    return tuple(
+        TermInput(each.name, each.unit, each.reference or "", each.levels, tuple(each.offered_for))
+        for each in entry.inputs
     )
 
 
@@ -271,10 +293,11 @@ def _check_use(expression: sympy.Expr, names: list[str]) -> None:
 def _checked_motion(entry: TermEntry, expression: sympy.Expr) -> Motion:
     """Return the motion whose units the entry is written in, having checked that they fit the formula."""
     units = {parameter.name: parameter.unit for parameter in entry.parameters}
+    units |= input_units(_inputs(entry))
     for unit in (entry.unit, *units.values()):
         if not dimensions.is_coherent(unit):
             raise UnitError(
-                f"unit {unit!r} is not made of m, kg, s, rad, N only; catalogues are in SI: "
+                f"unit {unit!r} is not made of m, kg, s, rad, N, K, Pa, V, A only; catalogues are in SI: "
                 "scale the value instead"
             )
     faults: dict[Motion, str] = {}

@@ -49,6 +49,16 @@ class ParameterEntry(StrictEntry):
         return self
 
 
+class InputEntry(StrictEntry):
+    """An input that a formula uses, and what it calls the input's reference value."""
+
+    name: Line
+    unit: Line
+    reference: Line | None = None
+    levels: int = 2
+    offered_for: list[Line] = []
+
+
 class TermEntry(StrictEntry):
     """A candidate term as the file gives it."""
 
@@ -62,6 +72,8 @@ class TermEntry(StrictEntry):
     source: str = ""
     confused_with: list[Identifier] = []
     parameters: list[ParameterEntry] = []
+    inputs: list[InputEntry] = []
+    within: list[Identifier] = []
 
 
 class IncludeEntry(StrictEntry):

@@ -30,6 +30,9 @@ radian = [angle] = rad
 hertz = 1 / second = Hz
 newton = kilogram * meter / second ** 2 = N
 degree = 3.141592653589793 / 180 * radian = deg
+pascal = newton / meter ** 2 = Pa
+volt = [voltage] = V
+ampere = [current] = A
 """.strip().splitlines()
 
 _ORDER = ("N", "kg", "m", "s", "rad")
@@ -76,8 +79,8 @@ def parse_unit(text: str) -> Any:
         return unit_registry().parse_units("dimensionless" if text.strip() == "1" else text)
     except Exception as error:
         raise UnitError(
-            f"unit {text!r} cannot be read ({_first_line(error)}); known are m, kg, s, rad, N, Hz, deg, K "
-            "with the prefixes u, m, k, M, written like N*m*s/rad^2"
+            f"unit {text!r} cannot be read ({_first_line(error)}); known are m, kg, s, rad, N, Hz, deg, K, "
+            "Pa, V, A with the prefixes u, m, k, M, written like N*m*s/rad^2"
         ) from None
 
 

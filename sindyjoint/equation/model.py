@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.inputs import Input
 from sindyjoint.record import Joint
 from sindyjoint.text import rounded
 
@@ -35,6 +36,8 @@ class JointModel:
         Of all :attr:`numbers`, in their order.
     fitted : Fitted
     elements : tuple of JointElement
+    inputs : tuple of Input
+        On which the terms depend beside angle and rate, with the range that was tested.
     """
 
     joint: Joint
@@ -42,6 +45,7 @@ class JointModel:
     covariance: tuple[tuple[float, ...], ...]
     fitted: Fitted
     elements: tuple[JointElement, ...] = ()
+    inputs: tuple[Input, ...] = ()
 
     def __getitem__(self, term_id: str) -> ModelTerm:
         for term in self.terms:
@@ -134,7 +138,25 @@ class JointModel:
         elements = tuple(each.with_numbers([next(rest) for _ in each.numbers]) for each in self.elements)
         return replace(self, terms=terms, elements=elements, covariance=tuple(map(tuple, matrix)))
 
-    def moment(self, angle: ArrayLike, rate: ArrayLike, step: float | None = None) -> NDArray[np.float64]:
+    def at(self, **inputs: float) -> JointModel:
+        """Return the law at values of its inputs, SI; those not given are at their reference.
+
+        Raises
+        ------
+        UnknownNameError
+            For a name that is no input of the model.
+        """
+        from sindyjoint.equation.held import model_at
+
+        return model_at(self, inputs)
+
+    def moment(
+        self,
+        angle: ArrayLike,
+        rate: ArrayLike,
+        step: float | None = None,
+        inputs: Mapping[str, ArrayLike] | None = None,
+    ) -> NDArray[np.float64]:
         """Return the transfer moment at a state, or along a motion; without the part of the inertia.
 
         Parameters
@@ -144,6 +166,8 @@ class JointModel:
         step : float, optional
             s between the samples of a motion, shape (n,). A model with elements needs it: what they transfer depends
             on how a state was reached.
+        inputs : mapping of str to array_like, shape (...) or (), optional
+            SI; those not given are at their reference.
 
         Returns
         -------
@@ -155,7 +179,7 @@ class JointModel:
         InputError
             If the model has elements and no step is given.
         """
-        from sindyjoint.equation.formula import compile_terms
+        from sindyjoint.equation.formula import VARIABLES, compile_terms
 
         angle, rate = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
         if self.elements and step is None:
@@ -167,7 +191,10 @@ class JointModel:
         terms = [term for term in self.terms if term.id != INERTIA]
         total = np.zeros(angle.shape)
         if terms:
-            columns = compile_terms([term.expression for term in terms])(angle.ravel(), rate.ravel(), np.nan)
+            values = self.input_arrays(inputs, angle.shape)
+            columns = compile_terms([term.expression for term in terms], (*VARIABLES, *values))(
+                angle.ravel(), rate.ravel(), np.nan, *values.values()
+            )
             total = (columns @ np.array([term.coefficient for term in terms])).reshape(angle.shape)
         for element in self.elements:
             total = total + element.along(angle, rate, float(step or 0.0))
@@ -185,6 +212,16 @@ class JointModel:
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {self.latex()}$"
+
+    def input_arrays(
+        self, given: Mapping[str, ArrayLike] | None, shape: tuple[int, ...]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the inputs by name, each of that shape and then flat; the reference where none is given."""
+        known = {each.name: each.reference for each in self.inputs}
+        values = known | {name: value for name, value in (given or {}).items() if name in known}
+        return {
+            name: np.broadcast_to(np.asarray(value, float), shape).ravel() for name, value in values.items()
+        }
 
     def equation(self) -> str:
         """Return the equation as text, with symbols for coefficients, and the rates of internal states behind it."""
@@ -260,6 +297,7 @@ def model_terms(
                 standard_error=error,
                 interval95=(value - quantile * error, value + quantile * error),
                 unique_share=float(unique_share[index]),
+                inputs=tuple(each.name for each in item.term.inputs),
             )
         )
     return tuple(terms)

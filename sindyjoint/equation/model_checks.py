@@ -23,7 +23,7 @@ def check_model(model: JointModel) -> None:
     InputError
         Naming the term.
     """
-    from sindyjoint.equation.formula import compile_terms, variable_symbols
+    from sindyjoint.equation.formula import VARIABLES, compile_terms, variable_symbols
 
     fitted = model.fitted
     if not (fitted.moment_rms > 0 and fitted.angle > 0 and fitted.rate > 0):
@@ -35,7 +35,10 @@ def check_model(model: JointModel) -> None:
     angle, rate = (a.ravel() for a in np.meshgrid(fitted.angle * np.array([-1, -0.5, 0.5, 1]),
                                                   fitted.rate * np.array([-1, -0.5, 0.5, 1])))  # fmt: skip
     with np.errstate(all="ignore"):
-        moments = compile_terms([term.expression for term in terms])(angle, rate, np.nan)
+        far = {each.name: max(each.tested or (each.reference,), key=abs) for each in model.inputs}
+        moments = compile_terms([term.expression for term in terms], (*VARIABLES, *far))(
+            angle, rate, np.nan, *far.values()
+        )
         moments = np.abs(moments * [term.coefficient for term in terms]).max(axis=0)
     for term, moment in zip(terms, moments, strict=True):
         if not moment <= LARGEST_SHARE * fitted.moment_rms:

@@ -33,6 +33,8 @@ class ModelTerm:
     interval95 : tuple of float
     unique_share : float
         Moment that no other term can take over, relative to the RMS moment.
+    inputs : tuple of str
+        Names of the inputs that the formula uses.
     """
 
     id: str
@@ -46,6 +48,7 @@ class ModelTerm:
     standard_error: float
     interval95: tuple[float, float]
     unique_share: float
+    inputs: tuple[str, ...] = ()
 
     @cached_property
     def expression(self) -> sympy.Expr:
@@ -54,7 +57,7 @@ class ModelTerm:
 
         from sindyjoint.equation.formula import parameter_symbol, parse_formula
 
-        parsed = parse_formula(self.formula, [name for name, _ in self.parameters])
+        parsed = parse_formula(self.formula, [name for name, _ in self.parameters], self.inputs)
         return parsed.xreplace({parameter_symbol(name): Float(value, 17) for name, value in self.parameters})
 
 
@@ -80,6 +83,8 @@ class Fitted:
         Hash of the campaign's content, see :func:`~sindyjoint.states.campaigns.content_hash`; empty where not known.
     versions : tuple of (str, str)
         Names and versions of what fitted it.
+    gains : tuple of (str, float)
+        Declared relative uncertainty of the gain of each channel, which is in the intervals.
     """
 
     moment_rms: float
@@ -94,6 +99,7 @@ class Fitted:
     simulated: bool = False
     data: str = ""
     versions: tuple[tuple[str, str], ...] = ()
+    gains: tuple[tuple[str, float], ...] = ()
 
     @property
     def misfit(self) -> float:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sindyjoint.equation.element import ElementState, JointElement, Value
 from sindyjoint.equation.model_parts import Fitted, ModelTerm
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import Input
 from sindyjoint.record import Joint
 from sindyjoint.text import expectation
 
@@ -45,6 +46,7 @@ class TermRecord(_Part):
     standard_error: Size
     interval95: Interval
     unique_share: Number
+    inputs: list[Text] = []
 
 
 class ColumnRecord(_Part):
@@ -75,6 +77,21 @@ class StateRecord(_Part):
     unit: Text
     rate: Text
     limit: Text | None = None
+
+
+class InputRecord(_Part):
+    """An input of the law: SI unit, reference, the unit that it was declared in, and the range tested."""
+
+    name: Text
+    unit: Text
+    reference: Number
+    label: Text = ""
+    shown_unit: Text = ""
+    factor: Number = 1.0
+    zero: Number = 0.0
+    tested: Interval | None = None
+    levels: Annotated[int, Field(ge=1, le=10**9)] = 1
+    lag: Size = 0.0
 
 
 class ElementRecord(_Part):
@@ -115,6 +132,7 @@ class FittedRecord(_Part):
     simulated: bool = False
     data: Text = ""
     versions: dict[Text, Text] = {}
+    gains: dict[Text, Size] = {}
 
 
 class ModelRecord(_Part):
@@ -127,12 +145,14 @@ class ModelRecord(_Part):
     covariance: list[list[Number]]
     fitted: FittedRecord
     elements: Annotated[list[ElementRecord], Field(max_length=50)] = []
+    inputs: Annotated[list[InputRecord], Field(max_length=20)] = []
     fidelity: list[dict[str, Any]] = []  # of an export to JSON
 
 
 def to_record(model: Any) -> dict[str, Any]:
     """Return a model as plain JSON data, schema 2."""
     fitted = asdict(model.fitted)
+    del fitted["gains"]  # written where there are some
     for name in MAY_BE_UNKNOWN:
         if not math.isfinite(fitted[name]):
             fitted[name] = None  # JSON has no NaN
@@ -140,11 +160,21 @@ def to_record(model: Any) -> dict[str, Any]:
         "schema": SCHEMA,
         "kind": KIND,
         "joint": {**asdict(model.joint), "labels": dict(model.joint.labels)},
-        "terms": [asdict(term) for term in model.terms],
+        "terms": [_without_empty(asdict(term)) for term in model.terms],
         "elements": [element_record(element) for element in model.elements],
         "covariance": [list(row) for row in model.covariance],
-        "fitted": {**fitted, "versions": dict(model.fitted.versions)},
+        "fitted": {
+            **fitted,
+            "versions": dict(model.fitted.versions),
+            **({"gains": dict(model.fitted.gains)} if model.fitted.gains else {}),
+        },
+        **({"inputs": [asdict(each) for each in model.inputs]} if model.inputs else {}),
     }
+
+
+def _without_empty(term: dict[str, Any]) -> dict[str, Any]:
+    """Return the record of a term; one that depends on no input does not speak of them."""
+    return {key: value for key, value in term.items() if key != "inputs" or value}
 
 
 def element_record(element: JointElement) -> dict[str, Any]:
@@ -201,9 +231,11 @@ def from_record(data: Any) -> dict[str, Any]:
                 **fitted,
                 "frequencies": tuple(fitted["frequencies"]),
                 "versions": tuple(fitted["versions"].items()),
+                "gains": tuple(fitted["gains"].items()),
             }
         ),
         "elements": elements,
+        "inputs": tuple(Input(**each.model_dump()) for each in record.inputs),
     }
 
 
@@ -221,7 +253,8 @@ def validated(schema: Any, data: Any, wanted: str) -> Any:
 
 
 def _term(record: TermRecord) -> ModelTerm:
-    term = ModelTerm(**{**record.model_dump(), "parameters": tuple(record.parameters)})
+    tuples = {"parameters": tuple(record.parameters), "inputs": tuple(record.inputs)}
+    term = ModelTerm(**{**record.model_dump(), **tuples})
     _ = term.expression  # a formula that cannot be read is said at once
     return term
 

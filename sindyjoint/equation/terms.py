@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Literal
@@ -29,17 +29,26 @@ class Reference:
     ----------
     angle, rate, moment : float, optional
         Largest absolute angle (rad), rate (rad/s) and moment (N·m); m, m/s and N for translation.
+    inputs : tuple of (str, float)
+        Reference value of each declared input, SI.
     """
 
     angle: float | None = None
     rate: float | None = None
     moment: float | None = None
+    inputs: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
 
     @classmethod
-    def of(cls, angle: ArrayLike, rate: ArrayLike, moment: ArrayLike | None = None) -> Reference:
-        """Take the scales from signals, each array_like of any shape."""
+    def of(
+        cls,
+        angle: ArrayLike,
+        rate: ArrayLike,
+        moment: ArrayLike | None = None,
+        inputs: Iterable[tuple[str, float]] = (),
+    ) -> Reference:
+        """Take the scales from signals, each array_like of any shape; ``inputs`` are reference values by name."""
         largest = [None if signal is None else _find_largest(signal) for signal in (angle, rate, moment)]
-        return cls(*largest)
+        return cls(*largest, inputs=tuple(inputs))
 
 
 @dataclass(frozen=True)
@@ -89,6 +98,31 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class TermInput:
+    """An input that a term depends on.
+
+    Parameters
+    ----------
+    name : str
+        In the formula, and in ``[inputs]`` of the campaign.
+    unit : str
+        SI.
+    reference : str
+        What the formula calls the input's reference value; empty where it does not use it.
+    levels : int
+        At how many levels of the input the term is offered, at least.
+    offered_for : tuple of str
+        SI units of the inputs for which it is offered; empty for all.
+    """
+
+    name: str
+    unit: str
+    reference: str = ""
+    levels: int = 2
+    offered_for: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Term:
     """A candidate term: coefficient × formula is a moment.
 
@@ -108,6 +142,9 @@ class Term:
     parameters : tuple of Parameter
     expression : sympy.Expr
         The parsed formula, parameters still symbols.
+    inputs : tuple of TermInput
+    within : tuple of str
+        Ids of terms without which this one makes no sense: k1·T without k1.
     """
 
     id: str
@@ -121,9 +158,15 @@ class Term:
     confused_with: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     expression: sympy.Expr = field(repr=False)
+    inputs: tuple[TermInput, ...] = ()
+    within: tuple[str, ...] = ()
 
     def unit_for(self, motion: Motion) -> str:
         """Return the unit of the coefficient for rotation or translation."""
+        if self.inputs:
+            # The units of inputs are the same for either kind of motion: a load stays N where N*m becomes N.
+            own = {p.name: p.unit_for(motion) for p in self.parameters}
+            return dimensions.coefficient_unit(self.expression, own | input_units(self.inputs), motion)
         return self.unit if motion == "rotation" else dimensions.unit_for(self.unit, motion)
 
     def text(self, motion: Motion = "rotation") -> str:
@@ -149,7 +192,7 @@ class Term:
 
         Found by evaluating it at points of many sizes: sympy does not see that max(min(θ, g), -g) is odd.
         """
-        names = [parameter.name for parameter in self.parameters]
+        names = [*self.symbols, *(each.name for each in self.inputs)]
         motion = np.random.default_rng(0).normal(size=(3, 256)) * np.logspace(-4, 2, 256)
         evaluate = formula.compile_terms([self.expression], [*formula.VARIABLES, *names])
         here = evaluate(*motion, *np.linspace(0.5, 1.0, len(names)))
@@ -157,6 +200,12 @@ class Term:
         if np.allclose(mirrored, here, rtol=1e-9, atol=0, equal_nan=True):
             return "even"
         return "odd" if np.allclose(mirrored, -here, rtol=1e-9, atol=0, equal_nan=True) else "neither"
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Names of the nonlinear parameters, and of the reference values of inputs."""
+        references = (each.reference for each in self.inputs if each.reference)
+        return (*(parameter.name for parameter in self.parameters), *references)
 
     def resolve(self, reference: Reference | None = None) -> ResolvedTerm:
         """Set the nonlinear parameters to numbers.
@@ -168,13 +217,25 @@ class Term:
         """
         try:
             values = tuple((parameter.name, parameter.resolve(reference)) for parameter in self.parameters)
+            values += tuple(self._references(reference))
         except InputError as error:
             raise InputError(f"term {self.id!r}: {error}") from None
         return self.with_parameters(dict(values))
 
+    def _references(self, reference: Reference | None) -> Iterator[tuple[str, float]]:
+        known = {} if reference is None else dict(reference.inputs)
+        for each in self.inputs:
+            if each.name not in known:
+                raise InputError(
+                    f"it depends on the input {each.name!r}, which these data do not have (they have "
+                    f"{', '.join(known) or 'none'}); declare it in [inputs] of the campaign, or leave the term out"
+                )
+            if each.reference:
+                yield each.reference, known.get(each.reference, known[each.name])
+
     def with_parameters(self, values: dict[str, float]) -> ResolvedTerm:
         """Set the nonlinear parameters to the given numbers, in SI units."""
-        names = [parameter.name for parameter in self.parameters]
+        names = list(self.symbols)
         if set(values) != set(names):
             raise InputError(
                 f"term {self.id!r}: values for {', '.join(values) or 'nothing'} given; "
@@ -208,7 +269,12 @@ class ResolvedTerm:
 
 
 def term_columns(
-    terms: Sequence[ResolvedTerm], angle: ArrayLike, rate: ArrayLike, acceleration: ArrayLike | None = None
+    terms: Sequence[ResolvedTerm],
+    angle: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike | None = None,
+    *,
+    inputs: Mapping[str, ArrayLike] | None = None,
 ) -> NDArray[np.float64]:
     """Evaluate terms along measured motion.
 
@@ -217,6 +283,8 @@ def term_columns(
     terms : sequence of ResolvedTerm
     angle, rate, acceleration : array_like, shape (n,)
         rad, rad/s, rad/s²; the acceleration only where a term needs it.
+    inputs : mapping of str to array_like, shape (n,) or (), optional
+        Inputs of the law, SI.
 
     Returns
     -------
@@ -235,7 +303,14 @@ def term_columns(
                 f"term(s) {', '.join(lacking)} need the acceleration; give it as the third signal"
             )
         acceleration = np.nan
-    columns = formula.compile_terms([term.expression for term in terms])(angle, rate, acceleration)
+    known = dict(inputs or {})
+    lacking = [each.name for term in terms for each in term.term.inputs if each.name not in known]
+    if lacking:
+        raise InputError(
+            f"the terms depend on the input {lacking[0]!r}, of which no values are given; give them"
+        )
+    compiled = formula.compile_terms([term.expression for term in terms], (*formula.VARIABLES, *known))
+    columns = compiled(angle, rate, acceleration, *known.values())
     # One sum per column finds NaN and infinity without a second array of the same size.
     bad = np.flatnonzero(~np.isfinite(columns.sum(axis=0)))
     for index in map(int, bad):
@@ -247,6 +322,11 @@ def term_columns(
                 "leave the term out or change its formula"
             )
     return columns
+
+
+def input_units(inputs: Sequence[TermInput]) -> dict[str, str]:
+    """Return the units of inputs and of their reference values by name."""
+    return {name: each.unit for each in inputs for name in (each.name, each.reference) if name}
 
 
 def _find_largest(signal: ArrayLike) -> float:

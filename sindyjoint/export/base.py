@@ -128,10 +128,10 @@ class Cycles:
         return cls(level * fitted.angle * np.sin(phase), level * fitted.rate * np.cos(phase), step)
 
     def term(self, term: ModelTerm) -> Array:
-        """Moment of one term over the cycles; zero for a term in the acceleration, which no cycle defines."""
+        """Moment of one term over the cycles; zero for one in the acceleration or an input, which no cycle defines."""
         from sindyjoint.equation.formula import variable_symbols
 
-        if variable_symbols()[2] in term.expression.free_symbols:
+        if variable_symbols()[2] in term.expression.free_symbols or term.inputs:
             return np.zeros(self.angle.shape)
         return contribution(term, self.angle, self.rate)
 
@@ -290,6 +290,27 @@ def fidelity_table(
             *_shares((whole - exact)[moving], model.fitted.moment_rms),
         )
     )  # fmt: skip
+    return tuple(rows)
+
+
+def held_rows(model: JointModel, held: JointModel) -> tuple[Fidelity, ...]:
+    """Return a row for each input that an export holds at a value: what the law misses at the ends of its range."""
+    cycles, rows = Cycles.of(model), []
+    used = {name for term in model.terms for name in term.inputs}
+    whole = held.without_elements().moment(cycles.angle, cycles.rate)
+    at = {each.name: each.reference for each in held.inputs}
+    for each in held.inputs:
+        if each.name not in used:
+            continue
+        ends = [
+            model.without_elements().moment(cycles.angle, cycles.rate, inputs=at | {each.name: end})
+            for end in each.tested or ()
+        ]
+        shares = [_shares((end - whole)[cycles.moving], model.fitted.moment_rms) for end in ends]
+        words = f"not carried: held at {each.shown(each.reference)}"
+        if each.tested:
+            words += f", tested from {each.shown(each.tested[0])} to {each.shown(each.tested[1])}"
+        rows.append(Fidelity(each.name, each.name, words, False, *max(shares, default=(0.0, 0.0))))
     return tuple(rows)
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.export.base import Export, check_exportable
+from sindyjoint.export.base import Export, check_exportable, held_rows
 
 TARGETS = {
     "ansys": "APDL: COMBIN39, COMBIN40 and COMBIN37 elements, and a rig of beams around them",
@@ -22,10 +24,17 @@ TARGETS = {
     "c": "a C99 header, with stick-slip steps",
     "latex": "equation and table of the terms",
     "json": "the model with its fidelity table",
+    "samples": "sets of coefficients as CSV, for Monte Carlo: of one joint, or of the joints of a batch",
 }
 
 
-def export_model(model: JointModel, target: str, **options: Any) -> Export:
+# What writes formulas as they are carries inputs, too.
+WITH_INPUTS = ("json", "latex", "samples")
+
+
+def export_model(
+    model: JointModel, target: str, at: Mapping[str, float] | None = None, **options: Any
+) -> Export:
     """Write a model for a target.
 
     Parameters
@@ -33,6 +42,9 @@ def export_model(model: JointModel, target: str, **options: Any) -> Export:
     model : JointModel
     target : str
         One of :data:`TARGETS`.
+    at : mapping of str to float, optional
+        Values of the law's inputs, SI; those not given are at their reference. Without it ``"json"``, ``"latex"`` and
+        ``"samples"`` carry the dependence itself.
     **options
         Of the target: ``rig`` for "ansys", the name or path of the rig written around the joint.
 
@@ -61,4 +73,7 @@ def export_model(model: JointModel, target: str, **options: Any) -> Export:
         hint = f"; did you mean {near[0]!r}?" if near else ";"
         raise UnknownNameError(f"target {target!r} is not known{hint} Known are {', '.join(TARGETS)}")
     check_exportable(model)
-    return import_module(f"sindyjoint.export.{target}").export(model, **options)
+    depends = any(term.inputs for term in model.terms)
+    held = model.at(**(at or {})) if at or (depends and target not in WITH_INPUTS) else model
+    made: Export = import_module(f"sindyjoint.export.{target}").export(held, **options)
+    return replace(made, fidelity=(*held_rows(model, held), *made.fidelity)) if held is not model else made

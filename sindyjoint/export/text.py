@@ -138,7 +138,11 @@ def _percent(share: float) -> str:
 
 def preamble(model: JointModel, target: str, rows: Sequence[Fidelity], notes: Sequence[str]) -> list[str]:
     """Return heading, fidelity table, what is not carried, and notes."""
-    missing = not_carried(rows)
+    held = () if any(term.inputs for term in model.terms) else model.inputs
+    missing = [
+        *(f"{each.label}: the law is that at {each.shown(each.reference)}" for each in held),
+        *not_carried(rows),
+    ]
     lines = [*heading(model, target), "", *fidelity_lines(rows)]
     lines += (
         ["", "Not carried:", *(f"- {text}" for text in missing)]

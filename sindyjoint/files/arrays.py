@@ -16,9 +16,11 @@ from sindyjoint.files.drafting.doubts import Doubts
 from sindyjoint.files.drafting.excitation import find_frequency, name_levels
 from sindyjoint.files.drafting.roles import role_of
 from sindyjoint.files.drafting.survey import DataFile
+from sindyjoint.files.inputs import inputs_of_runs
 from sindyjoint.files.stated_units import unit_in_name
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.inputs import with_range
 from sindyjoint.options import refuse_unknown
 from sindyjoint.record import Campaign, Joint, Motion, Run, Use
 
@@ -47,6 +49,8 @@ def campaign_from_arrays(
     name: str = "joint",
     inertia: float | str | None = None,
     simulated: bool = False,
+    inputs: Mapping[str, Any] | None = None,
+    references: Mapping[str, str | float] | None = None,
 ) -> Campaign:
     """Return a campaign of arrays.
 
@@ -74,6 +78,11 @@ def campaign_from_arrays(
         Moving with the joint: SI, or ``"0.02 kg*m^2"``. Default: identified.
     simulated : bool
         Whether the arrays come from a simulation. Reports say so.
+    inputs : mapping of str to value, array_like, or a sequence of these, optional
+        What else the law may depend on, by its name in formulas: one value for all runs or one for each, each a number
+        in the unit that ``units`` gives, a quantity such as ``"-40 degC"``, or an array, shape (n,).
+    references : mapping of str to float or str, optional
+        Values of the inputs at which coefficients that do not depend on them hold. Default: the middle of the range.
 
     Raises
     ------
@@ -89,7 +98,7 @@ def campaign_from_arrays(
         )
     motion: Motion = "rotation" if "angle" in present else "translation"
     stated = {key: KEYS[motion][CHANNELS[key]][1] for key in present} | {"time": "s"}
-    refuse_unknown("units", units or {}, stated)
+    refuse_unknown("units", units or {}, [*stated, *(inputs or {})])
     stated |= dict(units or {})
     columns = {key: _as_runs(given[key]) for key in present}
     if time is not None:
@@ -113,7 +122,7 @@ def campaign_from_arrays(
         )
     return campaign_from_frames(
         frames, units=stated, rate=rate, frequency=frequency, level=level, use=use, name=name, inertia=inertia,
-        motion=motion, simulated=simulated,
+        motion=motion, simulated=simulated, inputs=inputs, references=references,
     )  # fmt: skip
 
 
@@ -130,6 +139,8 @@ def campaign_from_frames(
     name: str = "joint",
     inertia: float | str | None = None,
     simulated: bool = False,
+    inputs: Mapping[str, Any] | None = None,
+    references: Mapping[str, str | float] | None = None,
 ) -> Campaign:
     """Return a campaign of data frames, one for each run.
 
@@ -143,8 +154,8 @@ def campaign_from_frames(
     columns : mapping of str to str, optional
         Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``.
     motion : {"rotation", "translation"}, optional
-    rate, frequency, level, use, name, inertia, simulated
-        As for :func:`campaign_from_arrays`.
+    rate, frequency, level, use, name, inertia, simulated, inputs, references
+        As for :func:`campaign_from_arrays`; of an input also the name of a column.
 
     Raises
     ------
@@ -158,7 +169,8 @@ def campaign_from_frames(
     answers = dict(columns or {}) | ({} if motion is None else {"motion": motion})
     doubts = Doubts(answers)
     bundles = [_bundle(title, frame, dict(units or {})) for title, frame in frames.items()]
-    _refuse_strange_units(units or {}, bundles)
+    _refuse_strange_units(units or {}, bundles, inputs or {})
+    declared, values = inputs_of_runs(inputs or {}, units or {}, references or {}, frames)
     found: Motion = find_motion(bundles, doubts)
     runs = [_signals(bundle, found, rate, doubts) for bundle in bundles]
     if doubts.questions:
@@ -166,23 +178,22 @@ def campaign_from_frames(
         raise InputError(f"{question.text} Give columns={{{question.key!r}: ...}} (guess: {question.guess})")
     peaks = [float(np.ptp(run["angle"])) / 2 for run, _ in runs]
     labels = name_levels([""] * len(runs), peaks, KEYS[found]["angle"][1]) if level is None else level
-    return Campaign(
-        Joint(name, found, _inertia(inertia, found)),
-        tuple(
-            Run(
-                title,
-                signals["moment"],
-                signals["angle"],
-                sample_rate,
-                rate=signals.get("rate"),
-                frequency=_frequency(_of(frequency, i, len(runs)), signals, sample_rate, title),
-                level=_of(labels, i, len(runs)),
-                use=_of(use, i, len(runs)),
-            )
-            for i, (title, (signals, sample_rate)) in enumerate(zip(frames, runs, strict=True))
-        ),
-        simulated=simulated,
+    made = tuple(
+        Run(
+            title,
+            signals["moment"],
+            signals["angle"],
+            sample_rate,
+            rate=signals.get("rate"),
+            frequency=_frequency(_of(frequency, i, len(runs)), signals, sample_rate, title),
+            level=_of(labels, i, len(runs)),
+            use=_of(use, i, len(runs)),
+            inputs=values[i],
+        )
+        for i, (title, (signals, sample_rate)) in enumerate(zip(frames, runs, strict=True))
     )
+    joint = Joint(name, found, _inertia(inertia, found))
+    return Campaign(joint, made, simulated=simulated, inputs=with_range(declared, made, references or {}))
 
 
 def _as_runs(values: Any) -> list[Array]:
@@ -227,8 +238,10 @@ def _bundle(title: str, frame: Any, units: dict[str, str]) -> Bundle:
     return Bundle((file,), tuple(columns))
 
 
-def _refuse_strange_units(units: Mapping[str, str], bundles: Sequence[Bundle]) -> None:
-    known = {column.title for bundle in bundles for column in bundle.columns} | {"time"}
+def _refuse_strange_units(
+    units: Mapping[str, str], bundles: Sequence[Bundle], inputs: Mapping[str, Any]
+) -> None:
+    known = {column.title for bundle in bundles for column in bundle.columns} | {"time", *inputs}
     refuse_unknown("units", units, sorted(known))
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.blocks import open_blocks
-from sindyjoint.files.channels import KEYS, RunReader, check_keys, declared_noise
+from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys, declared_gains, declared_noise
+from sindyjoint.files.inputs import DeclaredInputs
 from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
 from sindyjoint.files.readers import read_table, sha256_of
 from sindyjoint.files.readers.table import Table
@@ -61,7 +62,16 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
     notes = tuple(dict.fromkeys([*manifest.notes, *loader.notes]))
     try:
         simulated = manifest.simulated or loader.simulated
-        return Campaign(joint, runs, simulated=simulated, skew=loader.declared_skew(), notes=notes)
+        inputs = loader.inputs.tested(runs)
+        return Campaign(
+            joint,
+            runs,
+            simulated=simulated,
+            skew=loader.declared_skew(),
+            notes=notes,
+            inputs=inputs,
+            gain_uncertainty=declared_gains(manifest.channels, joint.motion, f"{file}: [channels]"),
+        )
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
 
@@ -130,6 +140,9 @@ class _RunLoader:
     simulated: bool = False
     """Whether a file that was read says so."""
 
+    def __post_init__(self) -> None:
+        self.inputs = DeclaredInputs(self.manifest, str(self.file))
+
     def declared_skew(self) -> float | None:
         """Return the time delay between the channels, s, whether removed now or before."""
         channels = self.manifest.channels
@@ -153,9 +166,12 @@ class _RunLoader:
         opened, channels, sha256 = self._join_files(opened, channels, sha256)
         self.simulated |= opened.simulated
         reader = RunReader(
-            opened, channels, self.manifest.rig, self.motion, self.file, self.notes, rows is not None
-        )
+            opened, channels, self.manifest.rig, self.motion, self.file, self.notes,
+            self.inputs.columns(table), rows is not None,
+        )  # fmt: skip
         signals, rate = reader.read()
+        measured = {key.removeprefix(INPUT): each for key, each in signals.items() if key.startswith(INPUT)}
+        inputs = self.inputs.values(table, measured, rate, entry)
         try:
             run = Run(
                 str(PurePosixPath(table.file).with_suffix("")) if table.name is None else table.name,
@@ -171,6 +187,7 @@ class _RunLoader:
                 whole=whole,
                 noise=declared_noise(channels, self.motion, f"{self.file}: [channels]"),
                 file_units=reader.file_units(),
+                inputs=inputs,
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, UnitError
-from sindyjoint.files.manifest import Channel, Channels, Column, RigTable
+from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import (
     advanced,
@@ -46,6 +47,8 @@ KEYS: dict[Motion, dict[str, tuple[str, str]]] = {
 
 # Among the channels that were read: False at samples that the recorder lost.
 VALID = "valid"
+# Begins the names of inputs of the law among them.
+INPUT = "input "
 
 
 def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifest: Path) -> None:
@@ -108,6 +111,8 @@ class RunReader:
     manifest: Path
     notes: list[str] = field(default_factory=list)
     """What had to be decided; filled by :meth:`read`."""
+    inputs: Mapping[str, InputTable] = field(default_factory=dict)
+    """Inputs of the law that are columns of the file."""
     part: bool = False
     """Whether the table is a part of a longer one, of which no sample may be missing."""
 
@@ -134,6 +139,10 @@ class RunReader:
                 signals[quantity] = _measured(channel, columns, unit, where)
         if self.rig is not None:
             self._add_gauges(self.rig, columns, signals)
+        # As they stand in the file; files/inputs.py knows their units.
+        signals |= {
+            f"{INPUT}{name}": columns[each.column] for name, each in self.inputs.items() if each.column
+        }
         signals, rate = self._timed(signals, columns)
         self._refuse_dead(signals)
         signals = self._remove_delay(signals, rate)
@@ -176,6 +185,7 @@ class RunReader:
             channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
             if channel is not None and channel.column is not None:
                 wanted.append(channel.column)
+        wanted += [each.column for each in self.inputs.values() if each.column is not None]
         if self.rig is not None:
             wanted += (self.rig.strain or []) + (self.rig.displacement or [])
         return dict(zip(wanted, self.table.columns(wanted), strict=True))
@@ -214,7 +224,8 @@ class RunReader:
 
     def _timed(self, signals: dict[str, Array], columns: dict[Column, Array]) -> tuple[dict[str, Any], float]:
         """Return the channels on a uniform time axis, and its rate, Hz."""
-        sizes = {KEYS[self.motion][name][0]: values.size for name, values in signals.items()}
+        known = KEYS[self.motion]
+        sizes = {known[name][0] if name in known else name: values.size for name, values in signals.items()}
         axis = self.channels.time
         if axis is None:
             self._refuse_lengths(sizes)
@@ -252,7 +263,11 @@ class RunReader:
     def _refuse_dead(self, signals: dict[str, Array]) -> None:
         """Refuse a measured channel that never changes."""
         for quantity, values in signals.items():
-            if quantity != VALID and values.size and np.ptp(values) <= 1e-13 * np.abs(values).max():
+            if (
+                quantity in KEYS[self.motion]
+                and values.size
+                and np.ptp(values) <= 1e-13 * np.abs(values).max()
+            ):
                 key, unit = KEYS[self.motion][quantity]
                 raise InputError(
                     f"{self.table.path}: {key} is constant ({values[0]:g} {unit}); a dead channel? "
@@ -310,6 +325,27 @@ def declared_noise(channels: Channels, motion: Motion, where: str) -> SensorNois
         return SensorNoise(**values)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
+
+
+def declared_gains(channels: Channels, motion: Motion, where: str) -> dict[str, float]:
+    """Return the relative uncertainty of the gains that channels declare.
+
+    Raises
+    ------
+    InputError, UnitError
+        For what is no share between 0 and 1.
+    """
+    values = {}
+    for quantity, (key, _) in KEYS[motion].items():
+        channel: Channel | None = getattr(channels, key, None)
+        given = None if channel is None else channel.gain_uncertainty
+        if given is not None:
+            place = f"{where} {key}.gain_uncertainty"
+            share = parse_quantity(given, "m/m", place) if isinstance(given, str) else float(given)
+            if not 0 < share < 1:
+                raise InputError(f"{place}: {given!r}; expected a share such as '1 %'")
+            values[quantity] = share
+    return values
 
 
 def _noise(channel: Channel, unit: str, where: str) -> float:

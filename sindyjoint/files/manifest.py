@@ -9,9 +9,9 @@ import difflib
 import os
 import re
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from sindyjoint.checksums import check_finished
@@ -68,10 +68,14 @@ class Channel(StrictTable):
     constant: str | None = Field(
         default=None, description="Value of a quantity that was not recorded, such as '0 N*m'."
     )
+    gain_uncertainty: str | float | None = Field(
+        default=None,
+        description="Relative standard uncertainty of the calibration, such as '1 %'; common to all runs.",
+    )
 
     @model_validator(mode="after")
     def _column_or_constant(self) -> Channel:
-        if self.model_fields_set == {"noise"}:
+        if self.model_fields_set <= {"noise", "gain_uncertainty"} and self.model_fields_set:
             return self
         if (self.column is None) == (self.constant is None):
             raise ValueError("expected either column (with unit) or constant")
@@ -169,6 +173,45 @@ class RigTable(StrictTable):
         return self
 
 
+class InputTable(StrictTable):
+    """What the law may depend on beside angle and rate: a column, or a value of all runs or of each."""
+
+    column: Column | None = Field(default=None, description="Name of the column, or its number from 1.")
+    unit: str | None = Field(
+        default=None, description="Of the column and of plain numbers; degC and degF have their own zero."
+    )
+    constant: str | float | int | None = Field(
+        default=None, description="Value in every run that states no other in its own inputs."
+    )
+    reference: str | float | int | None = Field(
+        default=None,
+        description="Value at which the coefficients hold that do not depend on it; omitted: the middle of the range.",
+    )
+    name: str | None = Field(default=None, description="In reports.")
+    delay: str | None = Field(
+        default=None, description="Time by which the column lags; it is removed on reading."
+    )
+
+    lag: str | None = Field(
+        default=None,
+        description="Time constant of the first-order lag with which the joint follows the input; omitted: found.",
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> InputTable:
+        if self.column is not None and self.constant is not None:
+            raise ValueError("expected column or constant, not both")
+        if self.column is not None and self.unit is None:
+            raise ValueError("key 'unit' is missing")
+        if self.delay is not None and self.column is None:
+            raise ValueError("delay belongs to a column")
+        return self
+
+
+def _as_input(value: Any) -> Any:
+    return value if isinstance(value, dict | InputTable) else {"constant": value}
+
+
 class JointTable(StrictTable):
     """The joint under test."""
 
@@ -198,6 +241,10 @@ class RunTable(StrictTable):
         default="identify", description="Fitted, or kept for validation."
     )
     channels: Channels | None = Field(default=None, description="What differs from [channels] in this run.")
+    inputs: dict[str, str | float | int] = Field(
+        default_factory=dict,
+        description="Values that [inputs] have in this run, such as temperature = '-40 degC'.",
+    )
 
 
 class Manifest(StrictTable):
@@ -207,6 +254,10 @@ class Manifest(StrictTable):
     notes: list[str] = Field(default_factory=list, description="Remarks that reports repeat.")
     joint: JointTable = Field(default=JointTable(), description="The joint under test.")
     channels: Channels = Field(description="Which column holds which quantity.")
+    inputs: dict[str, Annotated[InputTable, BeforeValidator(_as_input)]] = Field(
+        default_factory=dict,
+        description="What the law may depend on beside angle and rate, by its name in formulas.",
+    )
     rig: RigTable | None = Field(default=None, description="Raw gauges instead of moment and angle.")
     run: list[RunTable] = Field(
         min_length=1, description="One table for each run, or for each pattern of files."

@@ -64,6 +64,9 @@ USUAL = {
     "N*m**2": {"N*m^2": 1.0},
 }
 
+# What an input may be measured in, beside plain numbers.
+INPUT_UNITS = ("K", "V", "A", "N", "N*m", "Pa", "m", "rad", "s", "Hz", "m/s", "rad/s", "kg", "m/m")
+
 _EXPONENT = r"(?:\*\*|\^)\s*\(?\s*[+-]?\d{1,2}(?:\.\d{1,3})?\s*\)?"
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.*?)\s*", re.DOTALL)
 
@@ -167,6 +170,40 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
             f"{where}: unit {unit!r} with gain {gain!r} gives the factor {result}; it wipes out the data"
         )
     return result
+
+
+def input_unit(unit: str, where: str) -> tuple[str, float, float]:
+    """Return the SI unit of an input, and factor and zero: SI value = zero + factor · value.
+
+    Raises
+    ------
+    UnitError
+        For a unit that is unknown or of a kind that formulas do not know.
+
+    Examples
+    --------
+    >>> input_unit("degC", "temperature")
+    ('K', 1.0, 273.15)
+    >>> input_unit("mV", "signal")
+    ('V', 0.001, 0.0)
+    """
+    if unit.strip() in ("", "1"):
+        return "1", 1.0, 0.0
+    for si in INPUT_UNITS:
+        if unit == si:
+            return si, 1.0, 0.0
+    parsed = _parse_unit(unit, where)
+    with suppress(Exception):
+        if dict(parsed.dimensionality) == {"[temperature]": 1}:
+            zero, one = (float(registry().Quantity(v, parsed).to("kelvin").magnitude) for v in (0.0, 1.0))
+            return "K", round(one - zero, 12), zero
+    for si in INPUT_UNITS:
+        ratio = unit_ratio(unit, si)
+        if ratio:
+            return si, ratio, 0.0
+    raise UnitError(
+        f"{where}: unit {unit!r} is of no kind that a law takes; expected one of {', '.join(INPUT_UNITS)}"
+    )
 
 
 def parse_quantity(text: str, expected: str, where: str) -> float:

@@ -17,6 +17,7 @@ from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.files.readers.table import SIMULATED
+from sindyjoint.inputs import Input
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorRig
 
@@ -105,7 +106,7 @@ def _columns(run: Run, joint: Joint, rig: SensorRig | None) -> dict[str, NDArray
         columns |= {f"d{number}": spot for number, spot in enumerate(rig.displacements(run.angle), start=1)}
     if run.rate is not None:
         columns[rate] = run.rate
-    return columns
+    return columns | {name: values for name, values in run.inputs.items() if np.ptp(values) > 0}
 
 
 def _file_names(names: list[str], format: str) -> list[str]:
@@ -152,6 +153,7 @@ def manifest_text(campaign: Campaign, files: list[str], rig: SensorRig | None = 
     lines += ["", "[channels]", *(f"{key} = {value}" for key, value in shared.items())]
     if campaign.skew is not None:
         lines.append(f"skew_removed = {_quantity(campaign.skew, 's')}")
+    lines += _input_lines(campaign)
     if rig is not None:
         lines += ["", "[rig]", *_rig_lines(rig)]
     for run, file, channels in zip(campaign.runs, files, declared, strict=True):
@@ -161,10 +163,31 @@ def manifest_text(campaign: Campaign, files: list[str], rig: SensorRig | None = 
         if run.level is not None:
             lines.append(f"level = {_string(run.level)}")
         lines.append(f"use = {_string(run.use)}")
+        held = [(each, run.inputs[each.name]) for each in campaign.inputs]
+        values = [f"{each.name} = {_number(each, v[0])}" for each, v in held if np.ptp(v) == 0]
+        if values:
+            lines.append("inputs = { " + ", ".join(values) + " }")
         particular = [f"{key} = {value}" for key, value in channels.items() if key not in shared]
         if particular:
             lines += ["[run.channels]", *particular]
     return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _input_lines(campaign: Campaign) -> list[str]:
+    """Return ``[inputs]``: what changes along a run is a column of its file, in SI; all else stands with the runs."""
+    lines = []
+    for each in campaign.inputs:
+        column = any(np.ptp(run.inputs[each.name]) > 0 for run in campaign.runs)
+        unit = each.unit if column else each.shown_unit
+        parts = [f"column = {_string(each.name)}"] * column + [f"unit = {_string(unit)}"]
+        parts.append(f"reference = {_number(each, each.reference)}")
+        parts.append(f"name = {_string(each.label)}")
+        lines.append(f"{each.name} = {{ {', '.join(parts)} }}")
+    return ["", "[inputs]", *lines] if lines else []
+
+
+def _number(each: Input, value: float) -> str:
+    return repr(float(value)) if each.unit == "1" else _quantity(value, each.unit)
 
 
 def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> dict[str, str]:

@@ -11,6 +11,7 @@ import numpy as np
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, is_of_the_paper, make_headline
+from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.record import Campaign
 from sindyjoint.shown import Shown
@@ -104,6 +105,13 @@ class Discovery(Shown):
         return tuple(finding.id for finding in self.soundness.findings if finding.severity != "note")
 
     @property
+    def over_inputs(self) -> tuple[OverInput, ...]:
+        """The law over each declared input, and which coefficients are the same at all of its levels."""
+        if not self.found or not self.model.inputs:
+            return ()
+        return over_inputs(self.model, self.regressor.evidence_, self.states)
+
+    @property
     def selection(self) -> Selection:
         """The path of models and the choice on it."""
         return self.regressor.selection_result_
@@ -154,6 +162,7 @@ class Discovery(Shown):
                 "samples": fitted.samples,
                 "runs": fitted.runs,
             },
+            **({"over_inputs": [each.to_dict() for each in self.over_inputs]} if model.inputs else {}),
             "warnings": list(self.warnings),
             "soundness": summarize(self.soundness),
         }

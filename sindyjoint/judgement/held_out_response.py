@@ -27,7 +27,7 @@ def add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, .
 
 def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> tuple[float, str]:
     """Return the error of a set of terms, and why there is none; each run under the fit to the other groups."""
-    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.law_in_run import law_in_run
     from sindyjoint.response.run import simulate_run
 
     # The groups of a single run are parts of it, and a part has no steady response to compare with.
@@ -40,12 +40,15 @@ def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -
     for group in evidence.groups:
         fit = fit_columns(evidence.only([other for other in evidence.groups if other != group]), columns)
         try:
-            law = model_law(_fitted_model(found, ids, fit))
+            fitted = _fitted_model(found, ids, fit)
+            laws = {
+                run.name: law_in_run(fitted, states[run.name]) for run in evidence.runs if run.group == group
+            }
         except InputError as cause:
             return float("nan"), str(cause)
         for run in evidence.runs:
             if run.group == group:
-                simulated = simulate_run(law, runs[run.name], states[run.name])
+                simulated = simulate_run(laws[run.name], runs[run.name], states[run.name])
                 if simulated.failure:
                     return float("nan"), f"run {run.name!r}: {simulated.failure}"
                 errors.append(simulated.response_nrmse)

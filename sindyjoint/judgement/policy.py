@@ -64,6 +64,14 @@ class VerdictPolicy:
     often_chosen: float = limit(
         0.5, "share of resampled campaigns below which a term is in the model by chance", source="convention"
     )
+    change_margin: float = limit(
+        0.10, "relative change of a coefficient between two tests that would not matter, unless given"
+    )
+    change_level: float = limit(
+        0.05,
+        "risk of calling any coefficient of an unchanged joint changed, over all of them together",
+        source="convention",
+    )
     verification_tolerance: float = limit(
         0.05, "largest response NRMSE beyond the noise floor that passes", source="chosen by judgement"
     )

@@ -93,12 +93,12 @@ def _search_from(
     """Complete states and choose terms in turn; return the best so far and the least residual on the way."""
     from sindyjoint.bias.completion import completed_states
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.law_in_run import held_laws
 
     found, least = start, None
     for _ in range(COMPLETIONS):
         try:
-            more = completed_states(model_law(found), campaign.identification_runs, states)
+            more = completed_states(held_laws(found, states), campaign.identification_runs, states)
         except (SimulationError, InputError):
             break
         if more is None:

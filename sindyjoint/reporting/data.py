@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, make_headline
+from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
 
 if TYPE_CHECKING:
@@ -136,6 +137,8 @@ class ReportData:
         Ids of what the check of the data found, notes apart.
     paper : bool
         Whether the question of the paper's five terms comes first.
+    over : tuple of OverInput
+        The law over each declared input.
     """
 
     model: JointModel
@@ -155,6 +158,7 @@ class ReportData:
     data_verdict: str = "sound"
     faults: tuple[str, ...] = ()
     paper: bool = False
+    over: tuple[OverInput, ...] = ()
 
     @property
     def headline(self) -> Headline:
@@ -210,6 +214,7 @@ def gather(result: Discovery) -> ReportData:
         data_verdict=result.soundness.verdict,
         faults=result.faults,
         paper=result.leads_with_paper,
+        over=result.over_inputs,
     )
 
 
@@ -231,7 +236,7 @@ def model_sheets(model: JointModel, surface: ForceStateMap) -> tuple[Array, Arra
 
 
 def _compute_residual(model: JointModel, state: ForceStates, inertia: float) -> Array:
-    return state.transfer_moment(inertia) - model.moment(state.angle, state.rate)
+    return state.transfer_moment(inertia) - model.moment(state.angle, state.rate, inputs=state.inputs)
 
 
 def _summarize_run(model: JointModel, state: ForceStates, residual: Array, inertia: float) -> Loop:
@@ -249,7 +254,9 @@ def _summarize_run(model: JointModel, state: ForceStates, residual: Array, inert
         residual_rms=float(np.sqrt(np.mean(kept**2))) if kept.size else float("nan"),
         angle=state.angle[shown],
         moment=state.transfer_moment(inertia)[shown],
-        model=model.moment(state.angle[shown], state.rate[shown]),
+        model=model.moment(
+            state.angle[shown], state.rate[shown], inputs={n: v[shown] for n, v in state.inputs.items()}
+        ),
         moving=state.moving[shown],
         time=centres,
         residual_over_time=rms,

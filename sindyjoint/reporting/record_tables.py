@@ -132,6 +132,7 @@ class DeclaredJoint(Part):
     temperature: Maybe = None
     serial: str | None = None
     labels: dict[str, str] = {}
+    inputs: dict[str, Known] = {}
 
 
 class JointRecord(Part):
@@ -192,6 +193,7 @@ class ScatterPart(Part):
     mean: Maybe
     mean_error: Maybe
     spread: Maybe
+    next_joint95: tuple[Known, Known] | None
     about_trend_with: str | None
     outliers: list[OutlierPart]
 

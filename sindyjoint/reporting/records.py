@@ -75,6 +75,32 @@ class DiscoveredTerm(Part):
     bias: Maybe
 
 
+class CoefficientOverPart(Part):
+    """A coefficient at values of an input, SI, and what the levels of the input say of it."""
+
+    id: str
+    symbol: str
+    unit: str
+    values: list[Known]
+    errors: list[Known]
+    levels: list[Known]
+    estimates: list[Known]
+    level_errors: list[Known]
+    answer: str
+    reason: str
+    bound: Maybe
+
+
+class OverInputPart(Part):
+    """The law over a declared input; ``values`` are in its declared unit."""
+
+    name: str
+    label: str
+    unit: str
+    values: list[Known]
+    coefficients: list[CoefficientOverPart]
+
+
 class PaperTermSet(Part):
     """Whether these are exactly the five terms of the paper."""
 
@@ -126,6 +152,7 @@ class DiscoveryRecord(Part):
     trust: TrustPart
     paper_term_set: PaperTermSet
     fit: FitPart
+    over_inputs: list[OverInputPart] = []
     warnings: list[str]
     soundness: SoundnessPart
 
@@ -339,28 +366,6 @@ class RigRecord(Part):
     joints: list[RigJoint]
     beams_dissipated: Known
     warnings: list[str]
-
-
-class FidelityPart(Part):
-    """How the target holds a term; errors as shares of the RMS moment of the test."""
-
-    term: str
-    symbol: str
-    representation: str
-    carried: bool
-    error: Maybe
-    largest_error: Maybe
-
-
-class ExportRecord(Part):
-    """``export --json``: the files, and what the target does not hold."""
-
-    schema_: Version
-    target: str
-    files: list[str]
-    fidelity: list[FidelityPart]
-    not_carried: list[str]
-    notes: list[str]
 
 
 class SimulatedRunPart(Part):

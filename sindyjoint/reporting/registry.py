@@ -12,6 +12,7 @@ from sindyjoint.policy import Limit, described, policies
 from sindyjoint.reporting.figures.kind import Kind
 from sindyjoint.reporting.results.batch import BatchView
 from sindyjoint.reporting.results.campaign import CampaignView
+from sindyjoint.reporting.results.changed import ChangeView
 from sindyjoint.reporting.results.check import CheckView, wrap_findings
 from sindyjoint.reporting.results.comparison import ComparisonView
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
@@ -36,6 +37,7 @@ VIEWS: tuple[View[Any, Any], ...] = (
     RigView(),
     ReproductionView(),
     ComparisonView(),
+    ChangeView(),
     CampaignView(),
     CheckView(),
 )

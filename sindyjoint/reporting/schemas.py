@@ -38,6 +38,7 @@ def record_names() -> tuple[str, ...]:
 def _records() -> dict[str, type[BaseModel]]:
     from sindyjoint.equation.model_record import ModelRecord
     from sindyjoint.files.manifest import Manifest
+    from sindyjoint.reporting import record_exports as exports
     from sindyjoint.reporting import record_tables as tables
     from sindyjoint.reporting import records as single
     from sindyjoint.response.nuisances import TestRecord
@@ -52,10 +53,11 @@ def _records() -> dict[str, type[BaseModel]]:
         "verification": single.VerificationRecord,
         "diagnosis": single.DiagnosisRecord,
         "rig": single.RigRecord,
-        "export": single.ExportRecord,
+        "export": exports.ExportRecord,
         "simulation": single.SimulationRecord,
         "batch": tables.BatchRecord,
         "joint": tables.JointRecord,
+        "changed": exports.ChangeRecord,
         "reproduction": tables.ReproductionRecord,
         "tables": tables.PrintedTablesRecord,
     }

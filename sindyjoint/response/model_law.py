@@ -29,6 +29,8 @@ LEAST_DRAWN = 0.02
 def model_law(model: JointModel) -> Law:
     """Return a model as a law of :mod:`sindyjoint.mechanics`: its terms, and its elements with their internal states.
 
+    Inputs are held at their reference.
+
     Models of the paper's five terms, or some of them, become a :class:`~sindyjoint.mechanics.laws.PaperLaw`, which
     needs no compilation; all others a :class:`~sindyjoint.mechanics.laws.FormulaLaw` made of their formulas. Its
     parameters are the coefficients in the order of the terms, without the inertia, so that other coefficients of the
@@ -63,6 +65,8 @@ def model_law(model: JointModel) -> Law:
     array([-1.])
     """
     elements = sum_law(parts_of(model.elements))
+    if any(term.inputs for term in model.terms):
+        model = model.at()
     law = _terms_law(model)
     return law if elements is None else SumLaw(law, elements)
 

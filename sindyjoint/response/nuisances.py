@@ -31,10 +31,10 @@ from sindyjoint.equation.model_record import (
     validated,
 )
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import FormulaLaw, Law, SumLaw
+from sindyjoint.mechanics.laws import FormulaLaw, Law
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response.element_law import TEST_SIGNALS, Instant, parts_of, sum_law
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.law_in_run import law_in_run, with_added
 from sindyjoint.states import ForceStates
 from sindyjoint.states.campaigns import aligned_run, content_hash
 
@@ -145,8 +145,8 @@ class TestNuisances:
 
     def law(self, model: JointModel, states: ForceStates) -> Law:
         """Return the law of a model in one run of this test."""
-        law, added = model_law(replace(model, joint=self.joint_of(model.joint))), self.added(states)
-        return law if added is None else SumLaw(law, added)
+        law = law_in_run(replace(model, joint=self.joint_of(model.joint)), states)
+        return with_added(law, self.added(states))
 
     def added(self, states: ForceStates) -> FormulaLaw | None:
         """Return the moments that the test adds in one of its runs; None where it adds none."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
@@ -195,7 +195,9 @@ def term_columns(model: JointModel, states: ForceStates) -> Array:
         return np.empty((states.n_samples, 0))
     # At standstill friction keeps the side of the motion before.
     rate = np.where(states.rate == 0, 1e-300 * slip_direction(states.rate), states.rate)
-    return compile_terms([term.expression for term in terms])(states.angle, rate, states.acceleration)
+    inputs = model.input_arrays(states.inputs, states.angle.shape)
+    function = compile_terms([term.expression for term in terms], (*VARIABLES, *inputs))
+    return function(states.angle, rate, states.acceleration, *inputs.values())
 
 
 def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceStates:

@@ -16,6 +16,10 @@ class ResponsePolicy:
         "least elastic moment, as a share of the moment's RMS, with which a joint is simulated without "
         "restarts",
     )
+    input_moves: float = limit(
+        0.01,
+        "largest change of the moment within a run, in its RMS, that an input may make where it is held at its mean",
+    )
     pure: float = limit(
         1.5,
         "moment beside its sinusoid, over noise, from which the motion was the drive",

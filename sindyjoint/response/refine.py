@@ -120,6 +120,9 @@ def refine(
         )
     if not (model.terms or model.elements):
         raise InputError("the model has no terms: there is nothing to refine; run discover first")
+    if any(term.inputs for term in model.terms):
+        reason = "not refined: the response of a law that depends on inputs is not fitted"
+        return Refinement(model, False, reason, {}, {}, {}, ())
     states = campaign_states(campaign) if states is None else states
     kinds = tuple(dict.fromkeys(nuisance))
     runs = campaign.identification_runs

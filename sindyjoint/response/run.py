@@ -15,6 +15,7 @@ from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.record import Run
+from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.model_law import elastic_moment
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
@@ -162,9 +163,9 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
 
     By the moment where the joint has inertia and a restoring moment over the run's angles; by multiple shooting
     ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
-    the motion.
+    the motion, and where an input moves the law within the run.
     """
-    if not law.inertia > 0:
+    if not law.inertia > 0 or isinstance(law, LawInRun):
         return "motion"
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
@@ -250,6 +251,8 @@ def simulate_run(
         moment, inner = transfer_moment(
             law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
         )
+        if isinstance(law, LawInRun):
+            moment = moment + law.added
         if drive != "motion":
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
@@ -288,7 +291,10 @@ def cut_states(states: ForceStates, skip: int) -> ForceStates:
     if not skip:
         return states
     names = ("time", "angle", "rate", "acceleration", "moment", "moving", "block")
-    return replace(states, replicate=None, **{name: getattr(states, name)[skip:] for name in names})
+    inputs = {name: values[skip:] for name, values in states.inputs.items()}
+    return replace(
+        states, replicate=None, inputs=inputs, **{name: getattr(states, name)[skip:] for name in names}
+    )
 
 
 def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:

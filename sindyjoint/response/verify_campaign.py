@@ -21,6 +21,7 @@ from sindyjoint.response.run import SimulatedRun, prescribed
 from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
 from sindyjoint.states import ForceStates
+from sindyjoint.states.campaigns import with_lags
 from sindyjoint.text import Quantities, in_words_of, quantities
 
 Array = NDArray[np.float64]
@@ -43,6 +44,7 @@ def verify_campaign(
     With ``free_run`` samples to estimate its initial state from, each run is simulated without restart.
     """
     test = test or TestNuisances("")
+    campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
     warnings = _compare_joints(model, campaign)
     runs, independent = campaign.validation_runs, True
     if not runs:

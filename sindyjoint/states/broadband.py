@@ -18,48 +18,14 @@ from sindyjoint.states.noise import (
 )
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
+from sindyjoint.states.smoothing import filtered_inputs, smoothing_kernels
 
 Array = NDArray[np.float64]
 
 BLOCKS = 32
-ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
 # A signal far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls
 # from 0.8 to 1.2 of the cut-off, must fall beyond it. One that fades has as much noise as signal there.
 ROOM = 1.2
-
-
-def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, Array]:
-    """Return a low-pass kernel and its first and second time derivatives, sampled.
-
-    The kernel is h(t) = 2f_c·sinc(2f_c·t)·exp(−t²/2σ²): its response is flat, falls to one half at f_c as an error
-    function and has no ripple. Convolving with dh/dt gives the derivative of the smoothed signal, with no phase and
-    none of the loss that finite differences have (3 % of the rate at a tenth of the sampling rate).
-
-    Parameters
-    ----------
-    cutoff : float
-        Frequency of half amplitude, Hz.
-    sample_rate : float
-        Hz.
-
-    Returns
-    -------
-    tuple of three ndarray, shape (2h + 1,)
-        To be convolved with; units 1, 1/s and 1/s².
-    """
-    sigma = 1 / (2 * np.pi * ROLL_OFF * cutoff)
-    half = int(np.ceil(5 * sigma * sample_rate))
-    t = np.arange(-half, half + 1) / sample_rate
-    w = 2 * np.pi * cutoff
-    safe = np.where(t == 0, 1.0, t)
-    s0 = np.where(t == 0, w, np.sin(w * t) / safe) / np.pi
-    s1 = np.where(t == 0, 0.0, (w * np.cos(w * t) - np.pi * s0) / safe) / np.pi
-    s2 = np.where(t == 0, -(w**3) / 3, (-(w**2) * np.sin(w * t) - 2 * np.pi * s1) / safe) / np.pi
-    g = np.exp(-(t**2) / (2 * sigma**2)) / sample_rate
-    g1, g2 = -t / sigma**2 * g, (t**2 / sigma**2 - 1) / sigma**2 * g
-    # What sampling and the cut at five sigmas leave over: a constant has no derivative, a line has no second one.
-    low, first, second = s0 * g, s1 * g + s0 * g1, s2 * g + 2 * s1 * g1 + s0 * g2
-    return low / low.sum(), first - first.mean(), second - second.mean()
 
 
 def dwells(rate: Array) -> bool:
@@ -151,6 +117,7 @@ def broadband_states(
         slowest=slowest,
         guard=guard,
         lead=None if repeated else _lead(run.angle, low, first),
+        inputs=filtered_inputs(run.inputs, middle, cutoff, run.sample_rate, repeated),
     )
 
 

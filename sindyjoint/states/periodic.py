@@ -19,6 +19,7 @@ from sindyjoint.states.harmonics import (
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
+from sindyjoint.states.smoothing import filtered_inputs
 
 Array = NDArray[np.float64]
 
@@ -104,6 +105,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         slowest=slowest,
         guard=guard,
         series=series,
+        inputs=filtered_inputs(run.inputs, slice(start, stop), angle.highest, run.sample_rate),
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -110,6 +111,8 @@ class ForceStates:
     lead : tuple of two ndarray, shape (k,), or None
         Angle and rate at the samples before the first one, back to the start of the record, as far as the kernel knows
         them there: too rough for a fit, but they tell what internal states have come to.
+    inputs : mapping of str to ndarray, shape (n,)
+        Declared inputs of the law at the same instants, SI, filtered as the angle is.
     """
 
     run: str
@@ -136,6 +139,7 @@ class ForceStates:
     series: tuple[Harmonics, ...] = ()
     completed: bool = False
     lead: tuple[Array, Array] | None = None
+    inputs: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def n_samples(self) -> int:

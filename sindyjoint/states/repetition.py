@@ -77,8 +77,13 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
         # An instant that is valid in no period keeps what was interpolated.
         weight[:, ~valid] = 1.0
         mean = {name: np.average(stack[skipped:], axis=0, weights=weight) for name, stack in stacks.items()}
+    # An input that changes from period to period is no part of what repeats: its mean over them is.
+    inputs = {
+        name: values[: count * period].reshape(count, period)[skipped:].mean(axis=0)
+        for name, values in run.inputs.items()
+    }
     noise = run.noise.scaled(1 / np.sqrt(count - skipped))
-    return replace(run, source=None, noise=noise, valid=valid, **mean), skipped * period
+    return replace(run, source=None, noise=noise, valid=valid, inputs=inputs, **mean), skipped * period
 
 
 def _autocorrelation(signal: Array) -> Array:

@@ -21,8 +21,8 @@ class RegressionRows:
 
     Parameters
     ----------
-    X : ndarray, shape (n, 2) or (n, 3)
-        θ, θ̇ and, where the inertia is to be identified, θ̈.
+    X : ndarray, shape (n, 2 + k) or (n, 3 + k)
+        θ, θ̇ and, where the inertia is to be identified, θ̈; behind them the inputs of the states, in their order.
     y : ndarray, shape (n,)
         Transfer moment M − I·θ̈, or the moment at the sensor where the inertia is to be identified.
     groups : ndarray of str, shape (n,), or None
@@ -64,7 +64,9 @@ def group_labels(states: Sequence[ForceStates]) -> list[str]:
     return labels if len(set(labels)) > 1 else [s.run for s in states]
 
 
-def regression_rows(states: Sequence[ForceStates], inertia: float | None) -> RegressionRows:
+def regression_rows(
+    states: Sequence[ForceStates], inertia: float | None, with_inputs: bool = True
+) -> RegressionRows:
     """Return the moving samples of all runs.
 
     Parameters
@@ -72,6 +74,8 @@ def regression_rows(states: Sequence[ForceStates], inertia: float | None) -> Reg
     states : sequence of ForceStates
     inertia : float or None
         kg·m²; ``None``: θ̈ becomes a column.
+    with_inputs : bool
+        Whether inputs of the states are columns, too.
     """
     X, y, X_other, y_other, groups, runs, blocks = [], [], [], [], [], [], []
     for state, label in zip(states, group_labels(states), strict=True):
@@ -80,8 +84,9 @@ def regression_rows(states: Sequence[ForceStates], inertia: float | None) -> Reg
         other = motion if state.replicate is None else [s[keep] for s in state.replicate]
         moment = state.moment[keep]
         columns = 3 if inertia is None else 2
-        X.append(np.column_stack(motion[:columns]))
-        X_other.append(np.column_stack(other[:columns]))
+        inputs = [values[keep] for values in state.inputs.values()] if with_inputs else []
+        X.append(np.column_stack([*motion[:columns], *inputs]))
+        X_other.append(np.column_stack([*other[:columns], *inputs]))
         y.append(moment - (inertia or 0.0) * motion[2])
         y_other.append(moment - (inertia or 0.0) * other[2])
         groups.append(np.full(moment.size, label, dtype=object))

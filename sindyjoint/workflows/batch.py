@@ -39,6 +39,7 @@ from sindyjoint.files.atomic import (
 from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.parallel import Lost, executor
+from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
 from sindyjoint.workflows.discover import discover
 
@@ -293,6 +294,12 @@ def run_task(task: Task) -> tuple[CampaignRecord, bool]:
         return _recorded_broken(task, broken(task.id, task.label, error, inputs)), True
 
 
+def held_inputs(campaign: Campaign) -> dict[str, float]:
+    """Return the inputs that a campaign tests at one value, SI."""
+    ends = {each.name: each.tested for each in campaign.inputs}
+    return {name: span[0] for name, span in ends.items() if span is not None and span[0] == span[1]}
+
+
 def extras_of(task: Task) -> list[str]:
     """Return the names of what is requested beyond model and factors."""
     write = task.write
@@ -344,6 +351,8 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
                 "temperature": joint.temperature,
                 "serial": joint.serial,
                 "labels": dict(joint.labels),
+                # An input that is the same in all runs tells this joint from the others.
+                **({"inputs": held} if (held := held_inputs(result.campaign)) else {}),
             },
             result=result.to_dict(),
             inputs=inputs,

@@ -325,6 +325,7 @@ def _libraries(
             method=method,
             forbidden=forbidden,
             motion=found.campaign.joint.motion,
+            inputs=found.regressor.inputs,
             random_state=random_state,
         ).fit(**rows)
         terms = tuple(
@@ -341,7 +342,7 @@ def _libraries(
 def _hold_out_groups(
     found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> dict[str, CrossValidation]:
-    """Leave out frequencies, and levels where there are several of them; of a single run its parts, one by one."""
+    """Leave out frequencies, levels, and levels of each input, where there are several; of a single run its parts."""
     result = {}
     if len(evidence.groups) > 1:
         kind = "frequency" if len(found.states) > 1 else "time"
@@ -349,6 +350,16 @@ def _hold_out_groups(
     levels = [state.level or state.run for state in found.states]
     if len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
         result["level"] = cross_validate(evidence, levels, method=method, random_state=random_state, **rule)
+    for each in found.campaign.inputs:
+        values = {s.run: float(np.mean(s.inputs[each.name])) for s in found.states}
+        named = [
+            f"{each.label} {each.shown(values[run.name])}" for run in evidence.runs if run.name in values
+        ]
+        constant = all(np.ptp(s.inputs[each.name]) == 0 for s in found.states)
+        if constant and len(named) == len(evidence.runs) and 1 < len(set(named)) < len(named):
+            result[each.label] = cross_validate(
+                evidence, named, method=method, random_state=random_state, **rule
+            )
     return result
 
 

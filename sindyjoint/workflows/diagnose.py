@@ -17,6 +17,8 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis, Gap
 from sindyjoint.diagnosis.verdict import UNDECIDED
 from sindyjoint.discovery.delay import ChannelDelay, delay_to_remove, without_delay
+from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
+from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
@@ -26,7 +28,8 @@ from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
-from sindyjoint.states.campaigns import content_hash
+from sindyjoint.states import campaign_states
+from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import fitted_to, the_campaign
 
@@ -134,10 +137,12 @@ def diagnose(
         delay = delay_to_remove(usable) if align else None
         if delay is not None:
             usable = without_delay(usable, delay)
+        usable, lags = _followed(usable, model)
         problem = CampaignProblem.build(usable, model, base, known, policy)
 
         def limited(result: Diagnosis) -> Diagnosis:
-            return replace(_limit(result, checked), hidden=hidden)
+            noted = replace(result, warnings=(*result.warnings, *lag_notes(lags)))
+            return replace(_limit(noted, checked), hidden=hidden)
 
         def known_campaign(result: Diagnosis) -> Diagnosis:
             return _of_campaign(result, campaign, delay)
@@ -154,6 +159,16 @@ def diagnose(
         return limited(result)
 
 
+def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
+    """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
+    if not campaign.inputs:
+        return campaign, ()
+    if model is not None:
+        campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
+    lags = find_lags(campaign_states(campaign), campaign.joint.inertia, campaign.inputs)
+    return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
+
+
 def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
     """Return a diagnosis whose model and test know the campaign; a delay removed beforehand is the test's."""
     digest = content_hash(campaign)
@@ -165,8 +180,12 @@ def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | No
         found = (Nuisance("channel_delay", "time shift", known), *found)
     kept = tuple(run.name for run in campaign.validation_runs)
     test = replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
-    whole = None if result.whole is None else fitted_to(result.whole, campaign)
-    return replace(result, test=test, model=fitted_to(result.model, campaign), whole=whole)
+
+    def of_campaign(model: JointModel) -> JointModel:
+        return with_gain_uncertainty(fitted_to(model, campaign), campaign.gain_uncertainty)
+
+    whole = None if result.whole is None else of_campaign(result.whole)
+    return replace(result, test=test, model=of_campaign(result.model), whole=whole)
 
 
 def _limit(result: Diagnosis, checked: Check) -> Diagnosis:

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
+from sindyjoint.discovery.input_lag import find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
@@ -27,7 +29,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.states.campaigns import content_hash
+from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
 from sindyjoint.versions import versions
@@ -114,6 +116,7 @@ def discover(
         say("simulating the virtual test")
     campaign = opened = the_campaign(campaign, random_state, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
+    options.setdefault("inputs", campaign.inputs)
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
@@ -126,8 +129,13 @@ def discover(
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in force_states)
         regressor.set_params(library=default_candidates(largest, campaign.joint.motion))
+    lags = find_lags(force_states, inertia, campaign.inputs)
+    if lags:
+        campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
+        force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+        regressor.set_params(inputs=campaign.inputs)
     say("time delay between the channels")
-    delay = find_delay(force_states, inertia)
+    delay = find_delay(force_states, inertia, campaign.inputs)
     lag = delay.time if align and delay is not None and delay.significant else 0.0
     force_states = tuple(shifted(s, lag) for s in force_states)
     say("selecting terms")
@@ -146,6 +154,7 @@ def discover(
     fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
     model = fixed.model if fixed is not None else model
     told = delay if align else left_in
+    model = with_gain_uncertainty(model, campaign.gain_uncertainty)
     warnings = (
         *checked.warnings,
         *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
@@ -153,6 +162,7 @@ def discover(
             None,
             (
                 note,
+                *lag_notes(lags),
                 unused and f"{unused}: not used, for no run is too long for the memory of this process",
                 _unmeasured_bias(fixed),
             ),
@@ -256,9 +266,14 @@ def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: obj
         **options,  # type: ignore[arg-type]
     )
     apart = _warn_of_disagreement(result.model, refinement.model) if refinement.refined else ()
+    # The intervals of a refinement hold noise alone.
+    refined_model = refinement.model
+    if refinement.refined:
+        plain = replace(refined_model, fitted=replace(refined_model.fitted, gains=()))
+        refined_model = with_gain_uncertainty(plain, result.campaign.gain_uncertainty)
     return replace(
         result,
-        model=refinement.model,
+        model=refined_model,
         warnings=(*result.warnings, *refinement.notes, *apart),
         # What was taken out of the coefficients of the regression says nothing of these.
         bias=None if refinement.refined else result.bias,

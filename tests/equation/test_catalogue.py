@@ -20,8 +20,18 @@ from sindyjoint.equation.catalogue import (
 from sindyjoint.equation.formula import parse_formula
 from sindyjoint.errors import InputError, UnknownNameError
 
-NAMES = ("damping", "extended", "friction", "inertia", "measurement", "paper", "polynomial", "stiffness")
-TERMS = {term.id: term for name in NAMES for term in load_catalogue(name)}
+NAMES = (
+    "damping",
+    "extended",
+    "friction",
+    "inertia",
+    "inputs",
+    "measurement",
+    "paper",
+    "polynomial",
+    "stiffness",
+)
+TERMS = {term.id: term for name in NAMES for term in load_catalogue(name) if not term.inputs}
 REFERENCE = Reference(angle=8e-4, rate=0.03, moment=5.0)
 
 # Declared by hand: what a term does when angle, rate and acceleration change sign.
@@ -45,7 +55,7 @@ def states(n=400, seed=11):
 
 
 def column(term, theta, omega, alpha, reference=REFERENCE):
-    return term_columns([term.resolve(reference)], theta, omega, alpha)[:, 0]
+    return term_columns([term.resolve(reference)], theta, omega, alpha, inputs={"input": 0.7})[:, 0]
 
 
 def test_these_catalogues_ship():

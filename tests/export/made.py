@@ -23,8 +23,9 @@ ANGLE, RATE, MOMENT_RMS = 7.7e-4, 4.4e-2, 3.55
 
 @cache
 def shipped_terms():
-    """Every term of every shipped library, by id."""
-    return {term.id: term for found in list_catalogues() for term in load_catalogue(found.name)}
+    """Every term of every shipped library, by id; those of inputs are held before they are exported."""
+    every = (term for found in list_catalogues() for term in load_catalogue(found.name))
+    return {term.id: term for term in every if not term.inputs}
 
 
 def model_of(

@@ -11,7 +11,7 @@ from sindyjoint.export.parts import Parts, softening_limits
 from sindyjoint.mechanics.laws import INTER_PANEL
 
 ANGLE, RATE, RMS = 7.7e-4, 4.4e-2, 3.55
-TERMS = sorted({term.id for found in list_catalogues() for term in load_catalogue(found.name)})
+TERMS = sorted({t.id for found in list_catalogues() for t in load_catalogue(found.name) if not t.inputs})
 DECKS = ("ansys", "abaqus", "nastran", "simscape", "opensees", "mujoco")
 CODE = ("python", "c", "latex", "json")
 

@@ -69,7 +69,7 @@ def equations():
     seen = set()
     for summary in list_catalogues():
         for term in load_catalogue(summary.name):
-            if term.id in seen or term.parameters or "alpha" in term.formula:
+            if term.id in seen or term.parameters or term.inputs or "alpha" in term.formula:
                 continue
             seen.add(term.id)
             unit = term.unit_for("rotation")

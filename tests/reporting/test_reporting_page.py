@@ -159,8 +159,8 @@ def test_every_term_of_every_library_is_typeset(motion):
     for summary in list_catalogues():
         catalogue = load_catalogue(summary.name)
         terms = tuple(
-            ModelTerm(t.id, t.symbol, t.name, t.family, t.formula, tuple((p.name, p.value) for p in t.parameters),
-                      t.unit_for(motion), 1.0, 0.1, (0.8, 1.2), 0.1)
+            ModelTerm(t.id, t.symbol, t.name, t.family, t.formula, tuple((name, 0.5) for name in t.symbols),
+                      t.unit_for(motion), 1.0, 0.1, (0.8, 1.2), 0.1, tuple(each.name for each in t.inputs))
             for t in catalogue
         )  # fmt: skip
         whole = mathml(_with_terms(model(motion), terms))

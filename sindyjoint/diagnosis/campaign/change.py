@@ -173,9 +173,10 @@ def _stretches(
         cut = {n: getattr(straight, n)[low:high] for n in ("moment", "angle")}
         rate = None if straight.rate is None else straight.rate[low:high]
         valid = None if straight.valid is None else straight.valid[low:high]
+        inputs = {name: values[low:high] for name, values in straight.inputs.items()}
         try:
             part = force_states(
-                replace(straight, rate=rate, valid=valid, **cut), "periodic", None, rate_share
+                replace(straight, rate=rate, valid=valid, inputs=inputs, **cut), "periodic", None, rate_share
             )
         except SindyJointError:
             return ()

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.inputs import constant
 from sindyjoint.response.run import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
@@ -158,6 +159,7 @@ def expected_states(
         moment=np.zeros(time.size),
         moving=moving,
         block=np.zeros(time.size, dtype=np.intp),
+        inputs={name: constant(float(np.mean(values)), time.size) for name, values in like.inputs.items()},
         replicate=None,
         noise=noise,
         method="periodic",

@@ -11,7 +11,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.response.compared import compare_run, compared_states
-from sindyjoint.response.element_law import Instant
 from sindyjoint.response.nuisances import Enters, Nuisance, TestNuisances
 from sindyjoint.response.run import SimulatedRun
 from sindyjoint.states import ForceStates
@@ -24,7 +23,7 @@ def kept_runs(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
     timed = any(each.variant.uses & {"time", "elapsed"} for each in effects if each.effect.enters == "moment")
 
     def law(states: ForceStates) -> Law:
-        return law_of(model, effects, states.frequency or 0.0, Instant.of(states))
+        return law_of(model, effects, states)
 
     found = []
     for states in compared_states(campaign, list(runs.values()), timed):

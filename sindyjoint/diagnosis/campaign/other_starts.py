@@ -55,7 +55,9 @@ def with_delay(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     """Return the problem with the delay between its channels removed, and that step; None if there is no delay."""
     effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
     work = problem.work
-    lag = None if effect is None else find_delay(work.states, work.campaign.joint.inertia)
+    lag = (
+        None if effect is None else find_delay(work.states, work.campaign.joint.inertia, work.campaign.inputs)
+    )
     if effect is None or lag is None or not lag.significant or lag.at_limit:
         return None
     delay = FittedEffect(effect, effect.variants[0], np.empty(0), np.array([lag.time]), 0.0)
@@ -85,7 +87,9 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     catalogue = default_candidates(largest, campaign.joint.motion)
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion)
     try:
-        regressor.fit(**regression_rows(work.states, campaign.joint.inertia).fit_arguments())
+        regressor.fit(
+            **regression_rows(work.states, campaign.joint.inertia, with_inputs=False).fit_arguments()
+        )
     except (InputError, np.linalg.LinAlgError):
         return None
     known = set(work.model.ids)

@@ -45,6 +45,7 @@ from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, mak
 from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.inputs import input_effects
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -111,7 +112,7 @@ class CampaignProblem(Problem):
         return cls(
             work=Work.build(campaign, runs, parts, groups, start.model, start.effects, policy),
             repaired=start,
-            candidates=applicable(campaign, effects, parts),
+            candidates=(*applicable(campaign, effects, parts), *input_effects(campaign.inputs, start.model)),
             states=states,
             # In segments, drifts of the channels are effects like others.
             drift=find_drift(whole, states, policy) if len(parts) == len(states) else None,

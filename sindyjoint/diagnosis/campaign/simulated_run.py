@@ -13,7 +13,6 @@ from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
-from sindyjoint.response.element_law import Instant
 from sindyjoint.response.run import SimulatedRun, prescribed, simulate_run
 from sindyjoint.states import ForceStates
 
@@ -41,7 +40,7 @@ def simulated(
     if drift:
         run = replace(run, angle=run.angle - drift * (middle if steady else run.time), source=None)
         states = replace(states, angle=states.angle - drift * (middle if steady else states.time))
-    law = law_of(model, effects, states.frequency or 0.0, Instant.of(states))
+    law = law_of(model, effects, states)
     try:
         return simulate_run(law, run, states, drive="motion" if motion else None)
     except SindyJointError:

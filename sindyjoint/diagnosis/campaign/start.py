@@ -181,7 +181,7 @@ def first_model(
     from sindyjoint.discovery.estimator import JointRegressor
 
     inertia = campaign.joint.inertia
-    rows = regression_rows(states, inertia)
+    rows = regression_rows(states, inertia, with_inputs=False)
     if model is None:
         catalogue = as_catalogue(base)
         fitted = (
@@ -205,7 +205,9 @@ def first_model(
         simulated=campaign.simulated,
     )
     effects = effects_of(fitted, known)
-    start = Repaired(replace(fitted, joint=campaign.joint, fitted=data).without_elements(), effects)
+    start = Repaired(
+        replace(fitted, joint=campaign.joint, fitted=data, inputs=campaign.inputs).without_elements(), effects
+    )
     # No term of a model that was given is dropped before anything is found.
     keeping = replace(policy, needless_ratio=0.0) if effects else policy
     # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.

@@ -86,6 +86,7 @@ class Variant(Form):
     columns: tuple[Column, ...]
     parameters: tuple[Parameter, ...]
     states: tuple[State, ...]
+    inputs: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,7 +101,7 @@ class Variant(Form):
     def units(self, motion: str) -> dict[str, str]:
         """Return the units of all parameters by name, for ``"rotation"`` or ``"translation"``."""
         own = {c.symbol: c.unit for c in self.columns} | {p.name: p.unit for p in self.parameters}
-        if motion == "rotation":
+        if motion == "rotation" or self.inputs:
             return own
         return {name: dimensions.unit_for(unit, motion) for name, unit in own.items()}
 
@@ -114,7 +115,7 @@ class Variant(Form):
 
     @cached_property
     def _function(self) -> Any:
-        arguments = (*ARGUMENTS, *(s.name for s in self.states), *self.names)
+        arguments = (*ARGUMENTS, *self.inputs, *(s.name for s in self.states), *self.names)
         return compile_terms([column.expression for column in self.columns], arguments)
 
     def states_along(self, motions: JoinedMotions, values: Array) -> Array:
@@ -126,7 +127,8 @@ class Variant(Form):
         """Return the columns at the kept samples of a motion, or of several, shape (m, n_columns)."""
         motions = motion if isinstance(motion, JoinedMotions) else motion.joined
         states = self.states_along(motions, values) if self.states else ()
-        return self._function(*motions.signals, *states, *map(float, values))
+        inputs = (motions.inputs[name] for name in self.inputs)
+        return self._function(*motions.signals, *inputs, *states, *map(float, values))
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.response.element_law import Instant, Part, sum_law
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.law_in_run import LawInRun, law_in_run, with_added
+from sindyjoint.states import ForceStates
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
@@ -68,7 +69,7 @@ class FittedEffect:
     @property
     def is_term(self) -> bool:
         """Whether it is a term of angle and rate alone, as a model's own terms are."""
-        known = {"theta", "omega", *self.variant.names}
+        known = {"theta", "omega", *self.variant.names, *self.variant.inputs}
         return self.effect.enters == "moment" and not self.variant.states and self.variant.uses <= known
 
     @property
@@ -101,18 +102,23 @@ class Corrections:
         return cls(shift, zero, drift, inertia)
 
 
-def law_of(
-    model: JointModel, effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None
-) -> Law:
-    """Return the law of a model with effects, for runs of one frequency at one instant."""
-    from sindyjoint.mechanics.laws import SumLaw
-
+def law_of(model: JointModel, effects: Sequence[FittedEffect], states: ForceStates) -> Law | LawInRun:
+    """Return the law of a model with effects in one run."""
     inertia = Corrections.of(effects).inertia
     if inertia and model.joint.inertia is not None:
         model = replace(model, joint=replace(model.joint, inertia=max(model.joint.inertia + inertia, 0.0)))
-    added = effect_law(effects, frequency, instant)
-    law = model_law(model)
-    return law if added is None else SumLaw(law, added)
+    # What depends on inputs is a term: these are held at the run's values.
+    own = [e for e in effects if e.variant.inputs]
+    model = replace(model, terms=(*model.terms, *(t for e in own for t in input_terms(e))), covariance=())
+    added = effect_law([e for e in effects if e not in own], states.frequency or 0.0, Instant.of(states))
+    return with_added(law_in_run(model, states), added)
+
+
+def input_terms(fitted: FittedEffect) -> list[ModelTerm]:
+    """Return an effect of inputs as terms; errors are not known."""
+    from sindyjoint.diagnosis.effects.parts import parts_of_law
+
+    return parts_of_law(fitted.name, fitted.family, fitted.variant, fitted.coefficients, fitted.values)[0]
 
 
 def effect_law(effects: Sequence[FittedEffect], frequency: float, instant: Instant | None = None) -> Any:

@@ -6,8 +6,8 @@ cost more than the steps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -51,6 +51,8 @@ class MeasuredMotion:
         Angle and rate before the first sample, at the same step: internal states begin with them.
     centre : float
         Angle at which the joint rests unloaded, rad: a slider is in its middle there.
+    inputs : mapping of str to ndarray, shape (n,)
+        Declared inputs along the motion.
     """
 
     angle: Array
@@ -68,6 +70,7 @@ class MeasuredMotion:
     follow: int = 1
     lead: tuple[Array, Array] | None = None
     centre: float = 0.0
+    inputs: Mapping[str, Array] = field(default_factory=dict)
 
     @cached_property
     def joined(self) -> JoinedMotions:
@@ -108,6 +111,8 @@ class JoinedMotions:
         The followed sample before each kept one.
     share : ndarray, shape (m,)
         Of the way from there to the next followed one.
+    inputs : mapping of str to ndarray, shape (m,)
+        Declared inputs at the kept samples of all motions.
     """
 
     signals: tuple[Array, ...]
@@ -117,6 +122,7 @@ class JoinedMotions:
     timing: tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]
     before: NDArray[np.intp]
     share: Array
+    inputs: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, motions: Sequence[MeasuredMotion]) -> JoinedMotions:
@@ -151,6 +157,9 @@ class JoinedMotions:
             ),
             before=before,
             share=place - before,
+            inputs={
+                name: np.concatenate([m.inputs[name][m.keep] for m in motions]) for name in motions[0].inputs
+            },
         )
 
     def states(self, parameters: Array, limits: Array, program: tuple[Any, ...]) -> Array:

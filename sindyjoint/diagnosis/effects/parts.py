@@ -56,6 +56,7 @@ def parts_of_law(
             standard_error=0.0,
             interval95=(0.0, 0.0),
             unique_share=0.0,
+            inputs=variant.inputs,
         )
         for k, (column, value) in enumerate(zip(variant.columns, coefficients, strict=True))
     ], None

@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from sindyjoint.discovery.factors import Factor
+from sindyjoint.discovery.inputs import input_names
 from sindyjoint.discovery.policy import POLICY
+from sindyjoint.discovery.rows import row_arguments
 from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import compile_terms
@@ -105,7 +107,9 @@ def pass_over(
 
     def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[Segment]]:
         terms = regressor.candidates(scale, with_acceleration)
-        function = compile_terms([term.expression for term in terms])
+        names = input_names(regressor.inputs)
+        arguments = row_arguments((3 if with_acceleration else 2) + len(names), names)
+        function = compile_terms([term.expression for term in terms], arguments)
         with_terms: list[Any] = [replace(task, function=function) for task in tasks]  # type: ignore[type-var]
         return terms, ordered_map(
             here, work, with_terms, done=lambda n: say(f"segments: {n} of {len(tasks)}")

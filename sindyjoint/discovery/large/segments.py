@@ -16,8 +16,9 @@ import numpy as np
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.discovery.inputs import input_names
 from sindyjoint.discovery.large.passes import Segment, largest_of, pass_over
-from sindyjoint.discovery.rows import RowLabels, Rows, gather, run_factors
+from sindyjoint.discovery.rows import RowLabels, Rows, gather, hierarchy, run_factors
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
@@ -146,9 +147,9 @@ def fit_long(
             runs.append(_gather_long(state, label, segments))
             counts.append(SampleCount(sum(s.moving for s in segments), sum(s.samples for s in segments)))
         else:
-            runs.append(_gather_short(state, label, terms, inertia))
+            runs.append(_gather_short(state, label, terms, inertia, input_names(regressor.inputs)))
             counts.append(SampleCount(int(np.count_nonzero(state.moving)), state.n_samples))
-    evidence = Evidence(tuple(term.id for term in terms), tuple(runs))
+    evidence = Evidence(tuple(term.id for term in terms), tuple(runs), hierarchy(terms))
     shared = all(state.replicate is None for state in states)
     return regressor.fit_evidence(terms, evidence, reference, shared_motion=shared), tuple(counts)
 
@@ -199,9 +200,14 @@ def _gather_long(state: ForceStates, label: str, segments: Sequence[Segment]) ->
 
 
 def _gather_short(
-    state: ForceStates, label: str, terms: Sequence[ResolvedTerm], inertia: float | None
+    state: ForceStates,
+    label: str,
+    terms: Sequence[ResolvedTerm],
+    inertia: float | None,
+    inputs: Sequence[str] = (),
 ) -> RunEvidence:
     rows = regression_rows([state], inertia)
     group, run = (np.full(rows.y.size, name, dtype=object) for name in (label, state.run))
     labels = RowLabels.labelled(group, run, rows.blocks)
-    return gather(terms, rows.X, rows.y, labels, None, rows.X_replicate, rows.y_replicate).runs[0]
+    replicate = rows.X_replicate, rows.y_replicate
+    return gather(terms, rows.X, rows.y, labels, None, *replicate, inputs=inputs).runs[0]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from sindyjoint.reporting.data import ReportData
-from sindyjoint.reporting.figures import evidence, loops, maps, residuals
+from sindyjoint.reporting.figures import evidence, inputs, loops, maps, residuals
 from sindyjoint.reporting.figures.kind import Kind, Panel, by_name, fixed, spread
 
 
@@ -23,6 +23,10 @@ def _residual(data: ReportData) -> list[Panel]:
 
 def _coefficients(data: ReportData) -> list[Panel]:
     return [partial(evidence.coefficient, term=term) for term in evidence.drawn_coefficients(data)]
+
+
+def _inputs(data: ReportData) -> list[Panel]:
+    return [partial(inputs.coefficient_over, over=over, row=row) for over, row in inputs.drawn_over(data)]
 
 
 def _with_terms(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
@@ -75,6 +79,13 @@ _WHOLE = (
         "processing taken out where it is known. Line: all together. Grey: ±10 %. Crosses: the paper's "
         "tables, where the joint is one of the paper's.",
         _coefficients,
+    ),
+    Kind(
+        "inputs",
+        "Coefficients over the inputs",
+        "Each coefficient that the law lets depend on an input, over that input: the line is the law with its 95 % "
+        "interval, points are fits to the runs of a single level.",
+        _inputs,
     ),
     Kind(
         "covariance",

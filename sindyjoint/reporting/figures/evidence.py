@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.data import ReportData
-from sindyjoint.reporting.equation import split_symbol
+from sindyjoint.reporting.figures.labels import math_symbol, scale_of
 from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.figures.residuals import nothing
 from sindyjoint.reporting.style import (
@@ -23,9 +23,8 @@ from sindyjoint.reporting.style import (
     RULE,
     plain,
     prefixed,
-    pretty_unit,
 )
-from sindyjoint.text import in_words_of, quantities, spelled, superscript
+from sindyjoint.text import in_words_of, quantities, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
 
 # A parameter counts as the same at two frequencies when it differs by less than this.
 EQUIVALENCE = 0.10
-SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def path(data: ReportData, ax: Axes) -> Axes:
@@ -105,7 +103,7 @@ def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
     ids = data.model.ids
     index = ids.index(term) if term else 0
     item = data.model.terms[index]
-    factor, unit = _scale(item.coefficient, item.unit)
+    factor, unit = scale_of(item.coefficient, item.unit)
     groups = data.groups
     x = np.arange(len(groups))
     values = np.array([group.coefficients[index] for group in groups])
@@ -117,14 +115,14 @@ def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
     if len(groups) > 6:
         ax.tick_params(axis="x", rotation=60)
     ax.set_xlim(-0.6, len(groups) - 0.4)
-    ax.set_ylabel(f"{_math(item.symbol)}" + (f" ({unit})" if unit else ""))
+    ax.set_ylabel(f"{math_symbol(item.symbol)}" + (f" ({unit})" if unit else ""))
     ax.set_title(plain(in_words_of(data.model.joint.motion, item.name)))
     return ax
 
 
 def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     """Draw a coefficient by frequency, with 95 % intervals, the margin of equivalence and the answer of its tests."""
-    factor, unit = _scale(test.mean, result.units.get(test.name, ""))
+    factor, unit = scale_of(test.mean, result.units.get(test.name, ""))
     frequencies = np.array(test.frequencies)
     values, errors = np.array(test.estimates), np.array(test.standard_errors)
     published, aside = paper_values(result.joint, test.name), 0.03 * float(np.ptp(frequencies))
@@ -166,7 +164,7 @@ def covariance(data: ReportData, ax: Axes) -> Axes:
         return nothing(ax, "no terms, no covariance")
     matrix = correlation(model)
     mesh = ax.imshow(matrix, cmap=DIVERGING, vmin=-1, vmax=1)
-    names = [_math(term.symbol) for term in model.terms]
+    names = [math_symbol(term.symbol) for term in model.terms]
     ax.set_xticks(range(len(names)), names)
     ax.set_yticks(range(len(names)), names)
     ax.grid(False)
@@ -212,23 +210,6 @@ def paper_values(joint: str, term: str) -> dict[str, float]:
 
 def _chosen_note(data: ReportData, size: Any, mark: str) -> str:
     return "" if data.chosen is None else f" ({mark}: the chosen {size[data.chosen]})"
-
-
-def _scale(value: float, unit: str) -> tuple[float, str]:
-    """Return a power of ten for large coefficients; a prefix would hide the powers of the unit."""
-    power = int(np.floor(np.log10(abs(value)))) if value else 0
-    if -1 <= power < 5:
-        return 1.0, pretty_unit(unit)
-    power = 3 * (power // 3)
-    return 10.0**-power, f"10{superscript(power)} {pretty_unit(unit)}"
-
-
-def _math(symbol: str) -> str:
-    """Return a term's symbol with its index lowered; text that is not such a symbol stays as it is."""
-    head, tail = split_symbol(symbol)
-    if tail.isdigit() or not tail:
-        return plain(head + tail.translate(SUBSCRIPTS))
-    return f"${head}_{{{tail}}}$" if head.isalpha() and tail.isalnum() else plain(symbol)
 
 
 def _room(ax: Axes, values: Any, errors: Any, centre: float, shown: list[float]) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.batch.population import next_joint
 from sindyjoint.batch.summary import Batch
 from sindyjoint.reporting.figures.batch import DIAMONDS, KELVIN, KINDS
 from sindyjoint.reporting.provenance import Provenance, provenance
@@ -231,11 +232,15 @@ def _scatter(result: Batch) -> TextTable:
                 if np.isfinite(s.mean_error)
                 else f"{s.mean:.4g}",
                 f"{100 * share:.1f} %" if np.isfinite(share) else DASH,
+                DASH if (ahead := next_joint(s)) is None else "{:.4g} … {:.4g}".format(*ahead.interval95),
                 ", ".join(result.records[i].id for i in s.outliers) or "none",
             )
         )
-    columns = ("term", "mean of the joints", "spread between joints", "stand out")
-    caption = "Between joints, beyond the errors of the single estimates."
+    columns = ("term", "mean of the joints", "spread between joints", "next joint, 95 %", "stand out")
+    caption = (
+        "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
+        "not tested lies in 95 of 100 cases."
+    )
     return TextTable("scatter", caption, columns, tuple(rows))
 
 

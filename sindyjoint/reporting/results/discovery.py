@@ -14,6 +14,7 @@ from sindyjoint.equation.model import INERTIA
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headline import Headline
+from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.data import ReportData, gather
 from sindyjoint.reporting.equation import mathml, symbol_html
@@ -93,7 +94,8 @@ class DiscoveryView(View[Discovery, ReportData]):
                 (term.id, term.symbol, value, pretty_unit(term.unit), f"{low:.4g} … {high:.4g}", share)
             )
         columns = ("term", "", "coefficient", "unit", "95 % interval", "share")
-        return (TextTable("terms", "Terms", columns, tuple(rows)),)
+        over = result.over_inputs if isinstance(result, Discovery) else result.over
+        return (TextTable("terms", "Terms", columns, tuple(rows)), *(over_table(each) for each in over))
 
     def content(
         self, result: Discovery | ReportData, data: ReportData, folder: Path | None
@@ -109,6 +111,13 @@ class DiscoveryView(View[Discovery, ReportData]):
             "equation_text": data.model.equation(),
             "equation_latex": data.model.latex(),
             "terms": term_rows(data.model),
+            "over": [over_table(each) for each in data.over],
+            "over_reasons": [
+                f"{row.symbol}: {row.answer} ({row.reason})"
+                for each in data.over
+                for row in each.coefficients
+                if row.answer
+            ],
             "symbols": [markup(symbol_html(term.symbol)) for term in data.model.terms],
             "runs": run_rows(data),
             "steps": step_rows(data),
@@ -158,6 +167,12 @@ class DiscoveryView(View[Discovery, ReportData]):
             print_whole(_terms(self.tables(result)[0], console), console)
             what = quantities(model.joint.motion).moment.lower()
             console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
+            for each in self.tables(result)[1:]:
+                console.print(f"\n[bold]{escape(each.title)}[/]")
+                print_whole(
+                    terminal_table(each.columns, each.rows, "ll" + "r" * (len(each.columns) - 3) + "l"),
+                    console,
+                )
         _show_fit(result, console)
         if result.warnings:
             console.print("\n[bold]What to know before using it[/]")
@@ -197,6 +212,21 @@ class DiscoveryView(View[Discovery, ReportData]):
             + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
         )
         yield from _shares(result)
+
+
+def over_table(over: OverInput) -> TextTable:
+    """Return the law at three values of an input, and whether each coefficient depends on it."""
+    rows = tuple(
+        (
+            row.symbol,
+            pretty_unit(row.unit),
+            *(rounded(value, error) for value, error in zip(row.values, row.errors, strict=True)),
+            row.told or "–",
+        )
+        for row in over.coefficients
+    )
+    columns = ("", "unit", *over.headings, "with levels apart")
+    return TextTable(f"over_{over.name}", f"The law over {over.label}", columns, rows)
 
 
 def _paper_lines(result: Discovery) -> str:

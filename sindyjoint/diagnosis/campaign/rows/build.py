@@ -107,6 +107,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, err
     time = np.full(phases, np.mean(states.time))
     step = 1 / (states.frequency * phases)
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
+    motion = replace(motion, inputs={name: mean(values) for name, values in states.inputs.items()})
     inertia = model.joint.inertia
     sigma = np.sqrt(states.noise.moment**2 / filled[keep] + error**2)
     factor = folded_whitener(states, model, motion, sigma, np.arange(phases)[keep] / phases)
@@ -263,13 +264,16 @@ def _motion(
     time: Array | None = None,
     substeps: int = 1,
 ) -> MeasuredMotion:
-    stiffness, damping = slopes(model, angle, rate)
+    means = {name: float(np.mean(values)) for name, values in states.inputs.items()}
+    held = model.at(**{each.name: means[each.name] for each in model.inputs if each.name in means})
+    stiffness, damping = slopes(held, angle, rate)
+    instants = states.time[0] + step * np.arange(angle.size)
     return MeasuredMotion(
         angle=angle,
         rate=rate,
         acceleration=acceleration,
         step=step,
-        time=states.time[0] + step * np.arange(angle.size) if time is None else time,
+        time=instants if time is None else time,
         frequency=states.frequency or 0.0,
         moment_rate=stiffness * rate + damping * acceleration,
         moment_slope=stiffness,
@@ -277,12 +281,14 @@ def _motion(
         repeats=repeats,
         began=states.began,
         substeps=substeps,
+        inputs={name: np.interp(instants, states.time, values) for name, values in states.inputs.items()},
     )
 
 
 def base_columns(model: JointModel, run: GapRun) -> Array:
     """Return the columns of the model's own terms at the kept samples, shape (m, p)."""
-    from sindyjoint.equation.formula import compile_terms
+    from sindyjoint.equation.formula import VARIABLES, compile_terms
 
-    function = compile_terms([term.expression for term in model.terms])
-    return function(run.angle, run.rate, run.acceleration)
+    inputs = model.input_arrays(run.inputs, run.angle.shape)
+    function = compile_terms([term.expression for term in model.terms], (*VARIABLES, *inputs))
+    return function(run.angle, run.rate, run.acceleration, *inputs.values())

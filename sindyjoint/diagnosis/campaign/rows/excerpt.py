@@ -41,6 +41,7 @@ def excerpt(run: GapRun, share: float) -> tuple[GapRun, NDArray[np.intp]]:
     )  # fmt: skip
     names = ("angle", "rate", "acceleration", "time", "moment_rate", "moment_slope")
     cut: dict[str, Any] = {name: np.concatenate([getattr(motion, name)[s] for s in pieces]) for name in names}
+    cut["inputs"] = {name: np.concatenate([v[s] for s in pieces]) for name, v in motion.inputs.items()}
     factor = run.factor[:, rows].copy()
     # A band that reaches over a seam belongs to other rows.
     for band in range(1, factor.shape[0]):

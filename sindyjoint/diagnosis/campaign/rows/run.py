@@ -122,6 +122,11 @@ class GapRun:
         """Acceleration at the kept samples, rad/s²."""
         return self.motion.acceleration[self.motion.keep]
 
+    @property
+    def inputs(self) -> dict[str, Array]:
+        """Declared inputs at the kept samples."""
+        return {name: values[self.motion.keep] for name, values in self.motion.inputs.items()}
+
 
 @dataclass(frozen=True, eq=False)
 class Band:

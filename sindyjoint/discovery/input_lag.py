@@ -1,0 +1,113 @@
+"""How late a joint follows an input that moves within a run: a first-order lag, as a fluid or a coil has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.delay import ROWS, reference_of
+from sindyjoint.discovery.factors import Factor
+from sindyjoint.discovery.policy import POLICY
+from sindyjoint.equation.catalogue import load_catalogue, term_columns
+from sindyjoint.equation.dependences import dependences
+from sindyjoint.equation.terms import ResolvedTerm
+from sindyjoint.inputs import Input, lagged, reference_values
+from sindyjoint.states.record import ForceStates
+
+Array = NDArray[np.float64]
+
+# Time constants that are tried, s; the best is refined between its neighbours.
+TRIED = np.geomspace(1e-3, 3.0, 22)
+
+
+@dataclass(frozen=True)
+class InputLag:
+    """The lag with which a joint follows an input.
+
+    Parameters
+    ----------
+    name : str
+    time : float
+        Time constant of the first-order lag, s.
+    removed : float
+        Share of the mean square that the law and its dependences left which the lag explains.
+    """
+
+    name: str
+    time: float
+    removed: float
+
+
+def find_lags(
+    states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input]
+) -> tuple[InputLag, ...]:
+    """Return the lags of inputs that move within runs and of which none is declared.
+
+    The paper's law, each of its coefficients linear in the inputs, is fitted with every time constant that is tried. A
+    lag counts that explains a stated share of what is left without it.
+    """
+    found: list[InputLag] = []
+    for each in inputs:
+        if each.lag or all(np.ptp(s.inputs[each.name]) == 0 for s in states):
+            continue
+        terms = _law(states, inertia, inputs)
+        lags = {lag.name: lag.time for lag in found}
+        without = _left(states, terms, inertia, lags)
+        errors = [_left(states, terms, inertia, lags | {each.name: float(time)}) for time in TRIED]
+        best = int(np.argmin(errors))
+        low, high = TRIED[max(best - 1, 0)], TRIED[min(best + 1, TRIED.size - 1)]
+        finer = np.geomspace(low, high, 9)
+        again = [_left(states, terms, inertia, lags | {each.name: float(time)}) for time in finer]
+        removed = 1 - min(again) / without if without > 0 else 0.0
+        if removed > POLICY.lag_explains:
+            found.append(InputLag(each.name, float(f"{finer[int(np.argmin(again))]:.3g}"), removed))
+    return tuple(found)
+
+
+def lag_notes(lags: Sequence[InputLag]) -> list[str]:
+    """Return what a report says of lags that were found."""
+    return [
+        f"the joint follows {lag.name} with a lag of {1e3 * lag.time:.3g} ms (time constant), which explains "
+        f'{100 * lag.removed:.0f} % of the mean square left without it; lag = "{1e3 * lag.time:.3g} ms" in [inputs] '
+        "declares it"
+        for lag in lags
+    ]
+
+
+def _law(
+    states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input]
+) -> tuple[ResolvedTerm, ...]:
+    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
+    if inertia is None:
+        law = law.union(load_catalogue("inertia"))
+    law = law.union(dependences(inputs, {each.name: min(each.levels, 2) for each in inputs}, law.ids))
+    references = reference_values(inputs)
+    return law.resolve(replace(reference_of(states), inputs=references))
+
+
+def _left(
+    states: Sequence[ForceStates],
+    terms: Sequence[ResolvedTerm],
+    inertia: float | None,
+    lags: Mapping[str, float],
+) -> float:
+    """Return the sum of squares that a law leaves of the moving samples."""
+    stride = max(1, sum(s.n_samples for s in states) // ROWS)
+    columns, target = [], []
+    for state in states:
+        index = np.flatnonzero(state.moving)[::stride]
+        inputs = {
+            name: lagged(values, lags.get(name, 0.0) * state.sample_rate)[index]
+            for name, values in state.inputs.items()
+        }
+        motion = (signal[index] for signal in (state.angle, state.rate, state.acceleration))
+        columns.append(term_columns(terms, *motion, inputs=inputs))
+        target.append(state.moment[index] - (inertia or 0.0) * state.acceleration[index])
+    matrix = np.vstack(columns)
+    size = np.sqrt(np.mean(matrix**2, axis=0))
+    factor = Factor.of(matrix / np.where(size > 0, size, 1.0), np.concatenate(target))
+    solved = np.linalg.lstsq(factor.triangle[:, :-1], factor.triangle[:, -1], rcond=1e-10)[0]
+    return float(np.sum((factor.triangle[:, :-1] @ solved - factor.triangle[:, -1]) ** 2))

@@ -1,0 +1,94 @@
+"""What calibration does not know: an error of a channel's gain moves all coefficients of a law together.
+
+A moment that is measured ε too large makes every coefficient c larger by ε·c; an angle that is measured ε too large
+makes that of a term of degree p in angle and rate smaller by p·ε·c. No repetition of a test shows either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_parts import INERTIA, ModelTerm
+
+Array = NDArray[np.float64]
+
+
+def with_gain_uncertainty(model: JointModel, gains: Mapping[str, float]) -> JointModel:
+    """Return a model whose covariance and intervals hold the uncertainty of the channels' gains.
+
+    Parameters
+    ----------
+    model : JointModel
+        Whose ``fitted`` declares none yet.
+    gains : mapping of str to float
+        Relative standard uncertainty of ``"moment"``, ``"angle"`` and, where it is measured, ``"rate"``.
+    """
+    if not any(gains.values()) or not model.terms:
+        return model
+    fitted = replace(model.fitted, gains=tuple(sorted(gains.items())))
+    size = len(model.terms)
+    added = _common(model, dict(fitted.gains))
+    covariance = model.covariance_matrix
+    covariance[:size, :size] += added
+    terms = []
+    for term, more in zip(model.terms, np.diag(added), strict=True):
+        error = float(np.sqrt(term.standard_error**2 + more))
+        # Noise keeps its quantile; calibration is as many degrees of freedom as its certificate.
+        half = float(np.hypot((term.interval95[1] - term.interval95[0]) / 2, 1.96 * np.sqrt(more)))
+        middle = sum(term.interval95) / 2
+        terms.append(replace(term, standard_error=error, interval95=(middle - half, middle + half)))
+    return replace(
+        model, terms=tuple(terms), covariance=tuple(map(tuple, covariance.tolist())), fitted=fitted
+    )
+
+
+def gain_errors(model: JointModel) -> Array:
+    """Return the part of each term's standard error that declared uncertainties of gains make, shape (n_terms,)."""
+    return np.sqrt(np.diag(_common(model, dict(model.fitted.gains)))) if model.terms else np.zeros(0)
+
+
+def _common(model: JointModel, gains: Mapping[str, float]) -> Array:
+    """Return the covariance that errors of gains make, shape (n_terms, n_terms)."""
+    values = model.coefficients
+    total = np.full((values.size, values.size), gains.get("moment", 0.0) ** 2)
+    # Without a rate channel the rate is the angle's: both are wrong alike.
+    together = "rate" not in gains
+    powers = np.array([_degrees(term, model) for term in model.terms])
+    angle = powers.sum(axis=1) if together else powers[:, 0]
+    total += gains.get("angle", 0.0) ** 2 * np.outer(angle, angle)
+    if not together:
+        total += gains["rate"] ** 2 * np.outer(powers[:, 1], powers[:, 1])
+    return total * np.outer(values, values)
+
+
+def _degrees(term: ModelTerm, model: JointModel) -> tuple[float, float]:
+    """Return the degree of a term in angle, and in rate (with the acceleration): ∂ln f/∂ln x over the tested range."""
+    if term.id == INERTIA:
+        return 0.0, 1.0
+    from sindyjoint.equation.formula import VARIABLES, compile_terms
+
+    fitted = model.fitted
+    inputs = {each.name: max(each.tested or (each.reference,), key=abs) for each in model.inputs}
+    function = compile_terms([term.expression], (*VARIABLES, *inputs))
+    rng = np.random.default_rng(0)
+    angle, rate = (rng.uniform(0.2, 1, 64) * (size or 1.0) for size in (fitted.angle, fitted.rate))
+    step = 1e-4
+
+    def value(a: float, r: float) -> Array:
+        return function(a * angle, r * rate, r * rate, *inputs.values())[:, 0]
+
+    here = value(1.0, 1.0)
+    used = np.abs(here) > 1e-12 * np.abs(here).max(initial=1e-300)
+    if not used.any():
+        return 0.0, 0.0
+    slopes = (
+        (value(1 + step, 1.0) - value(1 - step, 1.0)) / (2 * step),
+        (value(1.0, 1 + step) - value(1.0, 1 - step)) / (2 * step),
+    )
+    first, second = (float(np.sum((s * here)[used]) / np.sum(here[used] ** 2)) for s in slopes)
+    return first, second

@@ -1,0 +1,115 @@
+"""Sets of coefficients for Monte Carlo in other programs: of one joint's uncertainty, or of the joints of a batch."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.batch.population import next_joint, population
+from sindyjoint.documents import LARGEST, parse_json
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError
+from sindyjoint.export.base import Export, Fidelity
+
+Array = NDArray[np.float64]
+
+FILE = "samples.csv"
+COUNT = 1000
+BATCH_FILE = "batch.json"
+
+
+def export(model: JointModel, count: int = COUNT, random_state: int = 0) -> Export:
+    """Draw coefficients from the normal distribution of a model's numbers, their covariance respected.
+
+    Negative friction is drawn as zero; the positive numbers of elements stay positive.
+    """
+    from sindyjoint.response.model_law import draw_models
+
+    _check(count)
+    drawn = draw_models(model, count, np.random.default_rng(random_state))
+    names = [(term.id, term.symbol, term.unit) for term in model.terms]
+    names += [(e.id, f"{e.symbol}_{n.name}", n.unit) for e in model.elements for n in e.numbers]
+    how = f"{count} draws of the normal distribution of its estimate, with the covariance of all"
+    return _export(names, np.array([each.numbers for each in drawn]), how)
+
+
+def batch_samples(folder: Path, count: int = COUNT, random_state: int = 0) -> Export:
+    """Draw coefficients of joints that were not tested, from the joints of a batch.
+
+    Mean and spread are those of the batch without its outliers, correlations those of its joints; Student's
+    distribution on one degree of freedom less than there are joints knows how well the spread is known.
+
+    Raises
+    ------
+    InputError
+        For a folder without a batch, or one of too few joints.
+    """
+    _check(count)
+    file = folder / BATCH_FILE
+    record: Any = parse_json(file.read_bytes()[: LARGEST["JSON"]].decode("utf-8"), str(file))
+    try:
+        units = {each["id"]: each["unit"] for each in record["common_terms"]}
+        values, errors = (
+            {
+                term: np.array(
+                    [_float(each["common_coefficients"][term][key]) for each in record["campaigns"]]
+                )
+                for term in units
+            }
+            for key in ("value", "standard_error")
+        )
+    except (KeyError, TypeError):
+        raise InputError(f"{file}: is no record of a batch; run the batch again") from None
+    means, scales, kept = [], [], np.ones(len(record["campaigns"]), dtype=bool)
+    scatters = population(values, errors).scatters
+    degrees = np.inf
+    for scatter in scatters:
+        ahead = next_joint(scatter)
+        if ahead is None:
+            raise InputError(f"{file}: too few joints for a distribution of {scatter.coefficient}; test more")
+        means.append(scatter.mean)
+        scales.append(ahead.scale)
+        degrees = min(degrees, ahead.degrees)
+        kept &= np.isfinite(values[scatter.coefficient])
+        kept[list(scatter.outliers)] = False
+    deviations = np.array([values[s.coefficient][kept] - s.mean for s in scatters])
+    correlation = np.corrcoef(deviations) if len(scatters) > 1 else np.eye(1)
+    drawn = _student(
+        np.array(means), np.array(scales), np.nan_to_num(correlation), degrees, count, random_state
+    )
+    how = f"{count} draws of Student's distribution of a next joint, {int(kept.sum())} joints tested"
+    return _export([(s.coefficient, s.coefficient, units[s.coefficient]) for s in scatters], drawn, how)
+
+
+def _student(means: Array, scales: Array, correlation: Array, degrees: float, count: int, seed: int) -> Array:
+    generator = np.random.default_rng(seed)
+    values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    normal = generator.standard_normal((count, means.size)) @ root.T
+    wide = np.sqrt(generator.chisquare(degrees, count) / degrees)
+    return means + scales * normal / wide[:, None]
+
+
+def _float(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _check(count: int) -> None:
+    if not 1 <= count <= 1_000_000:
+        raise InputError(f"count is {count}; expected from 1 to 1000000 sets")
+
+
+def _export(names: Sequence[tuple[str, str, str]], drawn: Array, how: str) -> Export:
+    """Return the sets as CSV, a row each; a column is headed by symbol and unit."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f"{symbol} [{unit}]" for _, symbol, unit in names])
+    writer.writerows([[repr(float(value)) for value in row] for row in drawn])
+    rows = tuple(Fidelity(id, symbol, how, True, 0.0, 0.0) for id, symbol, _ in names)
+    return Export("samples", {FILE: text.getvalue()}, rows)

@@ -1,0 +1,256 @@
+"""Whether a joint has changed between two tests: coefficient by coefficient, beyond noise and calibration.
+
+A coefficient has *changed* where its difference passes its error by more than chance explains in any of all
+coefficients (Bonferroni, 5 % over all). It is *the same within the margin* where every change beyond the margin is
+ruled out (two one-sided tests, Schuirmann 1987); both can be true of sharp estimates. Otherwise nothing is decided.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from sindyjoint.equation.calibration import gain_errors
+from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.errors import InputError
+from sindyjoint.judgement.policy import POLICY
+from sindyjoint.shown import Shown
+
+Answer = Literal["changed", "changed within margin", "the same within margin", "cannot tell", "not compared"]
+NORMAL95 = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A coefficient before and after.
+
+    Parameters
+    ----------
+    id, symbol, name, unit : str
+    before, after : float
+        SI; NaN where a test has no such term.
+    interval_before, interval_after : (float, float)
+    change : float
+        Relative to the value before.
+    interval : (float, float)
+        95 % interval of the relative change, noise and calibration in it.
+    p_value : float
+        Of "the same".
+    answer : str
+    """
+
+    id: str
+    symbol: str
+    name: str
+    unit: str
+    before: float
+    after: float
+    interval_before: tuple[float, float]
+    interval_after: tuple[float, float]
+    change: float
+    interval: tuple[float, float]
+    p_value: float
+    answer: Answer
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Change(Shown):
+    """What two tests of one joint say.
+
+    Parameters
+    ----------
+    before, after : JointModel
+        As compared: of the same terms, inputs at the same values.
+    shifts : tuple of Shift
+    margin : float
+        Relative change that would not matter.
+    names : (str, str)
+        What the two are called.
+    warnings : tuple of str
+    """
+
+    before: JointModel
+    after: JointModel
+    shifts: tuple[Shift, ...]
+    margin: float
+    names: tuple[str, str]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def moved(self) -> tuple[Shift, ...]:
+        """Coefficients that changed."""
+        return tuple(shift for shift in self.shifts if shift.answer.startswith("changed"))
+
+    @property
+    def changed(self) -> bool:
+        """Whether any did."""
+        return bool(self.moved)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether one of the tests was a virtual one."""
+        return self.before.fitted.simulated or self.after.fitted.simulated
+
+    @property
+    def sentence(self) -> str:
+        """The answer in one sentence."""
+        if self.moved:
+            listed = ", ".join(f"{s.symbol} by {100 * s.change:+.2g} %" for s in self.moved)
+            return f"changed: {listed}"
+        compared = [shift for shift in self.shifts if shift.answer != "not compared"]
+        if not compared:
+            return "not compared: the two have no term in common"
+        if all(shift.answer.startswith("the same") for shift in compared):
+            return f"the same: every change beyond {100 * self.margin:.3g} % is ruled out"
+        unsure = ", ".join(s.symbol for s in compared if s.answer == "cannot tell")
+        return (
+            f"no change is seen; beyond {100 * self.margin:.3g} % it is not ruled out of {unsure}: record longer, or "
+            "allow a wider margin"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        rows = [{name: _plain(value) for name, value in asdict(shift).items()} for shift in self.shifts]
+        return {
+            "schema": 1,
+            "joint": self.after.joint.name,
+            "before": self.names[0],
+            "after": self.names[1],
+            "changed": self.changed,
+            "sentence": self.sentence,
+            "margin": self.margin,
+            "coefficients": rows,
+            "warnings": list(self.warnings),
+        }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def compare_models(
+    before: JointModel,
+    after: JointModel,
+    margin: float = POLICY.change_margin,
+    same_sensors: bool = False,
+    names: tuple[str, str] = ("before", "after"),
+    warnings: tuple[str, ...] = (),
+) -> Change:
+    """Compare the coefficients of two models of one joint.
+
+    Parameters
+    ----------
+    before, after : JointModel
+    margin : float
+        Relative change that would not matter.
+    same_sensors : bool
+        Whether both tests were made with the same sensors in the same calibration: gain errors that the models declare
+        are then the same in both, and no part of the difference.
+    names : (str, str)
+    warnings : tuple of str
+
+    Raises
+    ------
+    InputError
+        For models of different motion, or a margin that is not positive.
+    """
+    if before.joint.motion != after.joint.motion:
+        raise InputError(
+            f"one is of a joint in {before.joint.motion}, the other in {after.joint.motion}; expected the same joint"
+        )
+    if not 0 < margin < 1:
+        raise InputError(f"margin is {margin!r}; expected a relative change between 0 and 1")
+    notes = [*warnings]
+    if before.joint.name != after.joint.name:
+        notes.append(f"the joints have different names: {before.joint.name!r} and {after.joint.name!r}")
+    common = {each.name: each.reference for each in before.inputs}
+    if after.inputs:
+        after = _at_references(after, common)
+    ids = [*before.ids, *(name for name in after.ids if name not in before)]
+    both = [name for name in ids if name in before and name in after]
+    only = [name for name in ids if name not in both]
+    if only:
+        notes.append(
+            f"{', '.join(only)} stand(s) in one of the two only; what is left to the others differs by that: give both "
+            "campaigns, and the same terms are fitted to both"
+        )
+    critical = _critical(len(both))
+    errors = [np.zeros(len(m.terms)) if not same_sensors else gain_errors(m) for m in (before, after)]
+    shifts = tuple(_shift(name, before, after, errors, critical, margin) for name in ids)
+    return Change(before, after, shifts, margin, names, tuple(notes))
+
+
+def _at_references(model: JointModel, common: dict[str, float]) -> JointModel:
+    """Return a model whose plain terms hold at other references of its inputs; the dependences stay."""
+    known = {each.name for each in model.inputs}
+    held = model.at(**{name: value for name, value in common.items() if name in known})
+    kept = [term for term in model.terms if term.inputs]
+    return held.with_terms(
+        (*held.terms, *(term for term in kept if term.id not in held)),
+        np.diag(
+            [
+                *(t.standard_error**2 for t in held.terms),
+                *(t.standard_error**2 for t in kept if t.id not in held),
+            ]
+        ),
+    )
+
+
+def _critical(count: int) -> float:
+    from scipy.special import ndtri
+
+    return float(ndtri(1 - POLICY.change_level / (2 * max(count, 1))))
+
+
+def _half_width(term: ModelTerm, common: float) -> float:
+    """Return half the 95 % interval of a coefficient, less what a common error makes of it."""
+    half = (term.interval95[1] - term.interval95[0]) / 2
+    return float(np.sqrt(max(half**2 - (NORMAL95 * common) ** 2, 0.0)))
+
+
+def _shift(
+    name: str,
+    before: JointModel,
+    after: JointModel,
+    common: list[np.ndarray],
+    critical: float,
+    margin: float,
+) -> Shift:
+    from scipy.special import ndtr
+
+    nan, unknown = float("nan"), (float("nan"), float("nan"))
+    if name not in before or name not in after:
+        term = before[name] if name in before else after[name]
+        there = name in before
+        return Shift(
+            term.id, term.symbol, term.name, term.unit,
+            term.coefficient if there else nan, nan if there else term.coefficient,
+            term.interval95 if there else unknown, unknown if there else term.interval95,
+            nan, unknown, nan, "not compared",
+        )  # fmt: skip
+    one, other = before[name], after[name]
+    halves = [
+        _half_width(model[name], float(error[model.ids.index(name)]))
+        for model, error in zip((before, after), common, strict=True)
+    ]
+    half = float(np.hypot(halves[0], halves[1]))
+    difference = other.coefficient - one.coefficient
+    size = abs(one.coefficient) or nan
+    score = abs(difference) / half * NORMAL95 if half > 0 else (np.inf if difference else 0.0)
+    found = score > critical
+    # Two one-sided tests at 5 % each: an interval of 90 %.
+    within = abs(difference) + half * 1.644853626951473 / NORMAL95 < margin * size
+    answer: Answer = (
+        ("changed within margin" if within else "changed")
+        if found
+        else ("the same within margin" if within else "cannot tell")
+    )
+    change = difference / size
+    return Shift(
+        one.id, one.symbol, one.name, one.unit, one.coefficient, other.coefficient, one.interval95, other.interval95,
+        change, (change - half / size, change + half / size), float(2 * ndtr(-score)), answer,
+    )  # fmt: skip

@@ -1,0 +1,181 @@
+"""A joint's law over each declared input: its coefficients at three values, and which of them do not depend on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.frequency import Axis, FrequencyTest, frequency_test, group_estimates
+from sindyjoint.discovery.policy import POLICY
+from sindyjoint.equation.model import JointModel
+from sindyjoint.inputs import Input
+from sindyjoint.states import ForceStates
+
+Array = NDArray[np.float64]
+
+# Estimates at so many levels tell a trend from scatter.
+FEWEST_LEVELS = 3
+
+
+@dataclass(frozen=True)
+class CoefficientOver:
+    """A coefficient over an input.
+
+    Parameters
+    ----------
+    id, symbol, unit : str
+    values, errors : tuple of float
+        Of the law at the values of the input, with standard errors; SI.
+    levels, estimates, level_errors : tuple of float
+        Levels of the input in its declared unit, and what the runs of each alone give; empty where it has no levels.
+    answer, reason : str
+        Of the test of equivalence; empty without levels.
+    bound : float
+        Largest relative change between two levels that is not ruled out, at 1 % risk.
+    """
+
+    id: str
+    symbol: str
+    unit: str
+    values: tuple[float, ...]
+    errors: tuple[float, ...]
+    levels: tuple[float, ...] = ()
+    estimates: tuple[float, ...] = ()
+    level_errors: tuple[float, ...] = ()
+    answer: str = ""
+    reason: str = ""
+    bound: float = float("nan")
+
+    @property
+    def told(self) -> str:
+        """The answer with its figure."""
+        independent = self.answer.startswith("independent")
+        return f"the same within {100 * self.bound:.2g} %" if independent else self.answer
+
+
+@dataclass(frozen=True)
+class OverInput:
+    """A law over one of its inputs, the others at their reference.
+
+    Parameters
+    ----------
+    name, label, unit : str
+        The unit is the declared one.
+    values : tuple of float
+        Least tested, reference and largest tested value, in that unit.
+    coefficients : tuple of CoefficientOver
+    """
+
+    name: str
+    label: str
+    unit: str
+    values: tuple[float, ...]
+    coefficients: tuple[CoefficientOver, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints; a bound that is not known is null."""
+        record = asdict(self)
+        for row in record["coefficients"]:
+            row["bound"] = row["bound"] if np.isfinite(row["bound"]) else None
+        return record
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """The values as they are written."""
+        return tuple(f"{value:.4g} {self.unit}".removesuffix(" 1") for value in self.values)
+
+
+def over_inputs(
+    model: JointModel,
+    evidence: Evidence,
+    states: Sequence[ForceStates],
+    margin: float = POLICY.frequency_margin,
+) -> tuple[OverInput, ...]:
+    """Return the law over each input that was tested at more than one level.
+
+    Parameters
+    ----------
+    model : JointModel
+    evidence : Evidence
+        That it was found in.
+    states : sequence of ForceStates
+        Of its runs.
+    margin : float
+        Relative change of a coefficient over the tested range that would not matter.
+    """
+    return tuple(
+        over_input(model, each, level_tests(evidence, states, model, each, margin))
+        for each in model.inputs
+        if each.tested is not None and each.levels > 1
+    )
+
+
+def over_input(model: JointModel, each: Input, tests: Sequence[FrequencyTest] = ()) -> OverInput:
+    """Return a law over one of its inputs, with tests of its coefficients where there are some."""
+    low, high = each.tested or (each.reference, each.reference)
+    values = sorted({low, min(max(each.reference, low), high), high})
+    laws = [model.at(**{each.name: value}) for value in values]
+    known = {test.name: test for test in tests}
+    rows = []
+    for term in laws[len(laws) // 2].terms:
+        there = [law[term.id] if term.id in law else None for law in laws]
+        test = known.get(term.id)
+        rows.append(
+            CoefficientOver(
+                term.id,
+                term.symbol,
+                term.unit,
+                tuple(0.0 if t is None else t.coefficient for t in there),
+                tuple(0.0 if t is None else t.standard_error for t in there),
+                *(() if test is None else (test.frequencies, test.estimates, test.standard_errors)),
+                *(() if test is None else (test.answer, test.reason, test.change_bound)),
+            )
+        )
+    shown = tuple((value - each.zero) / each.factor for value in values)
+    return OverInput(each.name, each.label, each.shown_unit, shown, tuple(rows))
+
+
+def level_tests(
+    evidence: Evidence,
+    states: Sequence[ForceStates],
+    model: JointModel,
+    each: Input,
+    margin: float = POLICY.frequency_margin,
+) -> tuple[FrequencyTest, ...]:
+    """Test every term that does not hold the input for being the same at each of its levels.
+
+    Nothing is returned where runs are not at one level each, or at fewer than three.
+    """
+    low, high = each.tested or (0.0, 0.0)
+    known = {s.run: s.inputs[each.name] for s in states if each.name in s.inputs}
+    if not high > low or any(run.name not in known for run in evidence.runs):
+        return ()
+    if any(np.ptp(values) > 0.02 * (high - low) for values in known.values()):
+        return ()
+    places = {name: round(50 * (float(np.mean(v)) - low) / (high - low)) for name, v in known.items()}
+    if len(set(places.values())) < FEWEST_LEVELS:
+        return ()
+    runs = tuple(replace(run, group=f"{places[run.name]}") for run in evidence.runs)
+    grouped = replace(evidence, runs=runs)
+    plain = [term.id for term in model.terms if each.name not in term.inputs and term.id in evidence.ids]
+    if not plain:
+        return ()
+    found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
+    at = [
+        float(np.mean([np.mean(known[run.name]) for run in runs if run.group == group]))
+        for group in found.groups
+    ]
+    shown = (np.array(at) - each.zero) / each.factor
+    axis = Axis(each.label, each.shown_unit)
+    return tuple(
+        frequency_test(
+            term, shown, found.coefficients[:, i], found.standard_errors[:, i], found.degrees, margin, axis
+        )
+        for i, term in enumerate(plain)
+        if np.all(found.standard_errors[:, i] > 0)
+    )

@@ -1,0 +1,122 @@
+"""The law of a model in one run: its inputs held at the run's values, or followed along its measured motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.laws import Law, SumLaw, softening_limit
+from sindyjoint.response.model_law import model_law
+from sindyjoint.response.policy import POLICY
+from sindyjoint.states import ForceStates
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LawInRun:
+    """A law whose inputs move within a run: held at their means, and what they add along the measured motion.
+
+    Parameters
+    ----------
+    held : Law
+    added : ndarray, shape (n,)
+        Moment at the samples of the run's states, N·m (N).
+    moves : tuple of str
+        Inputs that move the law.
+    """
+
+    held: Law
+    added: Array
+    moves: tuple[str, ...]
+
+    @property
+    def inertia(self) -> float:
+        """Moving inertia, kg·m² (kg)."""
+        return self.held.inertia
+
+    @property
+    def n_states(self) -> int:
+        """Number of internal states."""
+        return self.held.n_states
+
+    @property
+    def softening_limit(self) -> tuple[float, float]:
+        """Softening limit of the held law."""
+        return softening_limit(self.held)
+
+    def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Transfer moment at the means of the inputs, N·m (N)."""
+        return self.held.moment(angle, rate, direction, state)
+
+    def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
+        """Rates of the internal states, shape (n_states, n)."""
+        return self.held.state_rate(angle, rate, direction, state)
+
+    def compiled(self) -> Any:
+        """Compiled form at the means of the inputs."""
+        return self.held.compiled()
+
+
+def with_added(law: Law | LawInRun, added: Law | None) -> Law | LawInRun:
+    """Return a law with another one added, if there is one."""
+    if added is None:
+        return law
+    if isinstance(law, LawInRun):
+        return replace(law, held=SumLaw(law.held, added))
+    return SumLaw(law, added)
+
+
+def law_in_run(model: JointModel, states: ForceStates) -> Law | LawInRun:
+    """Return the law of a model in a run.
+
+    An input that makes the moment differ from that at its mean by less than a hundredth is held there.
+
+    Raises
+    ------
+    InputError
+        If the run has no value of an input on which the model depends.
+    """
+    used = sorted({name for term in model.terms for name in term.inputs})
+    if not used:
+        return model_law(model)
+    lacking = [name for name in used if name not in states.inputs]
+    if lacking:
+        raise InputError(
+            f"run {states.run!r} has no value of {lacking[0]!r}, on which the model depends; declare it in [inputs]"
+        )
+    held = model.at(**{name: float(np.mean(states.inputs[name])) for name in used})
+    law = model_law(held)
+    moves = tuple(name for name in used if np.ptp(states.inputs[name]) > 0)
+    if not moves:
+        return law
+    # At standstill friction keeps the side of the motion before.
+    rate = np.where(states.rate == 0, 1e-300, states.rate)
+    along = model.without_elements().moment(states.angle, rate, inputs=states.inputs)
+    added = along - held.without_elements().moment(states.angle, rate)
+    return LawInRun(law, added, moves) if np.std(added) > POLICY.input_moves * np.std(along) else law
+
+
+def held_laws(model: JointModel, states: Sequence[ForceStates]) -> list[Law]:
+    """Return the law of a model in each run, for simulations of which no measured motion is at hand.
+
+    Raises
+    ------
+    InputError
+        If an input moves the law within a run.
+    """
+    if not any(term.inputs for term in model.terms):
+        return [model_law(model)] * len(states)
+    laws = [law_in_run(model, each) for each in states]
+    for law, each in zip(laws, states, strict=True):
+        if isinstance(law, LawInRun):
+            raise InputError(
+                f"{', '.join(law.moves)} moves the law within run {each.run!r}: it is not simulated"
+            )
+    return laws
