@@ -35,7 +35,8 @@ def test_the_first_command_ends_in_a_discovery():
     run = subprocess.run(
         [sys.executable, "-m", *[Path(words[0]).name, *words[1:]]], capture_output=True, text=True
     )
-    assert (run.returncode, run.stderr) == (0, "")
+    # On a busy machine, from the third second on, a line for each stage.
+    assert run.returncode == 0 and re.fullmatch(r"( *[\d.]+ s  [^\n]+\n)*", run.stderr), run.stderr
     assert "(simulated)" in run.stdout and "paper's term set confirmed" in run.stdout
 
 

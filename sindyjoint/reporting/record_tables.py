@@ -52,6 +52,7 @@ class ChoicePart(Part):
     path: list[SizeScorePart]
     offers_paper_terms: bool
     not_given: list[str]
+    residual: Maybe = None
 
 
 class FoldPart(Part):
@@ -118,6 +119,7 @@ class ComparisonRecord(Part):
     warnings: list[str]
     seconds: dict[str, Maybe]
     soundness: SoundnessPart
+    noise_floor: Maybe = None
 
 
 # ---- many joints

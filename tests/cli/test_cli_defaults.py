@@ -16,6 +16,7 @@ OF_REGRESSOR = {"method": "method", "selection": "selection", "threshold": "thre
 OF_DISCOVER = ("states", "bandwidth", "align", "random_state")
 
 # Command: option → function and parameter that it becomes.
+CHANGED = "workflows.changed:changed"
 REACHED = {
     "discover": {
         **{name: (DISCOVER, name) for name in (*OF_DISCOVER, "correct", "paper", *SPREAD)},
@@ -60,6 +61,10 @@ REACHED = {
         "raw": (TEST, "raw_channels"),
         "format": ("files.writers:write_campaign", "format"),
     },
+    "changed": {
+        "margin": (CHANGED, "margin"),
+        "same_sensors": (CHANGED, "same_sensors"),
+    },
     "plot": {
         "width": ("reporting.registry:draw", "width"),
         "dpi": ("reporting.style:figure_bytes", "dpi"),
@@ -77,6 +82,7 @@ PASSED_ON = {
     "forbid",
     "rig",
     "nuisance",
+    "at",
 }
 # What the command itself does.
 OF_THE_COMMAND = {
@@ -97,6 +103,7 @@ OF_THE_COMMAND = {
 # Of the noise of the virtual test, which only a command makes.
 OWN = {
     ("simulate", "random_state"): 0,
+    ("changed", "random_state"): 0,
     ("init", "answers"): None,
     ("init", "yes"): False,
 }
