@@ -210,7 +210,7 @@ import sys, threading
 import sindyjoint
 from sindyjoint.reporting.output import write_results
 def work(name):
-    found = sindyjoint.discover(f"{sys.argv[1]}/{name}", "paper")
+    found = sindyjoint.discover(f"{sys.argv[1]}/{name}", "paper", correct=False)
     write_results(found, f"{sys.argv[2]}/{name}")
 threads = [threading.Thread(target=work, args=(name,)) for name in sys.argv[3:]]
 [thread.start() for thread in threads]
@@ -225,7 +225,7 @@ def together(count: int, folder: str) -> dict[str, Any]:
     """
     source = alike_campaigns(folder, count)
     names = sorted(path.name for path in source.iterdir())
-    single = [sys.executable, "-m", "sindyjoint", "discover", "-q", "-l", "paper"]
+    single = [sys.executable, "-m", "sindyjoint", "discover", "-q", "-l", "paper", "--no-correct"]
     found: dict[str, list[bytes]] = {}
     for way in ("alone", "processes", "threads"):
         out = Path(folder) / f"out-{way}"
