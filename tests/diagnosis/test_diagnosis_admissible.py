@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign.admissible import law_complaint, number_complaint, yield_complaint
+from sindyjoint.diagnosis.campaign.admissible import (
+    law_complaint,
+    number_complaint,
+    off_its_ends,
+    yield_complaint,
+)
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -39,6 +44,23 @@ def fitted(name, values, coefficients=(1.0,), variant=0):
 def test_a_number_at_the_end_of_its_range_is_refused(effect, values, end):
     complaint = number_complaint(fitted(effect, values), REFERENCE, CAMPAIGN)
     assert complaint.endswith(f"at the {end} end of its range") if end else complaint == ""
+
+
+def test_a_number_leaves_the_end_of_its_range_only_where_the_data_do_not_ask_for_it(problem):
+    """A slider's yield that stands at its upper end for next to nothing, one that the data ask for, one with a name."""
+    regression = problem.regression
+    upper = regression.reference.angle
+    for name, values, end in (
+        ("jenkins_element", [upper], False),
+        ("backlash_play", [0.01 * upper, 0.1 * upper], True),
+    ):
+        effect = fitted(name, values)
+        gain, coefficients = regression.gain(effect.variant, effect.values)
+        inside = off_its_ends(regression, replace(effect, gain=gain, coefficients=coefficients))
+        # At the end where play becomes a Jenkins element it stays: that has a name.
+        assert bool(number_complaint(inside, regression.reference, CAMPAIGN)) is end
+    asked = replace(fitted("jenkins_element", [upper]), gain=1e4)
+    assert off_its_ends(regression, asked) is asked
 
 
 @pytest.fixture(scope="module")

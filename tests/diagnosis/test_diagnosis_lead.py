@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis.campaign.processing import is_seen
-from sindyjoint.diagnosis.campaign.repair import modelled
+from sindyjoint.diagnosis.campaign.repair import modelled, rest_angle
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
@@ -42,6 +42,25 @@ def test_a_state_begins_with_the_start_of_the_record(name):
     without = variant.along(motion_of(angle, rate, 200, False), values)[:, 0]
     np.testing.assert_allclose(with_lead, whole, atol=1e-12)
     assert np.abs(without - whole).max() > 0.1 * np.abs(whole).max()
+
+
+def test_a_slider_begins_in_its_middle_where_the_joint_rests():
+    """A sensor's zero moves the angles and the joint's rest alike: the slider does not notice."""
+    (effect,) = select_effects(load_effects(), ["jenkins_element"])
+    variant, (angle, rate), values = effect.variants[0], slow_swing(), np.array([0.3])
+    true = variant.along(motion_of(angle, rate, 0, False), values)
+    moved = motion_of(angle + 0.2, rate, 0, False)
+    np.testing.assert_allclose(variant.along(replace(moved, centre=0.2), values), true, atol=1e-12)
+    assert np.abs(variant.along(moved, values) - true).max() > 0.1
+
+
+def test_the_rest_of_a_joint_is_found_beside_its_zero_error():
+    run, _, _ = driven_run(np.random.default_rng(3))
+    moved = replace(run, angle=run.angle + 0.004)
+    campaign = Campaign(Joint(inertia=0.0), (moved,))
+    states = campaign_states(campaign, "broadband")
+    model = first_model(campaign, states, None, "paper").model
+    assert rest_angle(gap_runs(states, model, ["tones"]), model) == pytest.approx(0.004, rel=0.05)
 
 
 def test_longer_steps_keep_to_the_samples_of_the_lead():

@@ -137,6 +137,15 @@ def _find_phase_steps(profile: Profile, lines: dict[str, Complex], first: int) -
         yield _phase_finding(profile, "lost_samples", both, per, first)
 
 
+def _beat(profile: Profile) -> float:
+    """Return by how much mean and phase of a moment beat where one of few samples crosses a friction step.
+
+    In parts of its amplitude; zero where a period has samples enough.
+    """
+    per = profile.samples_per_period or np.inf
+    return 2 / per if per < POLICY.few_samples else 0.0
+
+
 def _stands(step: Step, least: float) -> bool:
     return abs(step.size) > least and step.contrast > POLICY.step_contrast
 
@@ -234,10 +243,7 @@ def _find_zero_changes(
         if name == "moment"
         else "adds to the noise floor; through the mean k1, k2 and k3 are of another zero"
     )
-    least, per = POLICY.zero_step, profile.samples_per_period or np.inf
-    if name == "moment" and per < POLICY.few_samples:
-        # Where one of the few samples of a period falls on either side of a friction step, its mean beats by so much.
-        least = max(least, 2 / per)
+    least = max(POLICY.zero_step, _beat(profile) if name == "moment" else 0.0)
     if step is not None and _stands(step, least):
         at = profile.at(first + step.period)
         yield Finding(
@@ -287,7 +293,7 @@ def _find_clock(profile: Profile, lines: dict[str, Complex]) -> Iterator[Finding
     scatter = float(np.std(apart - np.polyval(np.polyfit(order, apart, 1), order)))
     total = slope * count
     if (
-        abs(total) > POLICY.clock_drift
+        abs(total) > max(POLICY.clock_drift, _beat(profile))
         and abs(slope) * order.size > POLICY.drift_contrast * scatter
         and _even(apart)
     ):

@@ -52,7 +52,7 @@ def find_noise(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
         for i, (p, _) in enumerate(alive):
             others, usual = np.delete(share, i), float(np.median(np.delete(noise, i)))
             if not usual:
-                # Of most of the others no noise is known: at few samples per period motion hides it or passes for it.
+                # Of most of the others no noise is known: with few samples per period motion hides it.
                 continue
             if share[i] > POLICY.excess_noise * others.max() and noise[i] > POLICY.excess_noise * usual:
                 much = share[i] > POLICY.noticeable_noise
