@@ -1,4 +1,4 @@
-"""A large magnetorheological damper whose control signal switches within the run: the law, and what it lacks without it."""
+"""A large magnetorheological damper whose control signal switches: the law, and what it lacks without the signal."""
 
 import pytest
 
