@@ -306,7 +306,13 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         offsets = np.zeros(len(scales))
         offsets[len(scales) - len(names) :] = [each.reference for each in self.inputs_]
         columns = state_columns(self.terms_, offsets + generic * scales, names)
-        never = dependent_columns(Factor.of(columns, np.zeros(generic.shape[0])))
+        # Of a person's own term of an input and the one that is offered for it the own one stays.
+        own = catalogue_of(self.library)
+        never = [
+            i
+            for i in dependent_columns(Factor.of(columns, np.zeros(generic.shape[0])))
+            if not self.terms_[i].term.inputs or evidence.ids[i] in own
+        ]
         if never:
             raise InputError(
                 f"more terms than independent columns: {', '.join(evidence.ids[i] for i in never)} can be written as "

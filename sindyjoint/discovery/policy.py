@@ -22,6 +22,12 @@ class DiscoveryPolicy:
         "least unique share of a term in the RMS of the moment; below, it cannot be distinguished from sensor "
         "and processing errors",
     )
+    least_dependence: float = limit(
+        0.0004,
+        "least unique share of a coefficient's dependence on an input",
+        source="errors of sensors and processing are alike at all levels of an input; at 0.002 random joints at 1 % "
+        "noise lost one in sixteen of the dependences that move a coefficient by more than three intervals",
+    )
     share_of_residual: float = limit(
         0.15,
         "least unique share of a term in the RMS of the residual where the blocks of a run share one estimate of the "

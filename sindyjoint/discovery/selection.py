@@ -54,6 +54,8 @@ class Step:
         absolute coefficient / its jackknife standard error over groups; infinite with fewer than three.
     needed : frozenset of int
         Columns without which others of the model make no sense: they need not pass.
+    dependent : frozenset of int
+        Those others.
     """
 
     fit: Fit
@@ -61,6 +63,7 @@ class Step:
     held_out: Array
     group_t_ratios: Array
     needed: frozenset[int] = frozenset()
+    dependent: frozenset[int] = frozenset()
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -243,7 +246,9 @@ def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ..
         held_out = held_out_errors(evidence, columns, estimates)
         consistency = group_t_ratios(evidence, columns, estimates)
         needed = frozenset(evidence.needed(columns))
-        steps.append(Step(fit, float(fit.unique_share.min()), held_out, consistency, needed))
+        dependent = frozenset(column for column in columns if column in evidence.parents)
+        share = float(fit.unique_share.min())
+        steps.append(Step(fit, share, held_out, consistency, needed, dependent))
     return tuple(steps)
 
 
@@ -294,9 +299,16 @@ def _passes_limits(step: Step, significance: float, least_share: float, forced: 
     judged = np.array([column not in forced and column not in step.needed for column in step.columns])
     if not judged.any():
         return True
+    # Errors of sensors and processing are alike at all levels of an input: less of a dependence is to be believed.
+    least = np.array(
+        [
+            min(least_share, POLICY.least_dependence) if c in step.dependent else least_share
+            for c in step.columns
+        ]
+    )
     return bool(
         step.fit.t_ratios[judged].min() >= significance
-        and step.fit.unique_share[judged].min() >= least_share
+        and np.all((step.fit.unique_share >= least)[judged])
         and step.group_t_ratios[judged].min() >= POLICY.group_consistency
     )
 

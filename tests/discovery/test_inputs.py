@@ -153,3 +153,30 @@ def test_a_run_must_have_every_input_and_no_other():
     )
     with pytest.raises(InputError, match="not declared"):
         Campaign(one.joint, one.runs)
+
+
+def test_a_term_of_ones_own_stands_before_the_one_that_is_offered(tmp_path):
+    (tmp_path / "mine.toml").write_text(
+        """
+name = "mine"
+description = "the paper's terms, and friction over temperature"
+include = ["paper"]
+[[term]]
+id = "warm_friction"
+symbol = "M_T"
+formula = "(temperature - T0)*sign(omega)"
+unit = "N*m/K"
+name = "friction over temperature"
+meaning = "dry friction that falls as the grease warms"
+family = "friction"
+inputs = [{ name = "temperature", unit = "K", reference = "T0" }]
+within = ["coulomb_friction"]
+"""
+    )
+    own = JointRegressor(str(tmp_path / "mine.toml"), inputs=[Input("temperature", "K", 283.15)])
+    own.fit(X, moment(X), runs=TEMPERATURES)
+    assert "warm_friction" in own.selected_ and "coulomb_friction_by_temperature" in own.indistinct_
+    (term,) = (t for t in own.model_.terms if t.id == "warm_friction")
+    assert term.parameters == (("T0", 283.15),) and term.coefficient == pytest.approx(-0.004, rel=0.05)
+    with pytest.raises(InputError, match="depends on the input 'temperature', which these data do not have"):
+        JointRegressor(str(tmp_path / "mine.toml")).fit(X[:, :2], moment(X))

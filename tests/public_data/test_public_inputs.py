@@ -1,4 +1,4 @@
-"""A signal that switches a damper: found as an input, and missed where it is left out (mr-damper-nees)."""
+"""A large magnetorheological damper whose control signal switches: the law, and what it lacks without the signal."""
 
 import pytest
 
