@@ -67,6 +67,12 @@ def simulate(
             "largest angle that it was fitted to."
         ),
     ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            help="plan.toml, or a folder with one: its runs, rate and noise instead of those of the options below."
+        ),
+    ] = None,
     frequencies: Annotated[
         str, typer.Option(help="Excitation frequencies in Hz, with commas.")
     ] = FREQUENCIES,
@@ -107,12 +113,14 @@ def simulate(
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+    from sindyjoint.planning.plan_file import play, read_plan
     from sindyjoint.record import Campaign
     from sindyjoint.response.model_law import model_law
     from sindyjoint.response.tested_range import range_warnings
 
     known = None if model is None else read_model(model)
     law = joint.value if known is None else model_law(known)
+    listed = None if plan is None else read_plan(plan)
     test = virtual_test(
         law,
         angle_limit=None if known is None else known.fitted.angle,
@@ -128,13 +136,19 @@ def simulate(
         skew=skew,
     )
     with Progress(quiet, verbose) as progress:
-        progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
-        made = run_tests(test, np.random.default_rng(random_state))
+        count = len(test.frequencies) * len(test.levels) if listed is None else len(listed.runs)
+        progress.say(f"simulating {count} runs")
+        channels = None
+        if listed is not None:
+            runs = play(test.law, listed.runs, listed.sensors, random_state).runs
+        else:
+            made = run_tests(test, np.random.default_rng(random_state))
+            runs = tuple(one.run for one in made)
+            channels = [one.raw for one in made] if raw else None
         tested = campaign_joint(test) if known is None else replace(known.joint, inertia=known.inertia)
-        campaign = Campaign(tested, tuple(one.run for one in made), simulated=True)
-        channels = [one.raw for one in made] if raw else None
+        campaign = Campaign(tested, runs, simulated=True)
         progress.say("writing the files")
-        manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if raw else None, channels)
+        manifest = write_campaign(campaign, out, format.value, SENSOR_RIG if channels else None, channels)
         progress.tell(campaign)
     if known is not None:
         for one in campaign.runs:
@@ -142,12 +156,11 @@ def simulate(
             for warning in range_warnings(known, one.angle, rate, one.name):
                 typer.echo(warning, err=True)
     if as_json:
-        runs = [
+        made_runs = [
             {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
             for run in campaign.runs
         ]
-        typer.echo(
-            json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs})
-        )
+        record = {"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": made_runs}
+        typer.echo(json.dumps(record))
     else:
         typer.echo(f"{manifest}: {len(campaign.runs)} simulated runs of the {campaign.joint.name}")

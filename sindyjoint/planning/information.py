@@ -206,7 +206,13 @@ def _noise_columns(
 
 
 def _added_up(
-    columns: Array, misfit: Array, noisy: Array, errors: Array, moment_noise: float, weight: float, blocks: int
+    columns: Array,
+    misfit: Array,
+    noisy: Array,
+    errors: Array,
+    moment_noise: float,
+    weight: float,
+    blocks: int,
 ) -> Information:
     gram = weight * columns.T @ columns
     pulled = weight * columns.T @ noisy * errors
@@ -215,9 +221,7 @@ def _added_up(
     )
 
 
-def half_widths(
-    information: Information, noise: np.random.Generator | None = None, draws: int = 1
-) -> Array:
+def half_widths(information: Information, noise: np.random.Generator | None = None, draws: int = 1) -> Array:
     """Return the half-widths of the 95 % intervals that a discovery of the runs would report.
 
     With Student's t on the degrees of freedom that the scatter of blocks leaves (Satterthwaite's rule), n/(n − p) of a
@@ -251,7 +255,8 @@ def half_widths(
     if noise is not None:
         parts = parts * noise.chisquare(spare, (draws, *parts.shape)) / spare
     total = parts.sum(axis=-3)
-    degrees = total**2 / np.sum(parts**2 / spare, axis=-3)
+    squares = np.sum(parts**2 / spare, axis=-3)
+    degrees = np.where(squares > 0, total**2 / np.where(squares > 0, squares, 1.0), 1.0)
     blocks = (information.blocks - 1).sum(axis=0)[:, None]
     bias = np.einsum("jkl,rjl->jk", inverse, information.pull)
     widened = total * blocks / np.maximum(blocks - scale.shape[1], 1) + (BIAS.uncertain_share * bias) ** 2

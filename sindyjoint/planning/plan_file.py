@@ -113,10 +113,10 @@ def read_plan(path: str | Path) -> RunList:
             )
         ]
         if min(numbers) <= 0:
-            raise InputError(f"{where}: frequency, level and duration are {numbers}; expected positive numbers")
-        runs.append(
-            PlannedRun(one.drive, one.waveform, numbers[0], numbers[1], UNITS[one.drive], numbers[2])
-        )
+            raise InputError(
+                f"{where}: frequency, level and duration are {numbers}; expected positive numbers"
+            )
+        runs.append(PlannedRun(one.drive, one.waveform, numbers[0], numbers[1], UNITS[one.drive], numbers[2]))
     given: dict[str, Any] = {}
     for name, unit in (("moment", "N*m"), ("angle", "rad")):
         text = getattr(entry.sensors, f"{name}_noise")

@@ -57,7 +57,9 @@ class Actuator:
             raise InputError(f"band is {low:g} to {high:g} Hz; expected two ascending positive frequencies")
         for name in ("moment", "angle", "rate"):
             if not getattr(self, name) > 0:
-                raise InputError(f"limit of the {name} is {getattr(self, name)!r}; expected a positive number")
+                raise InputError(
+                    f"limit of the {name} is {getattr(self, name)!r}; expected a positive number"
+                )
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -255,9 +254,7 @@ class _Making:
             return "no goal was given (until): all of the time is used"
         what = "half-width" if self.goal == "widths" else "change over the band"
         if not curve:
-            return (
-                f"stop: the widest relative {what} is {self._widest_now():.2%}, and {self.until:.2%} is enough"
-            )
+            return f"stop: the widest relative {what} is {self._widest_now():.2%}, and {self.until:.2%} is enough"
         if curve[enough - 1].highest <= self.until:
             return f"after {enough} runs: 95 of 100 tests then reach a relative {what} of {self.until:.2%}"
         return (
