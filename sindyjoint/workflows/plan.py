@@ -25,7 +25,7 @@ from sindyjoint.planning.runs import Actuator, PlannedRun, candidates
 from sindyjoint.planning.search import Choice, Goal, best_runs
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import model_law
-from sindyjoint.text import spelled
+from sindyjoint.text import percent, spelled
 from sindyjoint.threads import single_threaded
 
 Say = Callable[[str], None]
@@ -206,66 +206,84 @@ class _Making:
     def _predicted(
         self, runs: tuple[PlannedRun, ...], grid: tuple[PlannedRun, ...], missing: Sequence[int]
     ) -> Plan:
+        """Return the plan of these runs, ended where they are enough, with what they and the grid would tell."""
         joint, known = self.known.joint, self.known.expanded(PREDICTED)
         joints = joint.draws(PREDICTED, self.random_state + 1)
-        coefficients = np.array([one.coefficients for one in joints])
-        grid_told: Information | None
-        try:
-            grid_told = self._information(grid, joints, "the grid of the same duration").with_runs(known)
-        except InputError:
-            grid_told, grid = None, ()
         told = known
         if runs:
             told = self._information(runs, joints, "what the plan tells").with_runs(known)
         assert told is not None  # without runs there is a campaign
-        before = len(self.known.runs)
-
-        def widest(of: Information | None, planned: Sequence[PlannedRun], count: int) -> tuple[float, float]:
-            if of is None or count > len(planned):
-                return inf, inf
-            part = of.take(range(before + count))
-            at = [f for f, _ in self.known.runs] + [run.frequency for run in planned[:count]]
-            return widest_of(part, coefficients, self.matter, at if self.goal == "frequency" else None)
-
-        curve = [
-            Step(k, k * runs[0].duration, *widest(told, runs, k), widest(grid_told, grid, k)[0])
-            for k in range(1, len(runs) + 1)
-        ]
-        enough = next(
-            (
+        grid, grid_told = self._of_grid(grid, joints, known)
+        curve = self._curve((runs, told), (grid, grid_told), joints)
+        enough = len(runs)
+        if self.until is not None:
+            # Not before there are runs enough at different frequencies and levels.
+            reached = (
                 step.runs
                 for step, lack in zip(curve, missing, strict=True)
-                if self.until and not lack and step.highest <= self.until
-            ),
-            len(runs),
-        )
-        if self.until is not None:
-            told = told.take(range(before + enough))
+                if not lack and step.highest <= self.until
+            )
+            enough = next(reached, len(runs))
+        if enough < len(runs):
+            told = told.take(range(len(self.known.runs) + enough))
+            shorter = tuple(replace(run, duration=run.duration * enough / len(runs)) for run in grid)
+            grid, grid_told = self._of_grid(shorter, joints, known)
+        warning = "the time is too short for a grid of three frequencies and three levels"
         return Plan(
             joint.model, tuple(joint.low), tuple(joint.high), self.actuator, self.sensors, self.goal,
             tuple(joint.model.ids[i] for i in self.matter), runs[:enough], predictions(joint.model, told),
-            predictions(joint.model, grid_told) if grid_told is not None else (), grid, tuple(curve), self.until,
-            self._advice(curve, enough), self._warnings(grid),
+            () if grid_told is None else predictions(joint.model, grid_told), grid, curve, self.until,
+            self._advice(curve, enough), () if grid else (warning,),
         )  # fmt: skip
+
+    def _of_grid(
+        self, grid: tuple[PlannedRun, ...], joints: Sequence[JointModel], known: Information | None
+    ) -> tuple[tuple[PlannedRun, ...], Information | None]:
+        """Return the grid and what it would tell; nothing of a grid whose runs are too short."""
+        try:
+            return grid, self._information(grid, joints, "the grid of the same duration").with_runs(known)
+        except InputError:
+            return (), None
+
+    def _curve(
+        self,
+        plan: tuple[tuple[PlannedRun, ...], Information],
+        grid: tuple[tuple[PlannedRun, ...], Information | None],
+        joints: Sequence[JointModel],
+    ) -> tuple[Step, ...]:
+        """Return what is known after each run."""
+        coefficients = np.array([one.coefficients for one in joints])
+        made = [frequency for frequency, _ in self.known.runs]
+
+        def widest(
+            planned: tuple[PlannedRun, ...], told: Information | None, count: int
+        ) -> tuple[float, float]:
+            if told is None or count > len(planned):
+                return inf, inf
+            at = [*made, *(run.frequency for run in planned[:count])]
+            part = told.take(range(len(at)))
+            return widest_of(part, coefficients, self.matter, at if self.goal == "frequency" else None)
+
+        return tuple(
+            Step(k, k * plan[0][0].duration, *widest(*plan, k), widest(*grid, k)[0])
+            for k in range(1, len(plan[0]) + 1)
+        )
 
     def _advice(self, curve: Sequence[Step], enough: int) -> str:
         """Return when to stop, in words."""
         if self.until is None:
-            return "no goal was given (until): all of the time is used"
+            return "all of the time is used: no half-width was given that is enough"
         what = "half-width" if self.goal == "widths" else "change over the band"
         if not curve:
-            return f"stop: the widest relative {what} is {self._widest_now():.2%}, and {self.until:.2%} is enough"
+            return f"stop: the widest relative {what} is {percent(self._widest_now())}, and {percent(self.until)} is enough"
         if curve[enough - 1].highest <= self.until:
-            return f"after {enough} runs: 95 of 100 tests then reach a relative {what} of {self.until:.2%}"
+            return (
+                f"after {enough} runs: 95 of 100 tests then reach a relative {what} of {percent(self.until)}"
+            )
         return (
-            f"not within this time: after {enough} runs 95 of 100 tests reach {curve[-1].highest:.2%}, "
-            f"not {self.until:.2%}"
+            f"not within this time: after {enough} runs 95 of 100 tests reach {percent(curve[-1].highest)}, "
+            f"not {percent(self.until)}"
         )
-
-    def _warnings(self, grid: Sequence[PlannedRun]) -> tuple[str, ...]:
-        if grid:
-            return ()
-        return ("the time is too short for a grid of three frequencies and three levels",)
 
 
 def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]) -> Actuator:

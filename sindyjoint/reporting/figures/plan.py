@@ -54,7 +54,8 @@ def draw_runs(data: PlanFigures, ax: Axes) -> Axes:
         places.setdefault((run.frequency, run.level * factor), []).append(number)
     x, y = zip(*places, strict=True)
     sizes = [30.0 * len(numbers) for numbers in places.values()]
-    ax.scatter(x, y, s=sizes, color=PALETTE[0], alpha=0.8, lw=0, label="plan, larger: made more often")
+    ax.scatter(x, y, s=sizes, color=PALETTE[0], alpha=0.8, lw=0)
+    ax.plot([], [], "o", color=PALETTE[0], ms=4.5, label="plan, larger: made more often")
     for (frequency, level), numbers in places.items():
         ax.annotate(
             _spans(numbers), (frequency, level), xytext=(7 + len(numbers), 0), textcoords="offset points",

@@ -9,6 +9,7 @@ from typing import Any
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
 from sindyjoint.reporting.figures.plan import GOALS, KINDS, PlanFigures, figures_of
+from sindyjoint.reporting.page import number
 from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import View
@@ -36,22 +37,30 @@ class PlanView(View[Plan, PlanFigures]):
         steps = {step.runs: step for step in result.curve}
         rows = tuple(
             (
-                f"{number:02d}",
+                f"{place:02d}",
                 run.drive,
                 run.waveform,
                 f"{run.frequency:g} Hz",
                 _amount(run.level, run.unit),
                 f"{run.duration:.4g} s",
-                _share(steps[number].widest),
+                _share(steps[place].widest),
             )
-            for number, run in enumerate(result.runs, 1)
+            for place, run in enumerate(result.runs, 1)
         )
-        columns = ("Run", "Drive", "Waveform", "Frequency", "Level", "Duration", f"{GOALS[result.goal]} then")
+        columns = (
+            "Run",
+            "Drive",
+            "Waveform",
+            "Frequency",
+            "Level",
+            "Duration",
+            f"{GOALS[result.goal].capitalize()} then",
+        )
         grid = {each.id: each for each in result.grid}
         widths = tuple(
             (
                 spelled(each.id, result.model.joint.motion),
-                f"{each.value:.4g} {pretty_unit(each.unit)}",
+                f"{number(each.value, 4)} {pretty_unit(each.unit)}",
                 _share(each.relative),
                 f"{_share(each.band90[0] / abs(each.value))} … {_share(each.band90[1] / abs(each.value))}",
                 _share(grid[each.id].relative) if each.id in grid else DASH,
@@ -83,11 +92,11 @@ class PlanView(View[Plan, PlanFigures]):
         if not result.runs:
             return {}
         texts = {PLAN_NAME: plan_text(result.runs, result.sensors)}
-        for number, run in enumerate(result.runs, 1):
+        for place, run in enumerate(result.runs, 1):
             time, signal = drive_signal(run, result.sensors.sample_rate)
             rows = [[f"{t:.6g}", f"{value:.6g}"] for t, value in zip(time, signal, strict=True)]
             unit = run.unit.replace("*", "")
-            texts[f"drive-{run_name(number, run)}.csv"] = csv_text(["time_s", f"{run.drive}_{unit}"], rows)
+            texts[f"drive-{run_name(place, run)}.csv"] = csv_text(["time_s", f"{run.drive}_{unit}"], rows)
         return texts
 
     def show(self, result: Plan) -> None:
