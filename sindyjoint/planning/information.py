@@ -138,7 +138,7 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     moment_noise, angle_noise = sensors.of(moment, angle)
     kept, values = _kept_harmonics(angle, rate, frequency, angle_noise * np.sqrt(2 / samples))
     w = 2 * np.pi * frequency
-    waves = np.exp(1j * np.outer(2 * np.pi * np.arange(points) / points, kept.orders))
+    waves = np.asarray(np.exp(2j * np.pi * np.outer(np.arange(points) / points, kept.orders)), np.complex128)
     states = [(waves * (1j * w * kept.orders) ** order @ values).real for order in range(3)]
     states[0] = states[0] + angle.mean()
     guard = reversal_guard(rate, frequency, frequency * float(kept.orders[-1]))
@@ -154,7 +154,7 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     return _added_up(
         columns,
         target - columns @ model.coefficients,
-        _noise_columns(waves[moving], 1j * w * kept.orders, slopes, model.inertia),
+        _noise_columns(waves[moving], (w * kept.orders).astype(float), slopes, model.inertia),
         np.append(angle_noise / np.sqrt(samples), np.tile(kept.standard_error, 2)),
         moment_noise,
         samples / points,
@@ -197,11 +197,11 @@ def _columns(model: JointModel, states: Sequence[Array]) -> tuple[Array, tuple[A
 
 
 def _noise_columns(
-    waves: NDArray[np.complex128], turn: NDArray[np.complex128], slopes: tuple[Array, Array], inertia: float
+    waves: NDArray[np.complex128], angular: Array, slopes: tuple[Array, Array], inertia: float
 ) -> Array:
     """Return by what each number of the angle's series moves the residual: mean, cosines, sines."""
     by_angle, by_rate = slopes
-    moved = waves * (by_angle[:, None] + turn * by_rate[:, None] + turn**2 * inertia)
+    moved = waves * (by_angle[:, None] + 1j * angular * by_rate[:, None] - angular**2 * inertia)
     return np.column_stack([by_angle, moved.real, moved.imag])
 
 

@@ -19,7 +19,7 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
 from sindyjoint.planning.information import Sensors
-from sindyjoint.planning.runs import SINE, PlannedRun
+from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
 from sindyjoint.text import expectation
 
@@ -31,7 +31,7 @@ class _RunEntry(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     drive: Literal["moment", "angle"]
-    waveform: Literal["sine"] = SINE
+    waveform: Literal["sine"] = "sine"
     frequency: str
     level: str
     duration: str
@@ -100,7 +100,7 @@ def read_plan(path: str | Path) -> RunList:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"{place}: {where}: {expectation(first)}") from None  # type: ignore[arg-type]
+        raise InputError(f"{place}: {where}: {expectation(first)}") from None
     runs = []
     for number, one in enumerate(entry.run, 1):
         where = f"{place}: run {number}"

@@ -105,7 +105,8 @@ def best_runs(choice: Choice, count: int) -> list[int]:
 
 
 def _ordered(choice: Choice, chosen: list[int]) -> list[int]:
-    waiting, order = list(chosen), []
+    waiting = list(chosen)
+    order: list[int] = []
     while waiting:
         best = min(waiting, key=lambda i: choice.cost([*order, i]))
         waiting.remove(best)

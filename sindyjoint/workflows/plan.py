@@ -275,7 +275,8 @@ class _Making:
             return "all of the time is used: no half-width was given that is enough"
         what = "half-width" if self.goal == "widths" else "change over the band"
         if not curve:
-            return f"stop: the widest relative {what} is {percent(self._widest_now())}, and {percent(self.until)} is enough"
+            now = percent(self._widest_now())
+            return f"stop: the widest relative {what} is {now}, and {percent(self.until)} is enough"
         if curve[enough - 1].highest <= self.until:
             return (
                 f"after {enough} runs: 95 of 100 tests then reach a relative {what} of {percent(self.until)}"
