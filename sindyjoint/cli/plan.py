@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sindyjoint.cli.answer import answer
-from sindyjoint.cli.defaults import default_of
+from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import AsJson
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
@@ -34,6 +34,10 @@ class _Goal(StrEnum):
 
 
 PLAN = "workflows.plan:plan"
+BAND = "{:g}..{:g} Hz".format(*default_of(PLAN, "band"))
+RATE: float = default_of(PLAN, "sample_rate")
+TIME: float = default_of(PLAN, "time")
+NOISE: float = default_of(PLAN, "noise")
 CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
 
 
@@ -54,17 +58,17 @@ def plan(
     drive: Annotated[_Drive, typer.Option(help="What the actuator prescribes.")] = _Drive(
         default_of(PLAN, "drive")
     ),
-    band: Annotated[str, typer.Option(help="Frequencies that it reaches.")] = "2..8 Hz",
+    band: Annotated[str | None, typer.Option(help=f"Frequencies that it reaches. [{BAND}]")] = None,
     limits: Annotated[
         list[str] | None,
         typer.Option("--limit", help="Of moment, angle or rate: 'moment=6 N*m'. May be repeated."),
     ] = None,
     noise: Annotated[
         list[str] | None,
-        typer.Option(help="As a share of each channel's RMS [0.01], or of one: 'angle=2 urad'."),
+        typer.Option(help=f"As a share of each channel's RMS [{NOISE:g}], or of one: 'angle=2 urad'."),
     ] = None,
-    rate: Annotated[str, typer.Option(help="Sampling rate.")] = "1000 Hz",
-    time: Annotated[str, typer.Option(help="Duration of all runs together.")] = "90 s",
+    rate: Annotated[str | None, typer.Option(help=f"Sampling rate. [{RATE:g} Hz]")] = None,
+    time: Annotated[str | None, typer.Option(help=f"Duration of all runs together. [{TIME:g} s]")] = None,
     goal: Annotated[
         _Goal,
         typer.Option(help="Make small: the widest interval, or a change over frequency that is overlooked."),
@@ -101,15 +105,17 @@ def plan(
             campaign=campaign,
             ranges=_ranges(ranges or []),
             drive=drive.value,
-            band=_span(band, "Hz", "--band"),
             limits=_quantities(limits or [], CHANNELS, "--limit"),
-            sample_rate=parse_quantity(rate, "Hz", "--rate"),
-            time=parse_quantity(time, "s", "--time"),
             goal=goal.value,
             terms=tuple(terms or ()),
             until=None if until is None else _share(until, "--until"),
             random_state=random_state,
             progress=progress.say,
+            **given(
+                band=None if band is None else _span(band, "Hz", "--band"),
+                sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
+                time=None if time is None else parse_quantity(time, "s", "--time"),
+            ),
             **_noise(noise or []),
         )
 

@@ -60,6 +60,10 @@ REACHED = {
         "raw": (TEST, "raw_channels"),
         "format": ("files.writers:write_campaign", "format"),
     },
+    "plan": {
+        name: ("workflows.plan:plan", name)
+        for name in ("like", "model", "campaign", "drive", "goal", "until", "random_state")
+    },
     "plot": {
         "width": ("reporting.registry:draw", "width"),
         "dpi": ("reporting.style:figure_bytes", "dpi"),
@@ -77,6 +81,14 @@ PASSED_ON = {
     "forbid",
     "rig",
     "nuisance",
+    # Of a plan: texts with units.
+    "ranges",
+    "limits",
+    "noise",
+    "terms",
+    "band",
+    "rate",
+    "time",
 }
 # What the command itself does.
 OF_THE_COMMAND = {
@@ -92,6 +104,7 @@ OF_THE_COMMAND = {
     "campaign",
     "kind",
     "help",
+    "plan",
 }
 # Of the noise of the virtual test, which only a command makes.
 OWN = {
