@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
     from sindyjoint.workflows.discover import discover
     from sindyjoint.workflows.init import init
+    from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
     from sindyjoint.workflows.verify import verify
 
@@ -39,6 +40,7 @@ __all__ = [
     "discover",
     "init",
     "load_campaign",
+    "plan",
     "simulate",
     "verify",
 ]
@@ -59,6 +61,7 @@ _HOMES = {
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
     "init": "workflows.init",
+    "plan": "workflows.plan",
     "simulate": "workflows.simulate",
     "verify": "workflows.verify",
     "load_campaign": "files",

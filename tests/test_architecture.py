@@ -53,11 +53,12 @@ ALLOWED = {
     "bias": RESPONDS,
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
+    "planning": (RESPONDS | {"bias", "paper", "shown"}),
     "batch": EXPLAINS,
     "judgement": DIAGNOSES | {"paper"},
-    "workflows": DIAGNOSES | {"paper", "batch", "judgement", "versions"},
+    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions"},
 }
-BELOW_TOP = DIAGNOSES | {"paper", "batch", "judgement", "workflows", "versions"}
+BELOW_TOP = DIAGNOSES | {"paper", "planning", "batch", "judgement", "workflows", "versions"}
 ALLOWED |= {
     "reporting": BELOW_TOP,
     "export": BELOW_TOP - {"workflows", "judgement"},

@@ -15,6 +15,7 @@ from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
 from sindyjoint.cli.init import init
+from sindyjoint.cli.plan import plan
 from sindyjoint.cli.plot import plot
 from sindyjoint.cli.rig import rig
 from sindyjoint.cli.schema import schema
@@ -70,6 +71,7 @@ app.command("check")(check)
 app.command("discover")(discover)
 app.command("compare")(compare)
 app.command("batch", no_args_is_help=True)(batch)
+app.command("plan")(plan)
 app.command("simulate", no_args_is_help=True)(simulate)
 app.command("verify", no_args_is_help=True)(verify)
 app.command("rig", no_args_is_help=True)(rig)

@@ -9,7 +9,7 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AcceptOption, AsJson
+from sindyjoint.cli.options import AcceptOption, AsJson, ForceOption
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def changed(
         Path | None, typer.Option("--out", help="Folder for report.html, changed.json and the figure.")
     ] = None,
     accept: AcceptOption = None,
+    force: ForceOption = False,
     as_json: AsJson = False,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of what resamples.")] = 0,
     quiet: Quiet = False,
@@ -67,5 +68,5 @@ def changed(
             progress=progress.say,
         )
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (before, after))
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (before, after), force)
     raise typer.Exit(1 if result.changed else 0)

@@ -13,7 +13,7 @@ def schema(
         str,
         typer.Option(
             metavar="NAME",
-            help="campaign, model, test, check, discovery, comparison, verification, diagnosis, rig, export, "
+            help="campaign, model, test, plan, check, discovery, comparison, verification, diagnosis, rig, export, "
             "simulation, batch, joint (record.json in a batch), reproduction or tables.",
         ),
     ] = "campaign",

@@ -70,6 +70,12 @@ def simulate(
         ),
     ] = None,
     at: AtOption = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            help="plan.toml, or a folder with one: its runs, rate and noise instead of those of the options below."
+        ),
+    ] = None,
     frequencies: Annotated[
         str, typer.Option(help="Excitation frequencies in Hz, with commas.")
     ] = FREQUENCIES,
@@ -113,6 +119,7 @@ def simulate(
     from sindyjoint.inputs import constant
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+    from sindyjoint.planning.plan_file import play, read_plan
     from sindyjoint.record import Campaign
     from sindyjoint.response.model_law import model_law
     from sindyjoint.response.tested_range import range_warnings
@@ -122,6 +129,7 @@ def simulate(
         raise InputError(f"--at {at[0]} is given without --model; the paper's joints have no inputs")
     held = None if known is None else known.at(**given_inputs(known, at))
     law = joint.value if held is None else model_law(held)
+    listed = None if plan is None else read_plan(plan)
     test = virtual_test(
         law,
         angle_limit=None if known is None else known.fitted.angle,
@@ -137,20 +145,24 @@ def simulate(
         skew=skew,
     )
     with Progress(quiet, verbose) as progress:
-        progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
-        made = run_tests(test, np.random.default_rng(random_state))
+        count = len(test.frequencies) * len(test.levels) if listed is None else len(listed.runs)
+        progress.say(f"simulating {count} runs")
+        channels = None
+        if listed is not None:
+            runs = play(test.law, listed.runs, listed.sensors, random_state).runs
+        else:
+            made = run_tests(test, np.random.default_rng(random_state))
+            runs = tuple(one.run for one in made)
+            channels = [one.raw for one in made] if raw else None
         tested = campaign_joint(test) if known is None else replace(known.joint, inertia=known.inertia)
         inputs = () if held is None else held.inputs
         runs = tuple(
-            replace(
-                one.run, inputs={each.name: constant(each.reference, one.run.n_samples) for each in inputs}
-            )
-            for one in made
+            replace(run, inputs={each.name: constant(each.reference, run.n_samples) for each in inputs})
+            for run in runs
         )
         campaign = Campaign(tested, runs, simulated=True, inputs=inputs)
-        channels = [one.raw for one in made] if raw else None
         progress.say("writing the files")
-        sensors = SENSOR_RIG if raw else None
+        sensors = SENSOR_RIG if channels else None
         manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
         progress.tell(campaign)
     if known is not None:
@@ -159,12 +171,11 @@ def simulate(
             for warning in range_warnings(known, one.angle, rate, one.name):
                 typer.echo(warning, err=True)
     if as_json:
-        listed = [
+        made_runs = [
             {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
             for run in campaign.runs
         ]
-        typer.echo(
-            json.dumps({"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": listed})
-        )
+        record = {"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": made_runs}
+        typer.echo(json.dumps(record))
     else:
         typer.echo(f"{manifest}: {len(campaign.runs)} simulated runs of the {campaign.joint.name}")

@@ -338,3 +338,49 @@ class PrintedTablesRecord(Part):
     schema_: Version
     printed_tables: list[PrintedTable]
     findings: list[str]
+
+
+# ---- plan
+
+
+class PlannedRunPart(Part):
+    """A run to be made; Hz, s, and the level in its unit."""
+
+    drive: Literal["moment", "angle"]
+    waveform: str
+    frequency: Known
+    level: Known
+    unit: str
+    duration: Known
+
+
+class PredictedPart(Part):
+    """What is expected of a coefficient; null where the runs do not determine it."""
+
+    half_width95: Maybe
+    unit: str
+    band90: tuple[Maybe, Maybe]
+
+
+class PlanStep(Part):
+    """What is known after some of the runs, relative: median, below what 95 of 100 tests lie, and the grid's median."""
+
+    runs: int
+    seconds: Known
+    widest: Maybe
+    highest: Maybe
+    grid: Maybe
+
+
+class PlanRecord(Part):
+    """``plan --json`` and ``plan.json``: runs to be made, and what they and the plain grid are expected to tell."""
+
+    schema_: Version
+    runs: list[PlannedRunPart]
+    predicted: dict[str, PredictedPart]
+    grid: dict[str, PredictedPart]
+    undetermined: list[str]
+    goal: Literal["widths", "frequency"]
+    curve: list[PlanStep]
+    stop: str
+    warnings: list[str]

@@ -17,6 +17,7 @@ from sindyjoint.reporting.results.check import CheckView, wrap_findings
 from sindyjoint.reporting.results.comparison import ComparisonView
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.results.discovery import DiscoveryView
+from sindyjoint.reporting.results.plan import PlanView
 from sindyjoint.reporting.results.reproduction import ReproductionView
 from sindyjoint.reporting.results.rig import RigView
 from sindyjoint.reporting.results.verification import RefinementView, VerificationView
@@ -40,6 +41,7 @@ VIEWS: tuple[View[Any, Any], ...] = (
     ChangeView(),
     CampaignView(),
     CheckView(),
+    PlanView(),
 )
 _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
 #: Views of what is saved, by the mark in the file, that of an earlier version too.

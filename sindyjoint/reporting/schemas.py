@@ -47,6 +47,7 @@ def _records() -> dict[str, type[BaseModel]]:
         "campaign": Manifest,
         "model": ModelRecord,
         "test": TestRecord,
+        "plan": tables.PlanRecord,
         "check": single.CheckRecord,
         "discovery": single.DiscoveryRecord,
         "comparison": tables.ComparisonRecord,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import inspect
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.errors import InputError
 from sindyjoint.options import checks_options
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ def _plan_options() -> tuple[str, ...]:
 def simulate(
     joint: str | Law = "inter-panel",
     *,
+    plan: str | os.PathLike[str] | None = None,
     out: str | os.PathLike[str] | None = None,
     format: str = "csv",
     random_state: Any = 0,
@@ -34,6 +37,8 @@ def simulate(
     Parameters
     ----------
     joint : {"inter-panel", "panel-root"} or Law
+    plan : path-like, optional
+        ``plan.toml``, or a folder with one: its runs, rate and noise are played, and no other options are taken.
     out : path-like, optional
         Folder to write ``campaign.toml`` and the run files to.
     format : {"csv", "tsv", "npz", "parquet", "h5", "mat"}
@@ -59,9 +64,16 @@ def simulate(
         When the folder cannot be written, or holds other files of these names.
     """
     from sindyjoint.files import write_campaign
-    from sindyjoint.mechanics.virtual import virtual_campaign
+    from sindyjoint.mechanics.virtual import named_joint, virtual_campaign
+    from sindyjoint.planning.plan_file import play, read_plan
 
-    campaign = virtual_campaign(joint, random_state=random_state, **options)
+    if plan is None:
+        campaign = virtual_campaign(joint, random_state=random_state, **options)
+    elif options:
+        raise InputError(f"a plan and {', '.join(options)} were given; expected one of them: edit the plan")
+    else:
+        listed = read_plan(Path(plan))
+        campaign = play(named_joint(joint), listed.runs, listed.sensors, random_state)
     if out is not None:
         write_campaign(campaign, out, format, force=force)
     return campaign

@@ -65,6 +65,10 @@ REACHED = {
         "margin": (CHANGED, "margin"),
         "same_sensors": (CHANGED, "same_sensors"),
     },
+    "plan": {
+        name: ("workflows.plan:plan", name)
+        for name in ("like", "model", "campaign", "drive", "goal", "until", "random_state")
+    },
     "plot": {
         "width": ("reporting.registry:draw", "width"),
         "dpi": ("reporting.style:figure_bytes", "dpi"),
@@ -83,6 +87,15 @@ PASSED_ON = {
     "rig",
     "nuisance",
     "at",
+    # Of a plan: texts with units.
+    "ranges",
+    "limits",
+    "noise",
+    "terms",
+    "band",
+    "rate",
+    "time",
+    "plan",
 }
 # What the command itself does.
 OF_THE_COMMAND = {
@@ -99,6 +112,7 @@ OF_THE_COMMAND = {
     "campaign",
     "kind",
     "help",
+    "plan",
 }
 # Of the noise of the virtual test, which only a command makes.
 OWN = {

@@ -1,0 +1,103 @@
+"""A plan beside the plain grid: random joints of its range, played as virtual tests, then discovered.
+
+How many of the obtained half-widths lie in their predicted 90 % bands, how much narrower the widest relative interval
+is than that of the 3 × 3 grid of the same duration, and whether any limit is broken.
+
+    python -m benchmarks.bench_plan [moment|angle] [JOINTS] [FIRST SEED]
+
+With a prescribed moment each coefficient of the inter-panel joint differs by up to 20 %; with a prescribed angle its
+stiffness lies between 5 and 8 kN·m/rad and its friction between 1 and 3 N·m.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from sindyjoint import discover, plan
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import SindyJointError
+from sindyjoint.mechanics.laws import softening_limit
+from sindyjoint.planning.joints import JointRange
+from sindyjoint.planning.plan import Plan
+from sindyjoint.planning.plan_file import play
+from sindyjoint.record import Campaign
+from sindyjoint.response.model_law import model_law
+
+RANGES = {
+    "moment": {},
+    "angle": {"linear_stiffness": (5000.0, 8000.0), "coulomb_friction": (1.0, 3.0)},
+}
+LIMITS = {"moment": 8.0, "rate": 0.08}
+
+
+def joints_of(made: Plan, count: int, seed: int) -> Iterator[tuple[int, JointModel]]:
+    """Yield joints drawn uniformly from the plan's range, each with its seed."""
+    joint = JointRange(made.model, np.array(made.low), np.array(made.high))
+    for number in range(seed, seed + count):
+        rng = np.random.default_rng(number)
+        yield number, made.model.with_numbers(rng.uniform(joint.low, joint.high))
+
+
+def broken_limits(made: Plan, true: JointModel, clean: Campaign) -> int:
+    """Return how many runs pass a limit of the actuator or the softening limit; ``clean`` has no noise."""
+    low, high = softening_limit(model_law(true))
+    broken = 0
+    for run in clean.runs:
+        rate = np.gradient(run.angle, 1 / run.sample_rate)
+        broken += bool(
+            run.angle.min() < low
+            or run.angle.max() > high
+            or np.abs(run.angle).max() > made.actuator.angle
+            or np.abs(rate).max() > made.actuator.rate
+            or np.abs(run.moment).max() > made.actuator.moment
+        )
+    return broken
+
+
+def main(drive: str = "moment", count: int = 100, seed: int = 1000) -> None:
+    """Print a line for each joint, and the shares."""
+    began = time.perf_counter()
+    made = plan(drive=drive, ranges=RANGES[drive], limits=LIMITS, time=90.0, random_state=0)
+    print(f"plan of {len(made.runs)} runs in {time.perf_counter() - began:.1f} s", flush=True)
+    inside, gains, held, broken, failed = [], [], [], 0, 0
+    for number, true in joints_of(made, count, seed):
+        law = model_law(true)
+        widest, runs = [], (made.runs, made.grid_runs)
+        broken += broken_limits(
+            made, true, play(law, made.runs, type(made.sensors)(made.sensors.sample_rate, 1e-9), number)
+        )
+        for at, planned in enumerate(runs):
+            campaign = play(law, planned, made.sensors, number)
+            try:
+                found = discover(campaign, random_state=0).model
+                half = {t.id: (t.interval95[1] - t.interval95[0]) / 2 for t in found.terms}
+                widest.append(max(half[i] / abs(true[i].coefficient) for i in made.terms))
+            except (SindyJointError, KeyError) as error:
+                print(f"  {number} {'grid' if at else 'plan'}: {type(error).__name__} {error}", flush=True)
+                widest.append(np.inf)
+                failed += not at
+                continue
+            for each in made.predicted if not at else ():
+                inside.append((each.id, each.band90[0] <= half[each.id] <= each.band90[1]))
+                error = abs(found[each.id].coefficient - true[each.id].coefficient)
+                held.append(error <= half[each.id])
+        gains.append(widest[0] / widest[1] if np.isfinite(widest[0]) else np.inf)
+        print(f"{number} plan {widest[0]:.4f} grid {widest[1]:.4f}", flush=True)
+    ratio = np.array(gains)
+    print(f"in their 90 % band: {100 * np.mean([ok for _, ok in inside]):.1f} % of {len(inside)} half-widths")
+    for term in made.terms:
+        print(f"  {term}: {100 * np.mean([ok for name, ok in inside if name == term]):.1f} %")
+    print(
+        f"widest interval over that of the grid: median {np.median(ratio):.3f}, wider in {np.mean(ratio > 1):.1%}"
+    )
+    print(
+        f"intervals that hold the truth: {np.mean(held):.1%}; limits broken {broken} times; failed {failed}"
+    )
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2], *(int(text) for text in sys.argv[2:4]))

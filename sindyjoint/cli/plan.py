@@ -1,0 +1,190 @@
+"""``sindyjoint plan``: which runs to make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sindyjoint.cli.answer import answer
+from sindyjoint.cli.defaults import default_of, given
+from sindyjoint.cli.options import AsJson, ForceOption
+from sindyjoint.cli.progress import Progress, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from sindyjoint.planning.plan import Plan
+
+
+class _Like(StrEnum):
+    inter_panel = "inter-panel"
+    panel_root = "panel-root"
+
+
+class _Drive(StrEnum):
+    moment = "moment"
+    angle = "angle"
+
+
+class _Goal(StrEnum):
+    widths = "widths"
+    frequency = "frequency"
+
+
+PLAN = "workflows.plan:plan"
+BAND = "{:g}..{:g} Hz".format(*default_of(PLAN, "band"))
+RATE: float = default_of(PLAN, "sample_rate")
+TIME: float = default_of(PLAN, "time")
+NOISE: float = default_of(PLAN, "noise")
+CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
+
+
+def plan(
+    like: Annotated[_Like, typer.Option(help="The paper's joint that the joint resembles.")] = _Like(
+        default_of(PLAN, "like")
+    ),
+    model: Annotated[
+        Path | None, typer.Option(help="model.json, or a folder with one: what the joint is like, instead.")
+    ] = None,
+    campaign: Annotated[
+        Path | None, typer.Option(help="campaign.toml or its folder: what these runs tell is added.")
+    ] = None,
+    ranges: Annotated[
+        list[str] | None,
+        typer.Option("--range", help="Of a coefficient: 'linear_stiffness=5..8 kN*m/rad'. May be repeated."),
+    ] = None,
+    drive: Annotated[_Drive, typer.Option(help="What the actuator prescribes.")] = _Drive(
+        default_of(PLAN, "drive")
+    ),
+    band: Annotated[str | None, typer.Option(help=f"Frequencies that it reaches. [{BAND}]")] = None,
+    limits: Annotated[
+        list[str] | None,
+        typer.Option("--limit", help="Of moment, angle or rate: 'moment=6 N*m'. May be repeated."),
+    ] = None,
+    noise: Annotated[
+        list[str] | None,
+        typer.Option(help=f"As a share of each channel's RMS [{NOISE:g}], or of one: 'angle=2 urad'."),
+    ] = None,
+    rate: Annotated[str | None, typer.Option(help=f"Sampling rate. [{RATE:g} Hz]")] = None,
+    time: Annotated[str | None, typer.Option(help=f"Duration of all runs together. [{TIME:g} s]")] = None,
+    goal: Annotated[
+        _Goal,
+        typer.Option(help="Make small: the widest interval, or a change over frequency that is overlooked."),
+    ] = _Goal(default_of(PLAN, "goal")),
+    terms: Annotated[list[str] | None, typer.Option("--term", help="That matters. [all]")] = None,
+    until: Annotated[str | None, typer.Option(help="Relative half-width that is enough: '5 %'.")] = None,
+    random_state: Annotated[int, typer.Option(min=0, help="Seed of the joints drawn.")] = default_of(
+        PLAN, "random_state"
+    ),
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Folder for plan.toml, drive signals, report.html, plan.json and figures."
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Plan a test before it is made: which runs tell most of a joint that is known only roughly.
+
+    Levels stay within the limits, and off the softening limit, for every joint of the range.
+
+    Example: sindyjoint plan --range "linear_stiffness=5..8 kN*m/rad" --limit "moment=6 N*m" --time "2 min" --out plan
+    """
+
+    def find(progress: Progress) -> Plan:
+        from sindyjoint.files.units import parse_quantity
+        from sindyjoint.workflows.plan import plan as run
+
+        return run(
+            like.value,
+            model=model,
+            campaign=campaign,
+            ranges=_ranges(ranges or []),
+            drive=drive.value,
+            limits=_quantities(limits or [], CHANNELS, "--limit"),
+            goal=goal.value,
+            terms=tuple(terms or ()),
+            until=None if until is None else _share(until, "--until"),
+            random_state=random_state,
+            progress=progress.say,
+            **given(
+                band=None if band is None else _span(band, "Hz", "--band"),
+                sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
+                time=None if time is None else parse_quantity(time, "s", "--time"),
+            ),
+            **_noise(noise or []),  # type: ignore[arg-type]
+        )
+
+    files = [path for path in (model, campaign) if path is not None]
+    answer(find, out, as_json, Progress(quiet, verbose), random_state, files, force)
+
+
+def _share(text: str, where: str) -> float:
+    """Return a share written as a number or in per cent."""
+    from sindyjoint.errors import InputError
+
+    number, percent, rest = text.strip().partition("%")
+    try:
+        if rest:
+            raise ValueError
+        return float(number) / (100.0 if percent else 1.0)
+    except ValueError:
+        raise InputError(f"{where} is {text!r}; expected a share such as 0.05 or '5 %'") from None
+
+
+def _span(text: str, unit: str, where: str) -> tuple[float, float]:
+    """Return the ends of ``2..8 Hz`` in SI; the unit behind the second end is that of both."""
+    from sindyjoint.errors import InputError
+    from sindyjoint.files.units import conversion, split_quantity
+
+    low, dots, rest = text.partition("..")
+    if not dots:
+        raise InputError(f"{where} is {text!r}; expected two numbers and their unit, such as '2..8 {unit}'")
+    high, given = split_quantity(rest, where, unit)
+    try:
+        factor = conversion(given, unit, where)
+        return float(low) * factor, high * factor
+    except ValueError:
+        raise InputError(f"{where} is {text!r}; expected a number before the two dots") from None
+
+
+def _parted(text: str, known: Mapping[str, str] | None, where: str) -> tuple[str, str]:
+    from sindyjoint.errors import InputError
+
+    name, sign, value = text.partition("=")
+    if not sign or (known is not None and name.strip() not in known):
+        names = "NAME" if known is None else " or ".join(known)
+        raise InputError(f"{where} is {text!r}; expected {names}, an equals sign, and a value with its unit")
+    return name.strip(), value.strip()
+
+
+def _quantities(texts: list[str], known: Mapping[str, str], where: str) -> dict[str, float]:
+    from sindyjoint.files.units import parse_quantity
+
+    pairs = [_parted(text, known, where) for text in texts]
+    return {name: parse_quantity(value, known[name], f"{where} {name}") for name, value in pairs}
+
+
+def _noise(texts: list[str]) -> dict[str, float]:
+    """Return the noise as the options of a plan."""
+    shares = [text for text in texts if "=" not in text]
+    known = {name: unit for name, unit in CHANNELS.items() if name != "rate"}
+    named = _quantities([text for text in texts if "=" in text], known, "--noise")
+    options = {f"{name}_noise": value for name, value in named.items()}
+    return options | ({"noise": _share(shares[-1], "--noise")} if shares else {})
+
+
+def _ranges(texts: list[str]) -> dict[str, tuple[float, float]]:
+    """Return the ranges by term, SI, in the units of the terms' coefficients."""
+    if not texts:
+        return {}
+    from sindyjoint.equation.catalogue import load_catalogue
+
+    catalogue = load_catalogue("extended")
+    pairs = [_parted(text, None, "--range") for text in texts]
+    return {name: _span(value, catalogue[name].unit, f"--range {name}") for name, value in pairs}

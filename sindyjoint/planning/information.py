@@ -1,0 +1,285 @@
+"""What a run would tell of the coefficients: its part of the expected covariance, by the processing that awaits it.
+
+A discovery fits the pooled moving samples by least squares and reads the errors from the scatter of replicate blocks.
+The expectation of that covariance is B⁻¹ S B⁻¹ with B = Σ XᵀX and S = Σ Xᵀ cov(e) X over the runs, both of which add.
+In the residual e = ε_M − (∂M/∂θ) δθ − (∂M/∂θ̇) δθ̇ − I δθ̈ the noise ε_M of the moment is white, while that of the
+angle is in the coefficients of its Fourier series, each of which has the standard error σ_θ √(2/n).
+White (1982), Econometrica 50(1), for the covariance; Fisher information is B/σ² where the angle is free of noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.bias.policy import POLICY as BIAS
+from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError
+from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.runs import POINTS, PlannedRun, motion
+from sindyjoint.response.model_law import model_law
+from sindyjoint.states import Harmonics
+from sindyjoint.states.harmonics import significant_harmonics
+from sindyjoint.states.mask import moving_mask, rate_limit
+from sindyjoint.states.periodic import BAND_SHARE, MAXIMUM_HARMONICS, REPLICATES, reversal_guard
+from sindyjoint.states.policy import POLICY as STATES
+
+Array = NDArray[np.float64]
+
+STEP = 1e-5  # of the largest angle or rate, for the slopes of the moment
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What reads moment and angle.
+
+    Parameters
+    ----------
+    sample_rate : float
+        Hz.
+    noise : float
+        RMS noise of a sample as a share of the channel's RMS, where the next two do not say otherwise.
+    moment, angle : float, optional
+        RMS noise of a sample, N·m and rad.
+    """
+
+    sample_rate: float = 1000.0
+    noise: float = 0.01
+    moment: float | None = None
+    angle: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("sample_rate", "noise", "moment", "angle"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"{name} is {value!r}; expected a positive number")
+
+    def of(self, moment: Array, angle: Array) -> tuple[float, float]:
+        """Return the RMS noise of moment and angle in a run."""
+        return (
+            self.moment or self.noise * float(np.sqrt(np.mean(moment**2))),
+            self.angle or self.noise * float(np.sqrt(np.mean(angle**2))),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """What runs tell of the coefficients of joints; shapes have a leading axis for each run and joint.
+
+    Parameters
+    ----------
+    bread : ndarray, shape (..., p, p)
+        XᵀX of the moving samples.
+    meat : ndarray, shape (..., p, p)
+        Covariance of the scores Xᵀe.
+    pull : ndarray, shape (..., p)
+        Xᵀe of what the processing cuts off: it becomes bias, of which a part stays uncertain.
+    blocks : ndarray, shape (...)
+        Replicate blocks.
+    """
+
+    bread: Array
+    meat: Array
+    pull: Array
+    blocks: Array
+
+    def take(self, runs: Sequence[int]) -> Information:
+        """Return that of some of the runs."""
+        at = [*runs]
+        return Information(self.bread[at], self.meat[at], self.pull[at], self.blocks[at])
+
+    def with_runs(self, other: Information | None) -> Information:
+        """Return that of these runs after those of another."""
+        if other is None:
+            return self
+        pairs = ((getattr(other, n), getattr(self, n)) for n in ("bread", "meat", "pull", "blocks"))
+        return Information(*(np.concatenate(pair) for pair in pairs))
+
+
+def stacked(parts: Sequence[Information]) -> Information:
+    """Return several pieces along a new leading axis."""
+    names = ("bread", "meat", "pull", "blocks")
+    return Information(*(np.stack([getattr(part, n) for part in parts]) for n in names))
+
+
+def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Information:
+    """Return what a run would tell of a joint.
+
+    Parameters
+    ----------
+    run : PlannedRun
+    model : JointModel
+        The joint: its coefficients are taken to be true.
+    sensors : Sensors
+
+    Raises
+    ------
+    SimulationError
+        When the joint passes its softening limit.
+    InputError
+        When too few periods of the run are steady.
+    """
+    frequency, rate = run.frequency, sensors.sample_rate
+    points = max(POINTS, round(rate / frequency))
+    moved = motion(model_law(model), run.drive, frequency, run.level, points)
+    # The first period is left out as start-up.
+    periods = int(run.duration * frequency + 1e-9) - 1
+    if periods < STATES.fewest_periods:
+        raise InputError(f"a run of {run.duration:g} s has {periods} steady periods of {frequency:g} Hz")
+    samples = periods * rate / frequency
+    period = slice(-points, None)
+    angle, moment = moved.angle[period], moved.moment[period]
+    if not np.ptp(angle) > 0:
+        return _nothing(len(model.terms))
+    moment_noise, angle_noise = sensors.of(moment, angle)
+    kept, values = _kept_harmonics(angle, rate, frequency, angle_noise * np.sqrt(2 / samples))
+    w = 2 * np.pi * frequency
+    waves = np.asarray(np.exp(2j * np.pi * np.outer(np.arange(points) / points, kept.orders)), np.complex128)
+    states = [(waves * (1j * w * kept.orders) ** order @ values).real for order in range(3)]
+    states[0] = states[0] + angle.mean()
+    guard = reversal_guard(rate, frequency, frequency * float(kept.orders[-1]))
+    slowest = rate_limit(states[1], kept.derivative_noise(frequency, 1), STATES.periodic_rate_share)
+    # The cycle has no ends.
+    moving = moving_mask(np.tile(states[1], 3), slowest, round(guard * points * frequency / rate))[
+        points : 2 * points
+    ]
+    if not moving.any():
+        return _nothing(len(model.terms))
+    columns, slopes = _columns(model, [state[moving] for state in states])
+    target = moment[moving] - model.inertia * states[2][moving]
+    return _added_up(
+        columns,
+        target - columns @ model.coefficients,
+        _noise_columns(waves[moving], (w * kept.orders).astype(float), slopes, model.inertia),
+        np.append(angle_noise / np.sqrt(samples), np.tile(kept.standard_error, 2)),
+        moment_noise,
+        samples / points,
+        min(REPLICATES, periods),
+    )
+
+
+def _nothing(size: int) -> Information:
+    """Return what a run tells in which the joint sticks all the time."""
+    return Information(np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), np.array(1.0))
+
+
+def _kept_harmonics(
+    angle: Array, rate: float, frequency: float, error: float
+) -> tuple[Harmonics, NDArray[np.complex128]]:
+    """Return which harmonics of a period the processing would keep, and their complex amplitudes."""
+    most = int(np.clip(BAND_SHARE * rate / frequency, 1, min(MAXIMUM_HARMONICS, angle.size // 2 - 1)))
+    spectrum = np.fft.rfft(angle)[1 : most + 1] * 2 / angle.size
+    # As large as they are measured: true amplitude and noise.
+    seen = np.sqrt(np.abs(spectrum) ** 2 + 2 * error**2)
+    keep = significant_harmonics(seen, np.full(most, error))
+    orders = np.flatnonzero(keep) + 1
+    return Harmonics(orders, np.full(orders.size, error)), spectrum[keep]
+
+
+def _columns(model: JointModel, states: Sequence[Array]) -> tuple[Array, tuple[Array, Array]]:
+    """Return the terms along a motion, shape (n, p), and the moment's slopes over angle and rate."""
+    evaluate = compile_terms([term.expression for term in model.terms])
+    angle, rate, acceleration = states
+    slopes = []
+    for at, signal in enumerate((angle, rate)):
+        step = STEP * float(np.abs(signal).max())
+        ends = []
+        for side in (step, -step):
+            shifted = [angle, rate, acceleration]
+            shifted[at] = signal + side
+            ends.append(evaluate(*shifted) @ model.coefficients)
+        slopes.append((ends[0] - ends[1]) / (2 * step))
+    return np.asarray(evaluate(angle, rate, acceleration)), (slopes[0], slopes[1])
+
+
+def _noise_columns(
+    waves: NDArray[np.complex128], angular: Array, slopes: tuple[Array, Array], inertia: float
+) -> Array:
+    """Return by what each number of the angle's series moves the residual: mean, cosines, sines."""
+    by_angle, by_rate = slopes
+    moved = waves * (by_angle[:, None] + 1j * angular * by_rate[:, None] - angular**2 * inertia)
+    return np.column_stack([by_angle, moved.real, moved.imag])
+
+
+def _added_up(
+    columns: Array,
+    misfit: Array,
+    noisy: Array,
+    errors: Array,
+    moment_noise: float,
+    weight: float,
+    blocks: int,
+) -> Information:
+    gram = weight * columns.T @ columns
+    pulled = weight * columns.T @ noisy * errors
+    return Information(
+        gram, moment_noise**2 * gram + pulled @ pulled.T, weight * columns.T @ misfit, np.array(float(blocks))
+    )
+
+
+def half_widths(information: Information, noise: np.random.Generator | None = None, draws: int = 1) -> Array:
+    """Return the half-widths of the 95 % intervals that a discovery of the runs would report.
+
+    With Student's t on the degrees of freedom that the scatter of blocks leaves (Satterthwaite's rule), n/(n − p) of a
+    small sample, and the part of the bias of processing that stays uncertain.
+
+    Parameters
+    ----------
+    information : Information
+        With axes (runs, joints).
+    noise : Generator, optional
+        Draw the scatter of the reported variances, too: each run's is χ² on its blocks less one.
+    draws : int
+        For each joint.
+
+    Returns
+    -------
+    ndarray, shape (joints, p) or (draws, joints, p)
+        Infinite where the runs do not determine the coefficients.
+    """
+    from scipy.special import stdtrit
+
+    bread = information.bread.sum(axis=0)
+    scale = np.sqrt(np.einsum("jkk->jk", bread))
+    scale[scale == 0] = 1.0
+    scaled = bread / scale[:, :, None] / scale[:, None, :]
+    singular = np.linalg.cond(scaled) > POLICY.singular
+    scaled[singular] = np.eye(scale.shape[1])
+    inverse = np.linalg.inv(scaled) / scale[:, :, None] / scale[:, None, :]
+    parts = np.einsum("jkl,rjlm,jmk->rjk", inverse, information.meat, inverse, optimize=True)
+    spare = np.maximum(information.blocks - 1, 1)[..., None]
+    if noise is not None:
+        parts = parts * noise.chisquare(spare, (draws, *parts.shape)) / spare
+    total = parts.sum(axis=-3)
+    squares = np.sum(parts**2 / spare, axis=-3)
+    degrees = np.where(squares > 0, total**2 / np.where(squares > 0, squares, 1.0), 1.0)
+    blocks = (information.blocks - 1).sum(axis=0)[:, None]
+    bias = np.einsum("jkl,rjl->jk", inverse, information.pull)
+    widened = total * blocks / np.maximum(blocks - scale.shape[1], 1) + (BIAS.uncertain_share * bias) ** 2
+    widths = stdtrit(np.maximum(degrees, 1), 0.975) * np.sqrt(widened)
+    return np.asarray(np.where(singular[:, None], np.inf, widths))
+
+
+def changes_over_band(information: Information, frequencies: Sequence[float]) -> Array:
+    """Return the half-widths of the change of each coefficient over the band, shape (joints, p).
+
+    Of the slope of a straight line through the estimates at single frequencies, weighted by their variance, times the
+    band; infinite with fewer than three frequencies.
+    """
+    groups = np.unique(frequencies)
+    if groups.size < 3:
+        return np.full(information.pull.shape[1:], np.inf)
+    variance = []
+    for frequency in groups:
+        runs = np.flatnonzero(np.isclose(frequencies, frequency))
+        variance.append((half_widths(information.take(list(runs))) / 1.96) ** 2)
+    weight = 1 / np.maximum(np.array(variance), 1e-300)
+    f = groups[:, None, None]
+    total = np.maximum(weight.sum(axis=0), 1e-300)
+    spread = np.sum(weight * (f - (weight * f).sum(axis=0) / total) ** 2, axis=0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.96 * np.ptp(groups) / np.sqrt(spread))

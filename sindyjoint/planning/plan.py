@@ -1,0 +1,186 @@
+"""The plan of a test: its runs, what they are expected to tell, and what the plain grid of the same duration would."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.planning.information import Information, Sensors, changes_over_band, half_widths
+from sindyjoint.planning.runs import Actuator, PlannedRun
+from sindyjoint.shown import Shown
+
+Array = NDArray[np.float64]
+
+BAND90 = (0.05, 0.5, 0.95)
+DRAWS = 40  # of what the scatter of a test makes of an interval, for each joint
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What runs are expected to tell of a coefficient.
+
+    Parameters
+    ----------
+    id, unit : str
+    value : float
+        In the middle of its range, SI.
+    half_width95 : float
+        Of its 95 % interval, median over joints and tests; infinite where the runs do not determine it.
+    band90 : (float, float)
+        Between these it lies in nine of ten tests of joints of the range.
+    """
+
+    id: str
+    unit: str
+    value: float
+    half_width95: float
+    band90: tuple[float, float]
+
+    @property
+    def relative(self) -> float:
+        """Half-width as a share of the coefficient."""
+        return self.half_width95 / abs(self.value) if self.value else float("inf")
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is known after some of the runs.
+
+    Parameters
+    ----------
+    runs : int
+    seconds : float
+        Duration of all of them.
+    widest, highest : float
+        What the plan makes small, relative: median over joints and tests, and below what it lies in 95 of 100.
+    grid : float
+        The same of the plain grid's first runs, median; infinite where these do not determine it.
+    """
+
+    runs: int
+    seconds: float
+    widest: float
+    highest: float
+    grid: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Shown):
+    """The result of :func:`sindyjoint.plan`.
+
+    Parameters
+    ----------
+    model : JointModel
+        The joint in the middle of its range.
+    low, high : tuple of float
+        Range of each coefficient.
+    actuator : Actuator
+    sensors : Sensors
+    goal : str
+        ``"widths"`` or ``"frequency"``.
+    terms : tuple of str
+        Coefficients that matter.
+    runs : tuple of PlannedRun
+        In the order in which they are to be made.
+    predicted, grid : tuple of Prediction
+        Of the plan, and of the grid of the same duration (empty where its runs would be too short), by term.
+    grid_runs : tuple of PlannedRun
+    curve : tuple of Step
+    until : float or None
+        Relative half-width that is enough.
+    stop : str
+        Whether, and when, to stop.
+    warnings : tuple of str
+    """
+
+    model: JointModel
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    actuator: Actuator
+    sensors: Sensors
+    goal: str
+    terms: tuple[str, ...]
+    runs: tuple[PlannedRun, ...]
+    predicted: tuple[Prediction, ...]
+    grid: tuple[Prediction, ...]
+    grid_runs: tuple[PlannedRun, ...]
+    curve: tuple[Step, ...]
+    until: float | None
+    stop: str
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Terms whose interval is expected to hold zero."""
+        return tuple(each.id for each in self.predicted if not each.relative < 1.0)
+
+    @property
+    def seconds(self) -> float:
+        """Duration of all runs."""
+        return sum(run.duration for run in self.runs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``plan --json`` prints."""
+        return {
+            "schema": 1,
+            "runs": [vars(run) | {} for run in self.runs],
+            "predicted": {each.id: _record(each) for each in self.predicted},
+            "grid": {each.id: _record(each) for each in self.grid},
+            "undetermined": list(self.undetermined),
+            "goal": self.goal,
+            "curve": [
+                {key: _known(value) for key, value in vars(step).items()} | {"runs": step.runs}
+                for step in self.curve
+            ],
+            "stop": self.stop,
+            "warnings": list(self.warnings),
+        }
+
+
+def _record(each: Prediction) -> dict[str, Any]:
+    return {
+        "half_width95": _known(each.half_width95),
+        "unit": each.unit,
+        "band90": [_known(end) for end in each.band90],
+    }
+
+
+def _known(value: float) -> float | None:
+    """Return a number, or None for one that is not finite."""
+    return float(value) if np.isfinite(value) else None
+
+
+def predictions(model: JointModel, information: Information, random_state: int = 0) -> tuple[Prediction, ...]:
+    """Return what runs are expected to tell of each coefficient; axes of the information are (runs, joints)."""
+    rng = np.random.default_rng(random_state)
+    widths = half_widths(information, rng, DRAWS).reshape(-1, len(model.terms))
+    ends = np.quantile(widths, BAND90, axis=0, method="nearest")
+    return tuple(
+        Prediction(term.id, term.unit, term.coefficient, float(middle), (float(low), float(high)))
+        for term, low, middle, high in zip(model.terms, *ends, strict=True)
+    )
+
+
+def widest_of(
+    information: Information,
+    coefficients: Array,
+    terms: Sequence[int],
+    frequencies: Sequence[float] | None = None,
+    random_state: int = 0,
+) -> tuple[float, float]:
+    """Return the widest relative half-width: its median, and below what it lies in 95 of 100 tests.
+
+    With the frequencies of the runs: the widest relative change over the band that could be overlooked.
+    """
+    if frequencies is None:
+        widths = half_widths(information, np.random.default_rng(random_state), DRAWS)
+    else:
+        widths = changes_over_band(information, frequencies)[None]
+    widest = (widths / np.maximum(np.abs(coefficients), 1e-300))[..., [*terms]].max(axis=-1)
+    median, highest = np.quantile(widest, (0.5, 0.95), method="nearest")
+    return float(median), float(highest)

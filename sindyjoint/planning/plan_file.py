@@ -1,0 +1,182 @@
+"""``plan.toml``: the runs of a plan as a file that a person edits and that a virtual test plays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from sindyjoint.documents import read_toml
+from sindyjoint.errors import InputError
+from sindyjoint.files.units import parse_quantity
+from sindyjoint.mechanics.excitation import harmonic
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.sensors import Channel
+from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
+from sindyjoint.planning.information import Sensors
+from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.record import Campaign, Run
+from sindyjoint.text import expectation
+
+PLAN_NAME = "plan.toml"
+UNITS = {"moment": "N*m", "angle": "rad"}
+
+
+class _RunEntry(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    drive: Literal["moment", "angle"]
+    waveform: Literal["sine"] = "sine"
+    frequency: str
+    level: str
+    duration: str
+
+
+class _SensorEntry(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    rate: str = "1000 Hz"
+    noise: float = 0.01
+    moment_noise: str | None = None
+    angle_noise: str | None = None
+
+
+class _PlanEntry(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    sensors: _SensorEntry = _SensorEntry()
+    run: Annotated[list[_RunEntry], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class RunList:
+    """What ``plan.toml`` holds."""
+
+    runs: tuple[PlannedRun, ...]
+    sensors: Sensors
+
+
+def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
+    """Return runs and sensors as the text of ``plan.toml``."""
+    lines = [
+        "# Runs to be made, in this order. Play them: sindyjoint simulate --plan plan.toml --out virtual",
+        "",
+        "[sensors]",
+        f'rate = "{sensors.sample_rate!r} Hz"',
+        f"noise = {sensors.noise!r}  # RMS of a sample, of each channel's RMS, where the unit's is not given",
+    ]
+    lines += [f'moment_noise = "{sensors.moment!r} N*m"'] * (sensors.moment is not None)
+    lines += [f'angle_noise = "{sensors.angle!r} rad"'] * (sensors.angle is not None)
+    for run in runs:
+        lines += [
+            "",
+            "[[run]]",
+            f'drive = "{run.drive}"',
+            f'waveform = "{run.waveform}"',
+            f'frequency = "{run.frequency!r} Hz"',
+            f'level = "{run.level!r} {run.unit}"',
+            f'duration = "{run.duration!r} s"',
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def read_plan(path: str | Path) -> RunList:
+    """Read ``plan.toml``, or that of a folder.
+
+    Raises
+    ------
+    InputError, UnitError
+        For what is no plan; the message names the field.
+    """
+    place = Path(path)
+    place = place / PLAN_NAME if place.is_dir() else place
+    try:
+        entry = _PlanEntry.model_validate(read_toml(place))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{place}: {where}: {expectation(first)}") from None
+    runs = []
+    for number, one in enumerate(entry.run, 1):
+        where = f"{place}: run {number}"
+        numbers = [
+            parse_quantity(text, unit, f"{where}: {name}")
+            for name, text, unit in (
+                ("frequency", one.frequency, "Hz"),
+                ("level", one.level, UNITS[one.drive]),
+                ("duration", one.duration, "s"),
+            )
+        ]
+        if min(numbers) <= 0:
+            raise InputError(
+                f"{where}: frequency, level and duration are {numbers}; expected positive numbers"
+            )
+        runs.append(PlannedRun(one.drive, one.waveform, numbers[0], numbers[1], UNITS[one.drive], numbers[2]))
+    given: dict[str, Any] = {}
+    for name, unit in (("moment", "N*m"), ("angle", "rad")):
+        text = getattr(entry.sensors, f"{name}_noise")
+        if text is not None:
+            given[name] = parse_quantity(text, unit, f"{place}: {name}_noise")
+    rate = parse_quantity(entry.sensors.rate, "Hz", f"{place}: rate")
+    return RunList(tuple(runs), Sensors(rate, entry.sensors.noise, **given))
+
+
+def drive_signal(run: PlannedRun, sample_rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return time (s) and what is prescribed (N·m or rad), each of shape (n,)."""
+    time = np.arange(round(run.duration * sample_rate)) / sample_rate
+    return time, harmonic(run.level, run.frequency)(time)
+
+
+def run_name(number: int, run: PlannedRun) -> str:
+    """Return the name of a planned run."""
+    return f"{number:02d}-{run.frequency:g}Hz"
+
+
+def play(
+    law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: Any = 0, name: str | None = None
+) -> Campaign:
+    """Make the runs of a plan as a virtual test.
+
+    Parameters
+    ----------
+    law : Law
+        The joint.
+    runs : sequence of PlannedRun
+    sensors : Sensors
+    random_state : int, Generator or None
+        Of the noise.
+    name : str, optional
+        Of the joint.
+
+    Raises
+    ------
+    SimulationError
+        When the joint passes its softening limit.
+    """
+    rng = np.random.default_rng(random_state)
+    made = []
+    for number, run in enumerate(runs, 1):
+        test = VirtualTest(
+            law, (run.frequency,), (1.0,), "displacement" if run.drive == "angle" else "moment",
+            sensors.sample_rate, run.duration, angle_limit=1.0,
+        )  # fmt: skip
+        moment, angle = test.ideal(run.frequency, run.level)
+        noise = sensors.of(moment, angle)
+        shares = [
+            sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)
+        ]
+        moment, angle = (
+            Channel(share).read(x, rng) for share, x in zip(shares, (moment, angle), strict=True)
+        )
+        made.append(
+            Run(
+                run_name(number, run), moment, angle, sensors.sample_rate, frequency=run.frequency,
+                level=f"{run.level:.4g} {run.unit}",
+            )
+        )  # fmt: skip
+    return Campaign(campaign_joint(test, name), tuple(made), simulated=True)

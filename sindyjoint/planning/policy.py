@@ -1,0 +1,60 @@
+"""Limits of a plan: which runs are thought of, how far they go, and when there are enough of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sindyjoint.policy import limit
+
+
+@dataclass(frozen=True)
+class PlanningPolicy:
+    """Limits that decide which runs are planned; the meaning of each is in its metadata."""
+
+    joints: int = limit(12, "joints drawn from the range over which a plan is averaged")
+    spread: float = limit(
+        0.2, "share by which a coefficient of a rough idea may differ where no range is given for it"
+    )
+    model_errors: float = limit(
+        3.0, "standard errors by which a coefficient of a model may differ where no range is given for it"
+    )
+    softening_share: float = limit(
+        0.92,
+        "share of its softening limit that no joint of the range passes",
+        source="the highest level of the virtual tests",
+    )
+    limit_share: float = limit(
+        0.98,
+        "share of a limit of the actuator that is used",
+        source="the corners of the range are simulated, joints between them are not",
+    )
+    setups: int = limit(9, "most runs of a plan", source="as many as the plain grid has")
+    frequencies: int = limit(5, "frequencies of the band among which is chosen")
+    levels: tuple[float, ...] = limit(
+        (1.0, 0.84, 0.68, 0.53, 0.38),
+        "levels among which is chosen, as shares of the highest that is allowed",
+    )
+    grid_levels: tuple[float, ...] = limit(
+        (1.0, 0.68, 0.38),
+        "levels of the plain grid, as shares of the highest that is allowed",
+        source="the levels of the virtual tests",
+    )
+    fewest_periods: int = limit(
+        8, "steady periods of a run", source="replicate blocks into which a run is cut"
+    )
+    fewest_frequencies: int = limit(
+        3, "different frequencies of a plan", source="terms are held out by frequency when they are selected"
+    )
+    fewest_levels: int = limit(
+        3, "different levels of a plan", source="the coverage that a discovery asks for"
+    )
+    missing: float = limit(
+        0.7, "how much narrower, as a logarithm, intervals must be to do without one of these"
+    )
+    singular: float = limit(
+        1e12, "condition of the matrix of the terms' columns, scaled, above which runs do not determine them"
+    )
+    settled: float = limit(3e-3, "RMS change from period to period, relative, below which a motion is steady")
+
+
+POLICY = PlanningPolicy()

@@ -1,0 +1,275 @@
+"""Runs that could be made: what drives them, how far they may go, and how the joint then moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf, pi
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.excitation import harmonic
+from sindyjoint.mechanics.laws import Law, softening_limit
+from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.planning.policy import POLICY, PlanningPolicy
+
+Array = NDArray[np.float64]
+Drive = Literal["moment", "angle"]
+
+SINE = "sine"
+POINTS = 400  # samples per period, at least
+PERIODS, MOST_PERIODS = 3, 48
+STEPS = 16  # of the bisection for the highest level
+GROWTH = 1.5
+SMALLEST = 1e-9
+CURVE = 12  # levels at which the middle joint is simulated
+RTOL = 1e-6
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """What drives the joint, and how far it can go.
+
+    Parameters
+    ----------
+    drive : {"moment", "angle"}
+        What it prescribes.
+    band : (float, float)
+        Hz.
+    moment, angle, rate : float
+        Largest moment (N·m), angle (rad) and rate (rad/s) on either side of zero.
+    """
+
+    drive: Drive = "moment"
+    band: tuple[float, float] = (2.0, 8.0)
+    moment: float = inf
+    angle: float = inf
+    rate: float = inf
+
+    def __post_init__(self) -> None:
+        if self.drive not in ("moment", "angle"):
+            raise InputError(f"drive is {self.drive!r}; expected 'moment' or 'angle'")
+        low, high = self.band
+        if not 0 < low <= high < inf:
+            raise InputError(f"band is {low:g} to {high:g} Hz; expected two ascending positive frequencies")
+        for name in ("moment", "angle", "rate"):
+            if not getattr(self, name) > 0:
+                raise InputError(
+                    f"limit of the {name} is {getattr(self, name)!r}; expected a positive number"
+                )
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """A run to be made.
+
+    Parameters
+    ----------
+    drive : {"moment", "angle"}
+    waveform : str
+    frequency : float
+        Hz.
+    level : float
+        Amplitude of what is prescribed, in ``unit``.
+    unit : str
+    duration : float
+        s, the start-up included.
+    """
+
+    drive: Drive
+    waveform: str
+    frequency: float
+    level: float
+    unit: str
+    duration: float
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The joint's motion from rest under a tone; the last period of it is steady.
+
+    Parameters
+    ----------
+    angle, rate, acceleration, moment : ndarray, shape (n,)
+        rad, rad/s, rad/s²; N·m at the sensor.
+    period : int
+        Samples of a period.
+    """
+
+    angle: Array
+    rate: Array
+    acceleration: Array
+    moment: Array
+    period: int
+
+
+def motion(law: Law, drive: Drive, frequency: float, level: float, points: int = POINTS) -> Motion:
+    """Return how a joint moves from rest until it repeats.
+
+    Raises
+    ------
+    SimulationError
+        When it passes its softening limit, or does not repeat.
+    """
+    rate = points * frequency
+    if drive == "angle":
+        # As a virtual test prescribes it; reversals fall between samples.
+        tone = harmonic(level, frequency, 0.1)
+        time = np.arange(2 * points) / rate
+        angle, speed, second = tone(time), tone.derivative(time), tone.derivative(time, 2)
+        _check_softening(law, angle)
+        moment, _ = transfer_moment(law, angle, speed, rate, acceleration=second)
+        return Motion(angle, speed, second, moment, points)
+    periods = PERIODS
+    while periods <= MOST_PERIODS:
+        moved = simulate(law, harmonic(level, frequency), periods / frequency, rate, rtol=RTOL)
+        last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
+        if np.linalg.norm(last - before) <= POLICY.settled * np.linalg.norm(last):
+            return Motion(moved.angle, moved.rate, moved.acceleration, moved.moment, points)
+        periods *= 2
+    raise SimulationError(
+        f"the joint does not repeat within {MOST_PERIODS} periods of {frequency:g} Hz under {level:.3g} N·m"
+    )
+
+
+def _check_softening(law: Law, angle: Array) -> None:
+    low, high = softening_limit(law)
+    if angle.min() < low or angle.max() > high:
+        raise SimulationError("the prescribed angle passes the softening limit of the joint")
+
+
+def within_limits(law: Law, actuator: Actuator, frequency: float, level: float) -> bool:
+    """Return whether a joint stays within the actuator's limits, and off its softening limit, from rest on."""
+    try:
+        moved = motion(law, actuator.drive, frequency, level)
+    except SimulationError:
+        return False
+    low, high = (POLICY.softening_share * end for end in softening_limit(law))
+    return bool(
+        low <= moved.angle.min()
+        and moved.angle.max() <= high
+        and np.abs(moved.angle).max() <= POLICY.limit_share * actuator.angle
+        and np.abs(moved.rate).max() <= POLICY.limit_share * actuator.rate
+        and np.abs(moved.moment).max() <= POLICY.limit_share * actuator.moment
+    )
+
+
+def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float) -> float:
+    """Return the highest amplitude that keeps every joint within the limits, N·m or rad.
+
+    Raises
+    ------
+    InputError
+        When every joint can be driven without end, so that there is no highest level.
+    """
+    order = list(laws)
+
+    def allowed(level: float) -> bool:
+        for index, law in enumerate(order):
+            if not within_limits(law, actuator, frequency, level):
+                # The joint that is limited first is asked first the next time.
+                order.insert(0, order.pop(index))
+                return False
+        return True
+
+    high = _first_guess(order, actuator, frequency)
+    while allowed(high):
+        high *= GROWTH
+        if not high < 1e12:
+            raise InputError(
+                "no limit ends the levels: the joint does not soften; give the largest moment, angle or rate"
+            )
+    low = high / GROWTH
+    while not allowed(low):
+        low, high = low / GROWTH, low
+        if low < SMALLEST * high:
+            raise InputError(f"no level at {frequency:g} Hz is within the limits")
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+        if high - low < 1e-3 * low:
+            break
+    return low
+
+
+def _first_guess(laws: Sequence[Law], actuator: Actuator, frequency: float) -> float:
+    """Return about the highest level: by the limits, and the softening of the joints."""
+    softening = min(min(abs(end) for end in softening_limit(law)) for law in laws)
+    angle = min(actuator.angle, actuator.rate / (2 * pi * frequency), softening)
+    if actuator.drive == "angle" and angle < inf:
+        return angle
+    if actuator.drive == "angle":
+        return 1e-3
+    if angle == inf:
+        return actuator.moment if actuator.moment < inf else 1.0
+    at = np.array([angle])
+    return min(actuator.moment, min(float(law.moment(at, 0 * at, at / at)[0]) for law in laws))
+
+
+def candidates(
+    laws: Sequence[Law],
+    middle: Law,
+    actuator: Actuator,
+    duration: float,
+    unit: str,
+    policy: PlanningPolicy = POLICY,
+    say: Callable[[str], None] = lambda stage: None,
+) -> tuple[tuple[PlannedRun, ...], tuple[PlannedRun, ...]]:
+    """Return the runs to choose from, and the plain grid of three frequencies and three levels.
+
+    Parameters
+    ----------
+    laws : sequence of Law
+        Of the joints that must stay within the limits.
+    middle : Law
+        The joint whose angle the shares of the highest level refer to.
+    actuator : Actuator
+    duration : float
+        Of each run, s.
+    unit : str
+        Of what is prescribed.
+    policy : PlanningPolicy
+    say : callable
+    """
+    low, high = actuator.band
+    several = high > low
+    frequencies = _rounded(np.geomspace(low, high, policy.frequencies if several else 1))
+    plain = _rounded(np.linspace(low, high, 3 if several else 1))
+    found, grid = [], []
+    for frequency in sorted({*frequencies, *plain}):
+        say(f"highest level at {frequency:g} Hz")
+        top = highest_level(laws, actuator, frequency)
+        level_of = _levels(middle, actuator.drive, frequency, top)
+
+        def planned(share: float, frequency: float = frequency, level_of: Any = level_of) -> PlannedRun:
+            return PlannedRun(actuator.drive, SINE, frequency, level_of(share), unit, duration)
+
+        found += [planned(share) for share in policy.levels]
+        if frequency in plain:
+            grid += [planned(share) for share in policy.grid_levels]
+    return tuple(found), tuple(grid)
+
+
+def _rounded(values: Array) -> list[float]:
+    return [float(f"{value:.3g}") for value in values]
+
+
+def _levels(law: Law, drive: Drive, frequency: float, top: float) -> Callable[[float], float]:
+    """Return what gives the level that moves a joint by a share of what the highest one does."""
+    levels = top * np.linspace(0.0, 1.0, CURVE + 1)
+    reached = levels
+    if drive == "moment":
+        # Friction holds the joint up to a level that is not small beside the highest.
+        moved = [float(np.abs(motion(law, drive, frequency, x).angle).max()) for x in levels[1:]]
+        reached = np.maximum.accumulate(np.array([0.0, *moved]))
+
+    def level(share: float) -> float:
+        found = float(np.interp(share * reached[-1], reached, levels))
+        # Digits are cut off and never rounded up.
+        step = 10.0 ** (np.floor(np.log10(found)) - 3)
+        return float(f"{np.floor(found / step * (1 + 1e-12)) * step:.4g}")
+
+    return level

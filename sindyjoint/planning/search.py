@@ -1,0 +1,114 @@
+"""Which runs together tell most: greedy choice, then exchange, with runs enough at different frequencies and levels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.planning.information import Information, changes_over_band, half_widths
+from sindyjoint.planning.policy import POLICY, PlanningPolicy
+from sindyjoint.planning.runs import PlannedRun
+
+Array = NDArray[np.float64]
+Goal = Literal["widths", "frequency"]
+
+WORST = 50.0  # logarithm of a relative half-width that is not determined at all
+ROUNDS = 6
+GAIN = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What is chosen from, and for what.
+
+    Parameters
+    ----------
+    runs : tuple of PlannedRun
+    information : Information
+        With axes (runs, joints).
+    coefficients : ndarray, shape (joints, p)
+    terms : tuple of int
+        Places of the coefficients that matter.
+    goal : {"widths", "frequency"}
+        The widest relative interval, or the widest relative change over the band that could be overlooked.
+    known : Information, optional
+        Of runs that were already made, with axes (runs, joints).
+    known_runs : tuple of (float, str)
+        Frequency and level of these.
+    policy : PlanningPolicy
+    """
+
+    runs: tuple[PlannedRun, ...]
+    information: Information
+    coefficients: Array
+    terms: tuple[int, ...]
+    goal: Goal = "widths"
+    known: Information | None = None
+    known_runs: tuple[tuple[float, str], ...] = ()
+    policy: PlanningPolicy = POLICY
+
+    def widest(self, chosen: Sequence[int]) -> Array:
+        """Return the widest relative half-width of each joint, shape (joints,)."""
+        information = self.information.take(chosen).with_runs(self.known)
+        widths = half_widths(information) if self.goal == "widths" else self._changes(chosen, information)
+        share = widths / np.maximum(np.abs(self.coefficients), 1e-300)
+        return np.asarray(share[:, list(self.terms)].max(axis=1))
+
+    def _changes(self, chosen: Sequence[int], information: Information) -> Array:
+        known = [frequency for frequency, _ in self.known_runs]
+        return changes_over_band(information, [*known, *(self.runs[i].frequency for i in chosen)])
+
+    def missing(self, chosen: Sequence[int]) -> int:
+        """Return how many different frequencies and levels are missing."""
+        frequencies = {f"{f:.2g}" for f, _ in self.known_runs} | {
+            f"{self.runs[i].frequency:.2g}" for i in chosen
+        }
+        # Levels are shares of the highest at their frequency: the same place among them is the same level.
+        count = len(self.policy.levels)
+        levels = {level for _, level in self.known_runs} | {str(i % count) for i in chosen}
+        possible = min(self.policy.fewest_frequencies, len({run.frequency for run in self.runs}))
+        return max(0, possible - len(frequencies)) + max(0, self.policy.fewest_levels - len(levels))
+
+    def cost(self, chosen: Sequence[int]) -> float:
+        """Return what is made small: the mean logarithm of the widest over the joints, and what is missing."""
+        if not chosen and self.known is None:
+            return WORST
+        logs = np.log(np.clip(self.widest(chosen), 1e-12, np.exp(WORST)))
+        return float(logs.mean()) + self.policy.missing * self.missing(chosen)
+
+
+def best_runs(choice: Choice, count: int) -> list[int]:
+    """Return the places of the best ``count`` runs, each as often as it is to be made, the most telling first.
+
+    Greedily, then by exchange of single runs until none is better; then in the order in which each is the best next.
+    """
+    places = range(len(choice.runs))
+    chosen: list[int] = []
+    for _ in range(count):
+        chosen.append(min(places, key=lambda i: choice.cost([*chosen, i])))
+    cost = choice.cost(chosen)
+    for _ in range(ROUNDS):
+        before = cost
+        for at in range(count):
+            others = chosen[:at] + chosen[at + 1 :]
+            best = min(places, key=lambda i: choice.cost([*others, i]))
+            found = choice.cost([*others, best])
+            if found < cost - GAIN:
+                chosen, cost = [*others[:at], best, *others[at:]], found
+        if cost > before - GAIN:
+            break
+    return _ordered(choice, chosen)
+
+
+def _ordered(choice: Choice, chosen: list[int]) -> list[int]:
+    waiting = list(chosen)
+    order: list[int] = []
+    while waiting:
+        best = min(waiting, key=lambda i: choice.cost([*order, i]))
+        waiting.remove(best)
+        order.append(best)
+    return order

@@ -1,0 +1,143 @@
+"""The figures of a plan: its runs, what they are expected to tell, and what each further run buys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sindyjoint.planning.plan import Plan, Prediction, Step
+from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.reporting.figures.kind import Kind, by_name
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, prefixed
+from sindyjoint.text import spelled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+GOALS = {"widths": "widest 95 % interval", "frequency": "change over the band"}
+
+
+@dataclass(frozen=True, eq=False)
+class PlanFigures:
+    """What the pictures of a plan are drawn from; see :class:`~sindyjoint.planning.plan.Plan`."""
+
+    joint: str
+    motion: str
+    goal: str
+    terms: tuple[str, ...]
+    runs: tuple[PlannedRun, ...]
+    grid_runs: tuple[PlannedRun, ...]
+    predicted: tuple[Prediction, ...]
+    grid: tuple[Prediction, ...]
+    curve: tuple[Step, ...]
+    until: float | None
+
+
+def figures_of(result: Plan) -> PlanFigures:
+    """Return what is drawn of a plan."""
+    joint = result.model.joint
+    names = ("goal", "terms", "runs", "grid_runs", "predicted", "grid", "curve", "until")
+    return PlanFigures(joint.name, joint.motion, **{name: getattr(result, name) for name in names})
+
+
+def draw_runs(data: PlanFigures, ax: Axes) -> Axes:
+    """Draw level over frequency: the plan's runs with how often each is made, the grid's behind them."""
+    factor, unit = prefixed(max(run.level for run in data.runs), data.runs[0].unit)
+    ax.plot(
+        [run.frequency for run in data.grid_runs], [run.level * factor for run in data.grid_runs],
+        "x", color=MUTED, ms=5, label="plain grid",
+    )  # fmt: skip
+    places: dict[tuple[float, float], list[int]] = {}
+    for number, run in enumerate(data.runs, 1):
+        places.setdefault((run.frequency, run.level * factor), []).append(number)
+    x, y = zip(*places, strict=True)
+    sizes = [30.0 * len(numbers) for numbers in places.values()]
+    ax.scatter(x, y, s=sizes, color=PALETTE[0], alpha=0.8, lw=0)
+    ax.plot([], [], "o", color=PALETTE[0], ms=4.5, label="plan, larger: made more often")
+    for (frequency, level), numbers in places.items():
+        ax.annotate(
+            _spans(numbers), (frequency, level), xytext=(7 + len(numbers), 0), textcoords="offset points",
+            va="center", fontsize=6.5, color=INK,
+        )  # fmt: skip
+    ax.set_xlabel("Frequency (Hz)")
+    ax.set_ylabel(f"Amplitude of the {data.runs[0].drive} ({unit})")
+    ax.margins(x=0.16, y=0.1)
+    ax.set_ylim(bottom=0)
+    legend_above(ax, 2)
+    return ax
+
+
+def _spans(numbers: list[int]) -> str:
+    """Return numbers in words: 1, 4–9."""
+    spans = [[numbers[0], numbers[0]]]
+    for number in numbers[1:]:
+        if number == spans[-1][1] + 1:
+            spans[-1][1] = number
+        else:
+            spans.append([number, number])
+    return ", ".join(str(a) if a == b else f"{a}–{b}" for a, b in spans)
+
+
+def draw_curve(data: PlanFigures, ax: Axes) -> Axes:
+    """Draw what is made small over the time of the runs, of the plan and of the grid's first runs."""
+    for index, (name, label) in enumerate(
+        (("widest", "plan"), ("highest", "plan, 95 of 100 tests lie below"), ("grid", "grid, run by run"))
+    ):
+        steps = [(s.seconds, 100 * getattr(s, name)) for s in data.curve if np.isfinite(getattr(s, name))]
+        if steps:
+            color = (PALETTE[0], PALETTE[5], MUTED)[index]
+            ax.plot(*zip(*steps, strict=True), color=color, marker="o^x"[index], ms=3.5, label=label)
+    if data.until is not None:
+        ax.axhline(100 * data.until, color=PALETTE[1], ls="--", lw=0.9, label="enough")
+    ax.set_yscale("log")
+    ax.set_xlim(left=0)
+    ax.set_xlabel("Time of all runs (s)")
+    ax.set_ylabel(f"{GOALS[data.goal].capitalize()} (%)")
+    legend_above(ax, 4)
+    return ax
+
+
+def draw_widths(data: PlanFigures, ax: Axes) -> Axes:
+    """Draw the relative half-width of each term: median and 90 % band of the plan, and the grid's median."""
+    rows = range(len(data.predicted))
+    for row, each in zip(rows, data.predicted, strict=True):
+        ends = [100 * end / abs(each.value) for end in each.band90]
+        ax.plot(ends, [row, row], color=PALETTE[0], lw=4, alpha=0.35, solid_capstyle="butt")
+        ax.plot(
+            100 * each.relative, row, "o", color=PALETTE[0], ms=4.5, label="" if row else "plan, 90 % band"
+        )
+    for row, each in zip(rows, data.grid, strict=False):
+        ax.plot(100 * each.relative, row, "x", color=MUTED, ms=5, label="" if row else "grid")
+    ax.set_xscale("log")
+    ax.set_yticks(list(rows), [spelled(each.id, data.motion) for each in data.predicted])
+    ax.set_ylim(len(data.predicted) - 0.5, -1.3)
+    ax.set_xlabel("Half-width of the 95 % interval (% of the coefficient)")
+    ax.legend(loc="upper left", ncols=2, borderaxespad=0.2)
+    return ax
+
+
+KINDS = by_name(
+    Kind(
+        "runs",
+        "The runs",
+        "Frequency and level of every run; the numbers are their order. Crosses: the grid of the same duration.",
+        lambda data: [draw_runs] if data.runs else [],
+        wide=True,
+    ),
+    Kind(
+        "curve",
+        "What each run buys",
+        "What is made small, over the time of the runs made so far.",
+        lambda data: [draw_curve] if data.curve else [],
+        wide=True,
+    ),
+    Kind(
+        "widths",
+        "Expected intervals",
+        "Half-width of each coefficient's interval, expected from the plan and from the grid of the same duration.",
+        lambda data: [draw_widths],
+        wide=True,
+    ),
+)

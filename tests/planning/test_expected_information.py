@@ -1,0 +1,84 @@
+"""What a run is expected to tell is what repeated tests show."""
+
+import numpy as np
+import pytest
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.laws import INTER_PANEL
+from sindyjoint.planning.information import (
+    Information,
+    Sensors,
+    changes_over_band,
+    half_widths,
+    run_information,
+    stacked,
+)
+from sindyjoint.planning.joints import like_law
+from sindyjoint.planning.plan_file import play
+from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.states import force_states
+
+MODEL = like_law(INTER_PANEL).model
+
+
+@pytest.mark.parametrize("drive, level, unit", [("moment", 4.5, "N*m"), ("angle", 6e-4, "rad")])
+def test_the_scatter_of_repeated_tests_is_the_expected_one(drive, level, unit):
+    # Truth: 40 tests of the joint, each with its own noise, through the real processing.
+    run = PlannedRun(drive, "sine", 4.0, level, unit, 3.0)
+    sensors = Sensors(sample_rate=500.0, noise=0.01)
+    rng = np.random.default_rng(1)
+    clean = play(INTER_PANEL, [run], Sensors(500.0, 1e-9), rng).runs[0]
+    found = []
+    for _ in range(40):
+        noisy = {
+            name: np.array(signal) * 1.0 + 0.01 * np.std(signal) * rng.standard_normal(signal.size)
+            for name, signal in (("moment", clean.moment), ("angle", clean.angle))
+        }
+        states = force_states(type(clean)("r", sample_rate=500.0, frequency=4.0, **noisy), "periodic")
+        t, w, a, m = (getattr(states, n)[states.moving] for n in ("angle", "rate", "acceleration", "moment"))
+        columns = np.column_stack([t, t**2, t**3, w, np.sign(w)])
+        scale = np.linalg.norm(columns, axis=0)
+        found.append(np.linalg.lstsq(columns / scale, m - INTER_PANEL.inertia * a)[0] / scale)
+    told = run_information(run, MODEL, sensors)
+    inverse = np.linalg.inv(told.bread)
+    expected = np.sqrt(np.diag(inverse @ told.meat @ inverse))
+    # The scatter of 40 has an error of 11 %; which harmonics are kept differs from test to test.
+    assert np.std(found, axis=0, ddof=1) / expected == pytest.approx(np.ones(5), abs=0.4)
+
+
+def test_a_run_without_motion_tells_nothing():
+    stuck = PlannedRun("moment", "sine", 4.0, 1.0, "N*m", 5.0)  # below the friction of 1.87 N·m
+    told = stacked([stacked([run_information(stuck, MODEL, Sensors())])])
+    assert not told.bread.any() and np.isinf(half_widths(told)).all()
+
+
+def test_a_run_of_too_few_periods_is_refused():
+    with pytest.raises(InputError, match=r"a run of 0\.5 s has 1 steady periods of 4 Hz"):
+        run_information(PlannedRun("moment", "sine", 4.0, 4.0, "N*m", 0.5), MODEL, Sensors())
+
+
+def alike(runs):
+    """Information of equal runs on one joint with two coefficients."""
+    eye = np.tile(np.eye(2), (runs, 1, 1, 1))
+    return Information(100 * eye, 100 * eye, np.zeros((runs, 1, 2)), np.full((runs, 1), 8.0))
+
+
+def test_four_times_the_runs_halve_the_interval():
+    # Of white noise of variance one: var = 1/(100 n); t and n/(n − p) tend to 1.96 and 1.
+    many, few = half_widths(alike(64)), half_widths(alike(16))
+    assert many == pytest.approx(few / 2, rel=0.03)
+    assert many == pytest.approx(1.96 / np.sqrt(6400), rel=0.01)
+
+
+def test_the_scatter_of_reported_intervals_is_that_of_their_blocks():
+    drawn = half_widths(alike(4), np.random.default_rng(0), 4000)
+    # Standard error from 28 degrees of freedom: relative scatter 1/√56.
+    assert np.std(drawn) / np.mean(drawn) == pytest.approx(56**-0.5, rel=0.15)
+
+
+def test_a_change_over_the_band_needs_three_frequencies():
+    assert np.isinf(changes_over_band(alike(4), [2.0, 2.0, 5.0, 5.0])).all()
+    wide = changes_over_band(alike(6), [2.0, 2.0, 5.0, 5.0, 8.0, 8.0])
+    # A line through three estimates of equal variance v: the change over the band has the variance 2 v.
+    one = half_widths(alike(2))
+    assert wide == pytest.approx(np.sqrt(2) * one)

@@ -1,0 +1,140 @@
+"""A plan from a rough idea of the joint to a virtual test of its runs, in Python and on the command line."""
+
+import json
+from dataclasses import replace
+
+import jsonschema
+import numpy as np
+import pytest
+
+from sindyjoint import plan, simulate
+from sindyjoint.errors import InputError, UnitError, UnknownNameError
+from sindyjoint.files import load_campaign
+from sindyjoint.planning.plan_file import plan_text, read_plan
+from sindyjoint.planning.policy import POLICY
+from sindyjoint.reporting.schemas import record_schema
+from sindyjoint.workflows import plan as workflow
+from sindyjoint.workflows.init import init
+
+FEW = replace(POLICY, joints=3, frequencies=3)
+RANGES = ["--range", "linear_stiffness=5..8 kN*m/rad", "--range", "coulomb_friction=1..3 N*m"]
+SHORT = ["--drive", "angle", "--time", "40 s", "--rate", "250 Hz", "--limit", "moment=8 N*m"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small():
+    """Few joints: what is averaged over is not what is tested here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workflow, "POLICY", FEW)
+        patch.setattr(workflow, "PREDICTED", 6)
+        yield
+
+
+@pytest.fixture(scope="module")
+def found():
+    return plan(drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 8.0})
+
+
+def test_a_plan_fills_the_time_and_beats_the_grid(found):
+    assert found.seconds == pytest.approx(40.0) and len(found.runs) == 8
+    assert sum(run.duration for run in found.grid_runs) == pytest.approx(40.0)
+    assert found.curve[-1].widest < 0.8 * found.curve[-1].grid
+    assert [step.widest for step in found.curve] == sorted((s.widest for s in found.curve), reverse=True)
+    assert len({run.frequency for run in found.runs}) == 3 and not found.undetermined
+
+
+def test_it_ends_where_it_is_enough(found):
+    goal = found.curve[4].highest * 1.0001
+    shorter = plan(drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 8.0}, until=goal)
+    assert shorter.runs == found.runs[: len(shorter.runs)] and 3 <= len(shorter.runs) <= 5
+    assert shorter.stop.startswith(f"after {len(shorter.runs)} runs: 95 of 100 tests then reach")
+    assert sum(run.duration for run in shorter.grid_runs) == pytest.approx(shorter.seconds)
+
+
+def test_after_some_runs_they_count_and_the_goal_may_be_reached():
+    campaign = simulate(frequencies=(3, 5), levels=(0.5, 0.35), duration=4.0, sample_rate=500.0)
+    again = plan(campaign=campaign, drive="angle", time=30.0, until=0.9)
+    assert not again.runs and again.stop.startswith("stop: the widest relative half-width is")
+    more = plan(campaign=campaign, drive="angle", time=30.0)
+    before = {each.id: each.half_width95 for each in again.predicted}
+    assert all(each.half_width95 < before[each.id] for each in more.predicted)
+    # What is expected of no further run is what was found.
+    term = again.model["linear_stiffness"]
+    assert before["linear_stiffness"] == pytest.approx(2.1 * term.standard_error, rel=0.3)
+
+
+def test_a_plan_is_played_and_becomes_a_campaign(found, tmp_path):
+    path = tmp_path / "plan.toml"
+    path.write_text(plan_text(found.runs, replace(found.sensors, angle=2e-6)))
+    listed = read_plan(path)
+    assert listed.runs == found.runs and listed.sensors.angle == 2e-6
+    campaign = simulate("inter-panel", plan=tmp_path, out=tmp_path / "made")
+    assert campaign.simulated and len(campaign.runs) == len(found.runs)
+    for run, planned in zip(campaign.runs, found.runs, strict=True):
+        assert np.abs(run.angle).max() == pytest.approx(planned.level, abs=5 * 2e-6)
+        assert run.duration == pytest.approx(planned.duration)
+    (tmp_path / "made" / "campaign.toml").unlink()
+    init(tmp_path / "made")
+    read = load_campaign(tmp_path / "made")
+    assert [run.frequency for run in read.runs] == pytest.approx([run.frequency for run in found.runs])
+
+
+@pytest.mark.parametrize("change, error, text", [
+    (('drive = "angle"', 'drive = "force"'), InputError, "run.0.drive: expected 'moment' or 'angle'"),
+    ((" rad", " N*m"), UnitError, "run 1: level"),
+    (('frequency = "', 'frequency = "-'), InputError, "expected positive numbers"),
+    (("[[run]]", "[[ran]]"), InputError, "run: "),
+])  # fmt: skip
+def test_what_is_no_plan_is_refused_by_field(found, tmp_path, change, error, text):
+    (tmp_path / "plan.toml").write_text(plan_text(found.runs[:1], found.sensors).replace(*change))
+    with pytest.raises(error) as refused:
+        read_plan(tmp_path)
+    assert text in str(refused.value) and "plan.toml" in str(refused.value)
+
+
+@pytest.mark.parametrize("options, error, text", [
+    ({"time": 3.0}, InputError, "time is 3 s; expected at least 4.5 s"),
+    ({"limits": {"force": 1.0}}, UnknownNameError, "limit of 'force'"),
+    ({"terms": ["k9"]}, UnknownNameError, "term 'k9'; the joint has linear_stiffness"),
+    ({"goal": "all"}, InputError, "expected 'widths' or 'frequency'"),
+    ({"until": 0.0}, InputError, "expected a positive share"),
+    ({"model": "a", "campaign": "b"}, InputError, "a model and a campaign were given"),
+    ({"noise": -1.0}, InputError, "noise is -1.0; expected a positive number"),
+])  # fmt: skip
+def test_options_that_cannot_be_used_are_refused(options, error, text):
+    with pytest.raises(error, match=text):
+        plan(**options)
+
+
+def test_a_plan_and_other_options_do_not_go_together(tmp_path):
+    with pytest.raises(InputError, match="a plan and levels were given"):
+        simulate(plan=tmp_path, levels=(0.5,))
+
+
+def test_the_command_prints_its_record_and_writes_what_simulate_plays(sindyjoint, tmp_path):
+    answer = sindyjoint("plan", *RANGES, *SHORT, "--noise", "angle=2 urad", "--json", "--out", tmp_path)
+    assert answer.status == 0, answer.stderr
+    record = json.loads(answer.stdout)
+    jsonschema.validate(record, record_schema("plan"))
+    assert record["runs"][0].keys() == {"drive", "waveform", "frequency", "level", "unit", "duration"}
+    assert record["predicted"]["linear_stiffness"]["unit"] == "N*m/rad"
+    assert record["predicted"].keys() == record["grid"].keys() >= {"coulomb_friction"}
+    assert json.loads((tmp_path / "plan.json").read_text()) == record
+    assert {path.stem for path in (tmp_path / "figures").glob("*.svg")} == {"runs", "curve", "widths"}
+    drives = sorted(tmp_path.glob("drive-*.csv"))
+    signal = np.loadtxt(drives[0], delimiter=",", skiprows=1)
+    assert len(drives) == len(record["runs"]) and signal[-1, 0] == pytest.approx(5.0, abs=0.01)
+    assert signal[:, 1].max() == pytest.approx(record["runs"][0]["level"], rel=0.01)
+    made = sindyjoint("simulate", "--plan", tmp_path, "--out", tmp_path / "made", "--json")
+    assert len(json.loads(made.stdout)["runs"]) == len(record["runs"])
+
+
+@pytest.mark.parametrize("options, text", [
+    (["--band", "2 Hz"], "--band is '2 Hz'; expected two numbers and their unit"),
+    (["--limit", "moment"], "--limit is 'moment'; expected moment or angle or rate"),
+    (["--range", "linear_stiffness=5..8 N*m"], "--range linear_stiffness"),
+    (["--until", "much"], "--until is 'much'; expected a share such as 0.05 or '5 %'"),
+])  # fmt: skip
+def test_quantities_that_are_none_are_refused_in_one_line(sindyjoint, options, text):
+    answer = sindyjoint("plan", *options)
+    assert answer.status == 2 and text in answer.stderr and answer.stderr.count("\n") == 1
