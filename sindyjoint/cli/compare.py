@@ -27,6 +27,10 @@ def compare(
             "--out", help="Folder for report.html, comparison.csv, .md, .tex, .json and the inclusion map."
         ),
     ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="model.json, or a folder with one: a model to hold against the same runs."),
+    ] = None,
     library: Annotated[
         list[str] | None,
         typer.Option(
@@ -73,6 +77,7 @@ def compare(
         return run(
             campaign,
             **given(library=library, methods=method),
+            model=model,
             accept=tuple(accept or ()),
             align=align,
             replicates=replicates,
@@ -84,5 +89,6 @@ def compare(
             cluster=cluster,
         )
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, force=force)
+    files = [] if model is None else [model]
+    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, files, force)
     raise typer.Exit(0 if result.model.terms else 1)

@@ -117,6 +117,30 @@ class Choice:
         return next((term for term in self.terms if term.id == term_id), None)
 
 
+@dataclass(frozen=True)
+class GivenModel:
+    """A model that was there before, whole, held against the same runs.
+
+    Parameters
+    ----------
+    terms : tuple of str
+    elements : tuple of str
+        Effects with an internal state.
+    residual : float
+        Error of the moment along the measured motion relative to its RMS.
+    response : float
+        Error of the simulated response relative to its RMS; NaN where it cannot be simulated.
+    seen : bool
+        Whether its numbers were fitted to this campaign.
+    """
+
+    terms: tuple[str, ...]
+    elements: tuple[str, ...]
+    residual: float
+    response: float
+    seen: bool
+
+
 @dataclass(frozen=True, repr=False)
 class Comparison(Shown):
     """The result of :func:`~sindyjoint.workflows.compare.compare`.
@@ -152,6 +176,7 @@ class Comparison(Shown):
         What the check of the data found.
     noise_floor : float
         Of the moment relative to its RMS; NaN where it is unknown.
+    given : GivenModel, optional
     """
 
     joint: str
@@ -174,6 +199,7 @@ class Comparison(Shown):
     discovery: Discovery = field(repr=False, compare=False)
     soundness: Soundness = Soundness()
     noise_floor: float = float("nan")
+    given: GivenModel | None = None
 
     @property
     def shown_ids(self) -> tuple[str, ...]:

@@ -95,6 +95,16 @@ class FrequencyTestPart(Part):
     reason: str
 
 
+class GivenModelPart(Part):
+    """A model that was there before, held against the same runs."""
+
+    terms: list[str]
+    elements: list[str]
+    residual: Maybe
+    response: Maybe
+    seen: bool
+
+
 class ComparisonRecord(Part):
     """``compare --json`` and ``comparison.json``: methods, frequencies and libraries against terms."""
 
@@ -120,6 +130,7 @@ class ComparisonRecord(Part):
     seconds: dict[str, Maybe]
     soundness: SoundnessPart
     noise_floor: Maybe = None
+    given: GivenModelPart | None = None
 
 
 # ---- many joints

@@ -32,6 +32,7 @@ from sindyjoint.soundness.check import require_sound
 from sindyjoint.text import in_words_of
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover, regressor_options
+from sindyjoint.workflows.verify import given_model
 
 # Each name may join several catalogues: without the terms of the paper, special ones stand in for those.
 LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")
@@ -48,6 +49,7 @@ def compare(
     campaign: Campaign | str | Path | None = None,
     library: Any = "extended",
     *,
+    model: JointModel | str | Path | None = None,
     accept: Sequence[str] = (),
     methods: Sequence[str] | None = None,
     libraries: Sequence[str] = LIBRARIES,
@@ -68,6 +70,9 @@ def compare(
         ``None``: the built-in virtual test of the inter-panel joint, which is simulated.
     library : str, Path, Catalogue, or sequence of these
         Candidates for the comparison of methods and of frequencies.
+    model : JointModel or path of a model.json, optional
+        A model that is held against the same runs, elements and errors of their channels included; as
+        :func:`~sindyjoint.verify` does.
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     methods : sequence of str, optional
@@ -83,8 +88,7 @@ def compare(
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
-        Where methods and replicates are worked on; see :func:`~sindyjoint.parallel.executor`. The result is the same to
-        the last digit, but for the seconds that each took.
+        Where methods and replicates are worked on, to the same digits; see :func:`~sindyjoint.parallel.executor`.
     **options
         Of :func:`~sindyjoint.workflows.discover.discover`: states, bandwidth, align, forbidden, ...
 
@@ -112,7 +116,15 @@ def compare(
         )  # fmt: skip
         if found.stopped is not None:
             require_sound(found.stopped)
-        return _compared(found, names, libraries, replicates, margin, random_state, options, clock)
+        compared = _compared(found, names, libraries, replicates, margin, random_state, options, clock)
+    if model is None:
+        return compared
+    return replace(
+        compared,
+        given=clock.run(
+            "simulating the given model", given_model, model, found.measured or found.campaign, accept
+        ),
+    )
 
 
 def _checked(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.options import checks_options
@@ -25,6 +26,7 @@ from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
 from sindyjoint.soundness.finding import Soundness
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
 
 DRAWS = 20
@@ -197,3 +199,16 @@ def is_structure(path: str | Path) -> bool:
     """Return whether a path or name means a rig: a shipped one, or a TOML file with a chain."""
     path = Path(path)
     return (str(path) in shipped_rigs() and not path.is_dir()) or (path.is_file() and is_rig(path))
+
+
+def given_model(model: JointModel | str | Path, campaign: Campaign, accept: Sequence[str]) -> GivenModel:
+    """Return how a whole model does on the runs of a campaign, for a comparison."""
+    checked = verify(model, campaign, accept=accept, draws=0)
+    known = model if isinstance(model, JointModel) else read_model(model)
+    return GivenModel(
+        known.ids,
+        tuple(element.id for element in known.elements),
+        np.nan if checked.moment_nrmse is None else checked.moment_nrmse,
+        np.nan if checked.response_nrmse is None else checked.response_nrmse,
+        known.fitted.data == content_hash(campaign),
+    )

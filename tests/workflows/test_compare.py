@@ -11,19 +11,24 @@ import sympy
 from typer.testing import CliRunner
 
 from sindyjoint.bias.correction import measure_bias
+from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis.effects.parts import element_of
 from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.discovery.methods import METHODS
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.held_out_response import response_error
+from sindyjoint.mechanics.laws import INTER_PANEL as PAPER_LAW
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.paper import SYMBOLS
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.registry import view_of
 from sindyjoint.reporting.results.comparison import long_csv
 from sindyjoint.reporting.text_table import TextTable
 from sindyjoint.workflows.compare import compare
+from tests.made_models import paper_model
 
 
 @pytest.fixture(scope="module")
@@ -243,3 +248,18 @@ def test_command_line(campaign, tmp_path):
     outcome = CliRunner().invoke(app, arguments)
     assert outcome.exit_code == 0, outcome.output
     assert json.loads(outcome.stdout)["methods"][0]["name"] == "stlsq"
+
+
+def test_a_given_model_is_held_against_the_same_runs_with_its_elements(campaign):
+    """The paper's law with a Maxwell branch that the joint does not have: its moment shows, and no term hides it."""
+    branch = next(effect for effect in load_effects() if effect.id == "maxwell_branch")
+    own = paper_model(values=[getattr(PAPER_LAW, name) for name in SYMBOLS])
+    made = element_of(branch.id, branch.name, branch.variants[0], [600.0], [0.03])
+    options = dict(methods=["stlsq"], libraries=["paper"], replicates=10, correct=False)
+    plain = compare(campaign, "paper", model=own, **options)
+    whole = compare(campaign, "paper", model=replace(own, elements=(made,), covariance=()), **options)
+    # 1 % noise in angle and moment, as the model found has it, too.
+    assert plain.given.residual < 1.2 * plain.methods[0].residual and plain.given.response < 0.02
+    assert whole.given.elements == ("maxwell_branch",) and whole.given.residual > 2 * plain.given.residual
+    assert not whole.given.seen and whole.to_dict()["given"]["terms"] == list(PAPER_TERMS)
+    assert "maxwell branch" in str(whole).lower()

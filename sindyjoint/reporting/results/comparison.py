@@ -35,7 +35,7 @@ from sindyjoint.text import quantities, rounded, spelled
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sindyjoint.judgement.comparison import Choice
+    from sindyjoint.judgement.comparison import Choice, GivenModel
     from sindyjoint.judgement.headline import Headline
 
 
@@ -69,6 +69,8 @@ class ComparisonView(View[Comparison, Comparison]):
             tables.append(_tests(result.tests, result.motion))
         if result.left_out:
             tables.append(_folds(result))
+        if result.given is not None:
+            tables.append(_given_model(result.given, result.motion))
         return tuple(tables)
 
     def content(self, result: Comparison, data: Comparison, folder: Path | None) -> dict[str, Any]:
@@ -316,8 +318,31 @@ def _choice_rows(result: Comparison) -> list[tuple[str, ...]]:
         )
         for choice in (*result.methods, *result.frequencies, *result.libraries)
     ]
+    given = result.given
+    if given is not None:
+        left_out = DASH if given.seen else _percent(given.residual)
+        held = _percent(given.residual), left_out, _percent(given.response)
+        rows.append(("given model", str(len(given.terms)), *held, _elements(given, result.motion)))
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
     return [*rows, ("noise floor", "", floor, "", "", "")]
+
+
+def _elements(given: GivenModel, motion: str) -> str:
+    names = ", ".join(spelled(name, motion) for name in given.elements)
+    return f"its own, with {names}" if names else "its own"
+
+
+def _given_model(given: GivenModel, motion: str) -> TextTable:
+    """Return a model that was there before, beside the others."""
+    load = quantities(motion).moment.lower()
+    rows = (
+        ("terms", ", ".join(spelled(term, motion) for term in given.terms) or DASH),
+        ("elements", ", ".join(spelled(name, motion) for name in given.elements) or DASH),
+        (f"error of the {load}", _percent(given.residual)),
+        ("error of the simulated response", _percent(given.response)),
+        ("its numbers were fitted to this campaign", "yes" if given.seen else "no"),
+    )
+    return TextTable("given-model", "The given model", ("", "given model"), rows)
 
 
 def _difference(choice: Choice, motion: str) -> str:
