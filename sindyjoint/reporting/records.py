@@ -215,7 +215,7 @@ class GapsPart(Part):
     initial: GapPart
     final: GapPart
     noise_floor: GapPart
-    uncertainty: GapPart
+    uncertainty: GapPart | None = None
     remainder: GapPart
 
 
