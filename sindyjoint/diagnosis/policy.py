@@ -92,7 +92,7 @@ class DiagnosisPolicy:
         4.0,
         "simulated response over its floor and what the uncertainty of numbers and drive explains, above which "
         "something is called missing",
-        source="laws named rightly on campaigns of other integrators, whose friction creeps, end at up to 3.4",
+        source="laws named rightly on campaigns of other integrators, whose friction creeps, end at up to 3.8",
     )
     least_help: float = convention(
         0.1, "share of the gap that effects must take away to be named beside a remainder"

@@ -242,7 +242,7 @@ class GapsPart(Part):
     initial: GapPart
     final: GapPart
     noise_floor: GapPart
-    uncertainty: GapPart
+    uncertainty: GapPart | None = None
     remainder: GapPart
 
 
