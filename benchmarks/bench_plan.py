@@ -3,10 +3,11 @@
 How many of the obtained half-widths lie in their predicted 90 % bands, how much narrower the widest relative interval
 is than that of the 3 × 3 grid of the same duration, and whether any limit is broken.
 
-    python -m benchmarks.bench_plan [moment|angle] [JOINTS] [FIRST SEED]
+    python -m benchmarks.bench_plan [moment|angle] [JOINTS] [FIRST SEED] [ENOUGH]
 
 With a prescribed moment each coefficient of the inter-panel joint differs by up to 20 %; with a prescribed angle its
-stiffness lies between 5 and 8 kN·m/rad and its friction between 1 and 3 N·m.
+stiffness lies between 5 and 8 kN·m/rad and its friction between 1 and 3 N·m. ENOUGH is a relative half-width at which
+the plan ends.
 """
 
 from __future__ import annotations
@@ -59,11 +60,13 @@ def broken_limits(made: Plan, true: JointModel, clean: Campaign) -> int:
     return broken
 
 
-def main(drive: str = "moment", count: int = 100, seed: int = 1000) -> None:
+def main(drive: str = "moment", count: int = 100, seed: int = 1000, until: float | None = None) -> None:
     """Print a line for each joint, and the shares."""
     began = time.perf_counter()
-    made = plan(drive=drive, ranges=RANGES[drive], limits=LIMITS, time=90.0, random_state=0)
+    made = plan(drive=drive, ranges=RANGES[drive], limits=LIMITS, time=90.0, until=until, random_state=0)
     print(f"plan of {len(made.runs)} runs in {time.perf_counter() - began:.1f} s", flush=True)
+    print(f"{made.seconds:.0f} of 90 s; {made.stop}", flush=True)
+    reached = []
     inside, gains, held, foretold, broken, failed = [], [], [], [], 0, 0
     for number, true in joints_of(made, count, seed):
         law = model_law(true)
@@ -90,6 +93,7 @@ def main(drive: str = "moment", count: int = 100, seed: int = 1000) -> None:
                 inside.append((each.id, each.band90[0] <= half[each.id] <= each.band90[1]))
                 error = abs(found[each.id].coefficient - true[each.id].coefficient)
                 held.append(error <= half[each.id])
+        reached.append(until is not None and widest[0] <= until)
         # Where neither finds all terms neither is wider.
         gains.append(widest[0] / widest[1] if np.isfinite(widest).any() else 1.0)
         print(f"{number} plan {widest[0]:.4f} grid {widest[1]:.4f}", flush=True)
@@ -107,4 +111,4 @@ def main(drive: str = "moment", count: int = 100, seed: int = 1000) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2], *(int(text) for text in sys.argv[2:4]))
+    main(*sys.argv[1:2], *(int(text) for text in sys.argv[2:4]), *(float(text) for text in sys.argv[4:5]))
