@@ -105,6 +105,8 @@ def main(drive: str = "moment", count: int = 100, seed: int = 1000, until: float
         f"widest interval over that of the grid: median {np.median(ratio):.3f}, wider in {np.mean(ratio > 1):.1%}"
     )
     print(f"intervals that hold the truth: {np.mean(held):.1%}; limits broken {broken} times")
+    if until is not None:
+        print(f"stopped by the rule, the goal is reached in {np.mean(reached):.1%}")
     print(
         f"not all terms found with the plan: {failed}; whether all are found, foretold in {np.mean(foretold):.1%}"
     )
