@@ -1,4 +1,4 @@
-"""Draw the pictures of the guide's pages on diagnosis: ``python docs/write_images.py``, some minutes."""
+"""Draw the pictures of the guide's pages on diagnosis and planning: ``python docs/write_images.py``, some minutes."""
 
 from pathlib import Path
 
@@ -8,12 +8,13 @@ from sindyjoint.reporting.figures.kind import Kind, drawn
 from sindyjoint.reporting.registry import draw
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
+from sindyjoint.workflows.plan import plan
 
 IMAGES = Path(__file__).parent / "images"
 
 
 def main() -> None:
-    """Write both pictures."""
+    """Write the pictures."""
     found = diagnose(None, random_state=2)
     kind = Kind(
         "gap", "Gap", "Gap by step, and the residual of one run.", lambda result: [], height=lambda _: 3.0
@@ -22,6 +23,13 @@ def main() -> None:
     (IMAGES / "diagnosis-gap.png").write_bytes(figure_bytes(drawn(kind, panels, found, 8.0), "png", 150))
     structure = diagnose_structure("pulse-rig", random_state=5)
     (IMAGES / "structure-gap.png").write_bytes(figure_bytes(draw("overlay", structure, 7.0), "png", 130))
+    planned = plan(
+        drive="angle",
+        ranges={"linear_stiffness": (5000.0, 8000.0), "coulomb_friction": (1.0, 3.0)},
+        limits={"moment": 8.0, "rate": 0.08},
+        until=0.012,
+    )
+    (IMAGES / "plan-curve.png").write_bytes(figure_bytes(draw("curve", planned, 7.0), "png", 130))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -117,7 +117,7 @@ def plan(
                 sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
                 time=None if time is None else parse_quantity(time, "s", "--time"),
             ),
-            **_noise(noise or []),  # type: ignore[arg-type]
+            **_noise(noise or []),
         )
 
     files = [path for path in (model, campaign) if path is not None]
@@ -170,7 +170,7 @@ def _quantities(texts: list[str], known: Mapping[str, str], where: str) -> dict[
     return {name: parse_quantity(value, known[name], f"{where} {name}") for name, value in pairs}
 
 
-def _noise(texts: list[str]) -> dict[str, float]:
+def _noise(texts: list[str]) -> dict[str, Any]:
     """Return the noise as the options of a plan."""
     shares = [text for text in texts if "=" not in text]
     known = {name: unit for name, unit in CHANNELS.items() if name != "rate"}

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
@@ -243,13 +244,7 @@ def half_widths(information: Information, noise: np.random.Generator | None = No
     """
     from scipy.special import stdtrit
 
-    bread = information.bread.sum(axis=0)
-    scale = np.sqrt(np.einsum("jkk->jk", bread))
-    scale[scale == 0] = 1.0
-    scaled = bread / scale[:, :, None] / scale[:, None, :]
-    singular = np.linalg.cond(scaled) > POLICY.singular
-    scaled[singular] = np.eye(scale.shape[1])
-    inverse = np.linalg.inv(scaled) / scale[:, :, None] / scale[:, None, :]
+    inverse, singular = _inverse(information.bread.sum(axis=0))
     parts = np.einsum("jkl,rjlm,jmk->rjk", inverse, information.meat, inverse, optimize=True)
     spare = np.maximum(information.blocks - 1, 1)[..., None]
     if noise is not None:
@@ -259,9 +254,33 @@ def half_widths(information: Information, noise: np.random.Generator | None = No
     degrees = np.where(squares > 0, total**2 / np.where(squares > 0, squares, 1.0), 1.0)
     blocks = (information.blocks - 1).sum(axis=0)[:, None]
     bias = np.einsum("jkl,rjl->jk", inverse, information.pull)
-    widened = total * blocks / np.maximum(blocks - scale.shape[1], 1) + (BIAS.uncertain_share * bias) ** 2
+    widened = total * blocks / np.maximum(blocks - inverse.shape[1], 1) + (BIAS.uncertain_share * bias) ** 2
     widths = stdtrit(np.maximum(degrees, 1), 0.975) * np.sqrt(widened)
     return np.asarray(np.where(singular[:, None], np.inf, widths))
+
+
+def _inverse(bread: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the inverse of XᵀX of each joint, and where there is none."""
+    scale = np.sqrt(np.einsum("jkk->jk", bread))
+    scale[scale == 0] = 1.0
+    scaled = bread / scale[:, :, None] / scale[:, None, :]
+    singular = np.linalg.cond(scaled) > POLICY.singular
+    scaled[singular] = np.eye(scale.shape[1])
+    return np.linalg.inv(scaled) / scale[:, :, None] / scale[:, None, :], singular
+
+
+def chosen_terms(information: Information, coefficients: Array) -> NDArray[np.bool_]:
+    """Return which terms a discovery of the runs is expected to take, shape (joints, p).
+
+    Those that are significant, and carry alone at least the least share of the moment's RMS that a discovery asks for:
+    |c| / √(B⁻¹)_kk over √(cᵀBc).
+    """
+    bread = information.bread.sum(axis=0)
+    inverse, singular = _inverse(bread)
+    moment = np.sqrt(np.maximum(np.einsum("jk,jkl,jl->j", coefficients, bread, coefficients), 1e-300))
+    alone = np.abs(coefficients) / np.sqrt(np.einsum("jkk->jk", inverse)) / moment[:, None]
+    significant = half_widths(information) * DISCOVERY.term_significance < 1.96 * np.abs(coefficients)
+    return np.asarray(significant & (alone >= DISCOVERY.least_share) & ~singular[:, None])
 
 
 def changes_over_band(information: Information, frequencies: Sequence[float]) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.planning.information import Information, Sensors, changes_over_band, half_widths
+from sindyjoint.planning.information import Information, Sensors, changes_over_band, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
 from sindyjoint.shown import Shown
 
@@ -33,6 +33,8 @@ class Prediction:
         Of its 95 % interval, median over joints and tests; infinite where the runs do not determine it.
     band90 : (float, float)
         Between these it lies in nine of ten tests of joints of the range.
+    chosen : float
+        Share of the joints of which a discovery is expected to take the term.
     """
 
     id: str
@@ -40,6 +42,7 @@ class Prediction:
     value: float
     half_width95: float
     band90: tuple[float, float]
+    chosen: float
 
     @property
     def relative(self) -> float:
@@ -58,14 +61,17 @@ class Step:
         Duration of all of them.
     widest, highest : float
         What the plan makes small, relative: median over joints and tests, and below what it lies in 95 of 100.
+    complete : float
+        Share of the joints of which a discovery is expected to take every term that matters.
     grid : float
-        The same of the plain grid's first runs, median; infinite where these do not determine it.
+        Median of the same of the plain grid's first runs; infinite where these do not determine it.
     """
 
     runs: int
     seconds: float
     widest: float
     highest: float
+    complete: float
     grid: float
 
 
@@ -116,8 +122,8 @@ class Plan(Shown):
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Terms whose interval is expected to hold zero."""
-        return tuple(each.id for each in self.predicted if not each.relative < 1.0)
+        """Terms whose interval is expected to hold zero, or that a discovery would leave out of most joints."""
+        return tuple(each.id for each in self.predicted if not (each.relative < 1.0 and each.chosen > 0.5))
 
     @property
     def seconds(self) -> float:
@@ -147,6 +153,7 @@ def _record(each: Prediction) -> dict[str, Any]:
         "half_width95": _known(each.half_width95),
         "unit": each.unit,
         "band90": [_known(end) for end in each.band90],
+        "chosen": each.chosen,
     }
 
 
@@ -155,14 +162,19 @@ def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def predictions(model: JointModel, information: Information, random_state: int = 0) -> tuple[Prediction, ...]:
+def predictions(
+    model: JointModel, information: Information, coefficients: Array, random_state: int = 0
+) -> tuple[Prediction, ...]:
     """Return what runs are expected to tell of each coefficient; axes of the information are (runs, joints)."""
+    chosen = chosen_terms(information, coefficients).mean(axis=0)
     rng = np.random.default_rng(random_state)
     widths = half_widths(information, rng, DRAWS).reshape(-1, len(model.terms))
     ends = np.quantile(widths, BAND90, axis=0, method="nearest")
     return tuple(
-        Prediction(term.id, term.unit, term.coefficient, float(middle), (float(low), float(high)))
-        for term, low, middle, high in zip(model.terms, *ends, strict=True)
+        Prediction(
+            term.id, term.unit, term.coefficient, float(middle), (float(low), float(high)), float(share)
+        )
+        for term, low, middle, high, share in zip(model.terms, *ends, chosen, strict=True)
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.excitation import harmonic
 from sindyjoint.mechanics.laws import Law
@@ -24,7 +25,8 @@ from sindyjoint.record import Campaign, Run
 from sindyjoint.text import expectation
 
 PLAN_NAME = "plan.toml"
-UNITS = {"moment": "N*m", "angle": "rad"}
+# Of a joint that turns, and of one that slides.
+UNITS = {"moment": ("N*m", "N"), "angle": ("rad", "m")}
 
 
 class _RunEntry(BaseModel):
@@ -70,8 +72,10 @@ def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
         f'rate = "{sensors.sample_rate!r} Hz"',
         f"noise = {sensors.noise!r}  # RMS of a sample, of each channel's RMS, where the unit's is not given",
     ]
-    lines += [f'moment_noise = "{sensors.moment!r} N*m"'] * (sensors.moment is not None)
-    lines += [f'angle_noise = "{sensors.angle!r} rad"'] * (sensors.angle is not None)
+    slides = runs[0].unit in ("N", "m")
+    for name, units in UNITS.items():
+        noise = getattr(sensors, name)
+        lines += [f'{name}_noise = "{noise!r} {units[slides]}"'] * (noise is not None)
     for run in runs:
         lines += [
             "",
@@ -104,26 +108,33 @@ def read_plan(path: str | Path) -> RunList:
     runs = []
     for number, one in enumerate(entry.run, 1):
         where = f"{place}: run {number}"
-        numbers = [
-            parse_quantity(text, unit, f"{where}: {name}")
-            for name, text, unit in (
-                ("frequency", one.frequency, "Hz"),
-                ("level", one.level, UNITS[one.drive]),
-                ("duration", one.duration, "s"),
-            )
-        ]
-        if min(numbers) <= 0:
+        frequency = parse_quantity(one.frequency, "Hz", f"{where}: frequency")
+        level, unit = _parse(one.level, one.drive, f"{where}: level")
+        duration = parse_quantity(one.duration, "s", f"{where}: duration")
+        if min(frequency, level, duration) <= 0:
             raise InputError(
-                f"{where}: frequency, level and duration are {numbers}; expected positive numbers"
+                f"{where}: frequency, level and duration are {frequency:g}, {level:g} and {duration:g}; expected "
+                "positive numbers"
             )
-        runs.append(PlannedRun(one.drive, one.waveform, numbers[0], numbers[1], UNITS[one.drive], numbers[2]))
+        runs.append(PlannedRun(one.drive, one.waveform, frequency, level, unit, duration))
     given: dict[str, Any] = {}
-    for name, unit in (("moment", "N*m"), ("angle", "rad")):
+    for name in UNITS:
         text = getattr(entry.sensors, f"{name}_noise")
         if text is not None:
-            given[name] = parse_quantity(text, unit, f"{place}: {name}_noise")
+            given[name], _ = _parse(text, name, f"{place}: {name}_noise")
     rate = parse_quantity(entry.sensors.rate, "Hz", f"{place}: rate")
     return RunList(tuple(runs), Sensors(rate, entry.sensors.noise, **given))
+
+
+def _parse(text: str, channel: str, where: str) -> tuple[float, str]:
+    """Return a moment or an angle in SI, and its unit, which says whether the joint turns or slides."""
+    turns, slides = UNITS[channel]
+    try:
+        return parse_quantity(text, turns, where), turns
+    except UnitError:
+        with suppress(UnitError):
+            return parse_quantity(text, slides, where), slides
+        raise
 
 
 def drive_signal(run: PlannedRun, sample_rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -51,6 +51,10 @@ class PlanningPolicy:
     missing: float = limit(
         0.7, "how much narrower, as a logarithm, intervals must be to do without one of these"
     )
+    left_out: float = limit(
+        1.0,
+        "how much narrower, as a logarithm, intervals must be for a discovery to leave out a term of every joint",
+    )
     singular: float = limit(
         1e12, "condition of the matrix of the terms' columns, scaled, above which runs do not determine them"
     )

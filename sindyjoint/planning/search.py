@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.planning.information import Information, changes_over_band, half_widths
+from sindyjoint.planning.information import Information, changes_over_band, chosen_terms, half_widths
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.planning.runs import PlannedRun
 
@@ -73,12 +73,22 @@ class Choice:
         possible = min(self.policy.fewest_frequencies, len({run.frequency for run in self.runs}))
         return max(0, possible - len(frequencies)) + max(0, self.policy.fewest_levels - len(levels))
 
+    def left_out(self, chosen: Sequence[int]) -> float:
+        """Return the share of the joints of which a discovery would leave out a term that matters."""
+        information = self.information.take(chosen).with_runs(self.known)
+        taken = chosen_terms(information, self.coefficients)[:, list(self.terms)]
+        return float(np.mean(~taken.all(axis=1)))
+
     def cost(self, chosen: Sequence[int]) -> float:
-        """Return what is made small: the mean logarithm of the widest over the joints, and what is missing."""
+        """Return what is made small: the mean logarithm of the widest over the joints; what is missing or left out."""
         if not chosen and self.known is None:
             return WORST
         logs = np.log(np.clip(self.widest(chosen), 1e-12, np.exp(WORST)))
-        return float(logs.mean()) + self.policy.missing * self.missing(chosen)
+        return (
+            float(logs.mean())
+            + self.policy.missing * self.missing(chosen)
+            + self.policy.left_out * self.left_out(chosen)
+        )
 
 
 def best_runs(choice: Choice, count: int) -> list[int]:

@@ -371,6 +371,7 @@ class PredictedPart(Part):
     half_width95: Maybe
     unit: str
     band90: tuple[Maybe, Maybe]
+    chosen: Known
 
 
 class PlanStep(Part):
@@ -380,6 +381,7 @@ class PlanStep(Part):
     seconds: Known
     widest: Maybe
     highest: Maybe
+    complete: Known
     grid: Maybe
 
 

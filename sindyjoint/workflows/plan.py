@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, block_scores
 from sindyjoint.equation.model import JointModel
@@ -17,9 +18,9 @@ from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.options import checks_options
-from sindyjoint.planning.information import Information, Sensors, run_information, stacked
+from sindyjoint.planning.information import Information, Sensors, chosen_terms, run_information, stacked
 from sindyjoint.planning.joints import JointRange, like_law, like_model
-from sindyjoint.planning.plan import Plan, Step, predictions, widest_of
+from sindyjoint.planning.plan import Plan, Prediction, Step, predictions, widest_of
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates
 from sindyjoint.planning.search import Choice, Goal, best_runs
@@ -28,6 +29,7 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.text import percent, spelled
 from sindyjoint.threads import single_threaded
 
+Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
 # Joints on which the chosen runs, and the grid, are predicted.
@@ -209,12 +211,13 @@ class _Making:
         """Return the plan of these runs, ended where they are enough, with what they and the grid would tell."""
         joint, known = self.known.joint, self.known.expanded(PREDICTED)
         joints = joint.draws(PREDICTED, self.random_state + 1)
+        coefficients = np.array([one.coefficients for one in joints])
         told = known
         if runs:
             told = self._information(runs, joints, "what the plan tells").with_runs(known)
         assert told is not None  # without runs there is a campaign
         grid, grid_told = self._of_grid(grid, joints, known)
-        curve = self._curve((runs, told), (grid, grid_told), joints)
+        curve = self._curve((runs, told), (grid, grid_told), coefficients)
         enough = len(runs)
         if self.until is not None:
             # Not before there are runs enough at different frequencies and levels.
@@ -228,12 +231,12 @@ class _Making:
             told = told.take(range(len(self.known.runs) + enough))
             shorter = tuple(replace(run, duration=run.duration * enough / len(runs)) for run in grid)
             grid, grid_told = self._of_grid(shorter, joints, known)
-        warning = "the time is too short for a grid of three frequencies and three levels"
+        found = predictions(joint.model, told, coefficients)
         return Plan(
             joint.model, tuple(joint.low), tuple(joint.high), self.actuator, self.sensors, self.goal,
-            tuple(joint.model.ids[i] for i in self.matter), runs[:enough], predictions(joint.model, told),
-            () if grid_told is None else predictions(joint.model, grid_told), grid, curve, self.until,
-            self._advice(curve, enough), () if grid else (warning,),
+            tuple(joint.model.ids[i] for i in self.matter), runs[:enough], found,
+            () if grid_told is None else predictions(joint.model, grid_told, coefficients), grid, curve, self.until,
+            self._advice(curve, enough), _warnings(found, grid, joint.model.joint.motion),
         )  # fmt: skip
 
     def _of_grid(
@@ -249,10 +252,9 @@ class _Making:
         self,
         plan: tuple[tuple[PlannedRun, ...], Information],
         grid: tuple[tuple[PlannedRun, ...], Information | None],
-        joints: Sequence[JointModel],
+        coefficients: Array,
     ) -> tuple[Step, ...]:
         """Return what is known after each run."""
-        coefficients = np.array([one.coefficients for one in joints])
         made = [frequency for frequency, _ in self.known.runs]
 
         def widest(
@@ -264,10 +266,12 @@ class _Making:
             part = told.take(range(len(at)))
             return widest_of(part, coefficients, self.matter, at if self.goal == "frequency" else None)
 
-        return tuple(
-            Step(k, k * plan[0][0].duration, *widest(*plan, k), widest(*grid, k)[0])
-            for k in range(1, len(plan[0]) + 1)
-        )
+        steps = []
+        for k in range(1, len(plan[0]) + 1):
+            taken = chosen_terms(plan[1].take(range(len(made) + k)), coefficients)[:, list(self.matter)]
+            complete = float(taken.all(axis=1).mean())
+            steps.append(Step(k, k * plan[0][0].duration, *widest(*plan, k), complete, widest(*grid, k)[0]))
+        return tuple(steps)
 
     def _advice(self, curve: Sequence[Step], enough: int) -> str:
         """Return when to stop, in words."""
@@ -285,6 +289,18 @@ class _Making:
             f"not within this time: after {enough} runs 95 of 100 tests reach {percent(curve[-1].highest)}, "
             f"not {percent(self.until)}"
         )
+
+
+def _warnings(found: Sequence[Prediction], grid: Sequence[PlannedRun], motion: str) -> tuple[str, ...]:
+    warnings = [
+        f"a discovery would leave {spelled(each.id, motion)} out of {percent(1 - each.chosen)} of the joints of the "
+        "range: it carries too little of the moment there"
+        for each in found
+        if each.chosen <= 0.975
+    ]
+    if not grid:
+        warnings.append("the time is too short for a grid of three frequencies and three levels")
+    return tuple(warnings)
 
 
 def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]) -> Actuator:
