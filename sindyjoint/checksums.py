@@ -10,13 +10,14 @@ and nothing else. A file that is not listed, or is not as it was written, belong
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 from sindyjoint.documents import check_regular, read_regular
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, OutputError
 
 SUMS = "SHA256SUMS"
 UNFINISHED = "# unfinished: results are being written, or their writing was interrupted"
@@ -25,6 +26,8 @@ KIND = "# results: "
 INNER = "figures"
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\x00-\x1f]+)")
 _LARGEST = 1 << 24
+# What every figure and export says of its origin, in its first bytes.
+_MARK, _MARKED = b"sindyjoint", 1 << 20
 
 
 def sums_of(folder: Path) -> dict[str, str]:
@@ -177,3 +180,17 @@ def changed_files(folder: Path) -> list[str]:
         for name, digest in known[0].items()
         if states[name] != digest
     ]
+
+
+def refuse_foreign_file(path: str | os.PathLike[str], force: bool) -> None:
+    """Raise OutputError where a file is there that no command of this package wrote, as its text does not name it."""
+    target = Path(path)
+    if force or not target.is_file():
+        return
+    with target.open("rb") as file:
+        known = _MARK in file.read(_MARKED)
+    if not known:
+        raise OutputError(
+            f"cannot write {str(target)!r}: a file that sindyjoint did not write is there; choose another name, or "
+            "replace it with --force (force=True)"
+        )

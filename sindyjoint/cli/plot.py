@@ -37,11 +37,13 @@ def plot(
         typer.Option(min=2.5, max=20, help="Width in inches: 3.5 for one column of a paper, 7 for two."),
     ] = WIDTH,
     dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = DPI,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that is no figure of ours.")] = False,
 ) -> None:
     """Draw one figure of a saved result, for a paper.
 
     Example: sindyjoint plot results loops --out loops.pdf --width 3.5
     """
+    from sindyjoint.checksums import refuse_foreign_file
     from sindyjoint.errors import InputError
     from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.saved import drawing, list_saved
@@ -63,6 +65,7 @@ def plot(
     from sindyjoint.reporting.registry import draw
     from sindyjoint.reporting.style import figure_bytes
 
+    refuse_foreign_file(target, force)
     place, data = _find_figure(name, {where: places[where]} if where else places)
     with drawing(place):
         figure = figure_bytes(draw(name, data, width), suffix, dpi)

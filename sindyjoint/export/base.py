@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.checksums import refuse_foreign_file
 from sindyjoint.equation.element import states_along
 from sindyjoint.errors import InputError
 from sindyjoint.export.parts import contribution
@@ -342,7 +343,7 @@ def write_export(export: Export, out: str | os.PathLike[str], force: bool = Fals
         A file for an export of one file; a folder for one of several, or for one file under its name when the
         folder exists.
     force : bool
-        Replace files of a folder that were not written so, or were changed since. A file named by ``out`` is replaced.
+        Replace files of a folder that were not written so, or were changed since, and a file that is no export.
 
     Returns
     -------
@@ -360,6 +361,7 @@ def write_export(export: Export, out: str | os.PathLike[str], force: bool = Fals
         for name, content in export.files.items()
     }
     if len(data) == 1 and not path.is_dir():
+        refuse_foreign_file(path, force)
         return [write_bytes(path, *data.values())]
     with output_folder(path, force=force) as stage:
         for name, content in data.items():

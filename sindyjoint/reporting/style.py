@@ -170,6 +170,10 @@ def legend_above(ax: Axes, lines: int, columns: int = 1) -> None:
     ax.legend(loc="upper left", ncols=columns, borderaxespad=0.2, labelspacing=0.3, columnspacing=1)
 
 
+# In the metadata of every figure: a figure of ours may be replaced.
+NAME = "sindyjoint"
+
+
 def figure_bytes(figure: Figure, kind: str, dpi: int = 300) -> bytes:
     """Return a drawn figure as ``"svg"``, ``"pdf"`` or ``"png"``; the same figure gives the same bytes."""
     buffer = io.BytesIO()
@@ -178,8 +182,10 @@ def figure_bytes(figure: Figure, kind: str, dpi: int = 300) -> bytes:
             from matplotlib.backends.backend_svg import FigureCanvasSVG
 
             # savefig would draw it twice.
-            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": NAME})
         else:
-            metadata: dict[str, Any] | None = {"CreationDate": None} if kind == "pdf" else None
+            metadata: dict[str, Any] = (
+                {"CreationDate": None, "Creator": NAME} if kind == "pdf" else {"Software": NAME}
+            )
             figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
     return buffer.getvalue()

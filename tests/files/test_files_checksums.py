@@ -12,7 +12,7 @@ import time
 import pytest
 from made_models import paper_model
 
-from sindyjoint.checksums import SUMS, changed_files, list_kinds, read_checked
+from sindyjoint.checksums import SUMS, changed_files, list_kinds, read_checked, refuse_foreign_file
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files import load_campaign
@@ -216,3 +216,21 @@ def test_eight_processes_of_eight_threads_write_into_one_folder(tmp_path):
         assert changed_files(folder) == [] and not list(folder.glob(".*"))
     # Of one writer all of it, not of several some.
     assert len({path.read_text() for path in (tmp_path / "out").glob("*.txt")}) == 1
+
+
+@pytest.mark.parametrize("kind", ["svg", "png", "pdf"])
+def test_a_figure_takes_the_place_of_a_figure_and_of_no_other_file(kind, tmp_path):
+    from matplotlib.figure import Figure
+
+    from sindyjoint.reporting.style import figure_bytes
+
+    place = tmp_path / f"loops.{kind}"
+    refuse_foreign_file(place, False)
+    place.write_bytes(figure_bytes(Figure(), kind))
+    refuse_foreign_file(place, False)
+    place.write_bytes(b"my own drawing")
+    with pytest.raises(
+        OutputError, match="did not write is there; choose another name, or replace it with --force"
+    ):
+        refuse_foreign_file(place, False)
+    refuse_foreign_file(place, True)
