@@ -5,21 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sindyjoint.errors import UnknownNameError
 
 if TYPE_CHECKING:
-    from sindyjoint.equation.model import JointModel
     from sindyjoint.equation.model_parts import ModelTerm
 
 #: Formula, nonlinear parameters and inputs of a term.
 Written = tuple[str, tuple[tuple[str, float], ...], tuple[str, ...]]
 
 
-def input_values(model: JointModel, given: Mapping[str, float]) -> dict[str, float]:
+def input_values(model: Any, given: Mapping[str, float]) -> dict[str, float]:
     """Return a value for each input of a model: the given one, or its reference.
 
     Raises
@@ -35,7 +34,7 @@ def input_values(model: JointModel, given: Mapping[str, float]) -> dict[str, flo
     return values | {name: float(value) for name, value in given.items()}
 
 
-def model_at(model: JointModel, given: Mapping[str, float]) -> JointModel:
+def model_at(model: Any, given: Mapping[str, float]) -> Any:
     """Return a model with its inputs held; see :meth:`JointModel.at`.
 
     What then has the form of another term is added to its coefficient: k1 + k1T·(T − T0) is the k1 at T.
