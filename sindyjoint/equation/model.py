@@ -148,7 +148,8 @@ class JointModel:
         """
         from sindyjoint.equation.held import model_at
 
-        return model_at(self, inputs)
+        held: JointModel = model_at(self, inputs)
+        return held
 
     def moment(
         self,
