@@ -51,7 +51,7 @@ def test_own_data_to_a_diagnosis_with_pictures():
     run = nbclient.NotebookClient(nbformat.read(OWN_DATA, as_version=4), timeout=240).execute()
     outputs = [out for cell in run.cells for out in cell.get("outputs", [])]
     shown = [kind for out in outputs for kind in out.get("data", {})]
-    assert shown.count("image/png") == 2 and shown.count("text/html") == 2 and shown.count("text/latex") >= 1
+    assert shown.count("image/png") == 2 and shown.count("text/html") == 3 and shown.count("text/latex") >= 1
     text = printed(run)
     assert "Can I trust it? Yes" in text and "simulated" in text
     found = dict(re.findall(r"(k1|M_F) = ([\d.]+)", text))

@@ -314,13 +314,13 @@ def test_command_against_a_rig(sindyjoint, model_file, tmp_path):
 def test_command_fails_with_status_one(sindyjoint, model_file):
     answer = sindyjoint("verify", model_file, "pulse-rig", "--draws", 0, "--loss-factor", 0.01)
     assert answer.status == 1
-    assert "failed:" in answer.stdout and "beam loss factor 0.01" in " ".join(answer.stdout.split())
+    assert ": failed\n" in answer.stdout and "beam loss factor 0.01" in " ".join(answer.stdout.split())
 
 
 def test_command_against_a_campaign_on_disk(sindyjoint, model_file, campaign, tmp_path):
     write_campaign(campaign, tmp_path / "runs")
     answer = sindyjoint("verify", model_file, tmp_path / "runs", "--draws", 0)
-    assert answer.status == 0 and "passed:" in answer.stdout and "5Hz-0.85" in answer.stdout
+    assert answer.status == 0 and ": passed\n" in answer.stdout and "5Hz-0.85" in answer.stdout
 
 
 PULSE_FILE = 'file = "hammer.csv"\ntime = {{ column = "t", unit = "ms" }}\nforce = {{ column = "F", unit = "{force}" }}'
