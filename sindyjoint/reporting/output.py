@@ -134,7 +134,8 @@ class CampaignFiles:
     def __call__(self, result: Discovery, folder: Path) -> None:
         """Write what was asked for about a result."""
         if self.reports:
-            write_results(result, folder)
+            # Over the model that the batch itself has put into the folder.
+            write_results(result, folder, force=True)
         if self.diagnose and result.found:
             from sindyjoint.workflows.diagnose import diagnose
 

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.text import superscript
@@ -143,6 +144,10 @@ def _fonts() -> list[str]:
     return ["DejaVu Sans", *(name for name in _OTHER_SCRIPTS if name in installed)]
 
 
+# Matplotlib's settings and its parser of formulas are shared by all threads.
+_DRAWING = RLock()
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """Draw in the project's style within the block, whatever the caller's matplotlib settings are."""
@@ -150,7 +155,7 @@ def style() -> Iterator[None]:
     from cycler import cycler
 
     settings: Any = {**_RC, "axes.prop_cycle": cycler(color=PALETTE), "font.family": _fonts()}
-    with matplotlib.rc_context():
+    with _DRAWING, matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(settings)
         with warnings.catch_warnings():

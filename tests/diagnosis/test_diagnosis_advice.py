@@ -91,12 +91,17 @@ def test_moments_are_asked_for_where_they_drove():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["lugre_friction", "maxwell_branch"])
 def test_the_advised_run_resolves_what_was_ambiguous(name):
-    """Between 3 and 6 Hz they resemble Dahl friction, and a fractional damper; far below they do not."""
+    """Between 3 and 6 Hz they resemble Dahl friction, and a fractional damper; far below they do not.
+
+    Of LuGre and Dahl friction no run can prefer the latter, which is a special case: about one half is expected.
+    """
     hidden = hide(name, 2001)
     before = diagnose(hidden.campaign)
     assert before.verdict == "ambiguous" and len(before.steps[0].members) > 1
     advice = before.advice[0]
-    assert name in advice.separates and advice.expected_confidence > 0.9
+    assert name in advice.separates and advice.expected_confidence > (
+        0.5 if name == "lugre_friction" else 0.9
+    )
     more = one_more(hidden, advice.frequency, advice.level, advice.waveform, NOISE)
     after = diagnose(hidden.campaign.with_runs((*hidden.campaign.runs, more)), advise=False)
     assert after.steps[0].members == (name,)

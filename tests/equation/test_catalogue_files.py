@@ -225,7 +225,7 @@ FAULTS = {
     "unit with a factor": (
         toml(unit='"N*mm*s/rad^2"'),
         UnitError,
-        "unit 'N*mm*s/rad^2' is not made of m, kg, s, rad, N, K, Pa, V, A only; catalogues are in SI: scale the value instead",
+        "unit 'N*mm*s/rad^2' is not made of m, kg, s, rad, N, K, Pa, V, A only; catalogues are in SI: scale the value",
     ),
     "formula that does not fit in itself": (
         toml(formula='"theta + omega"'),

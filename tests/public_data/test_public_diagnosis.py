@@ -55,7 +55,7 @@ def test_a_friction_damper_has_a_gap_before_its_friction(public_data):
     base = terms("linear_damping", "linear_stiffness", "cubic_stiffness", "coulomb_friction")
     result = diagnose(public_data("friction-damper"), base=base, advise=False)
     first = result.steps[0]
-    assert first.effect == "backlash_play" and first.probability > 0.7
+    assert first.effect == "backlash_play" and first.probability > 0.6
     assert result.verdict == "partly_named"
     # Those who fitted by hand: half a gap of 1.5 mm.
     assert first.parameters["gap"] == pytest.approx(1.5e-3, rel=0.15)
