@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -101,6 +102,9 @@ OTHERS = (
     (0, "verify", "{model}", "{folder}", "--out", "{out}/verify"),
     (0, "diagnose", "{folder}", "--model", "{model}", "--out", "{out}/why"),
     (0, "plot", "{out}/why", "gap", "-o", "{out}/gap.svg"),
+    (0, "rig", "pulse-rig", "--out", "{out}/rig"),
+    (0, "changed", "{model}", "{model}", "--out", "{out}/changed"),
+    (0, "reproduce", "--out", "{out}/paper"),
     (0, "export", "{model}", "--to", "latex"),
     (0, "simulate", "--frequencies", "4", "--levels", "0.8", "--duration", "1", "--out", "{out}/made"),
     (0, "libraries", "effects"),
@@ -108,14 +112,23 @@ OTHERS = (
 )
 
 
+@pytest.fixture(scope="module")
+def paper():
+    """Return the reproduction of the paper, made once."""
+    from sindyjoint.workflows.reproduce import reproduce
+
+    return cache(reproduce)
+
+
 @pytest.mark.parametrize("console", ["ascii", "cp1252"])
-def test_every_other_command_on_a_poor_terminal(run, named, tmp_path, monkeypatch, console):
+def test_every_other_command_on_a_poor_terminal(run, named, tmp_path, monkeypatch, console, paper):
     # 80 columns, no colour, no terminal, the C locale. What takes long is made by hand: what it prints counts here.
     monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / "reporting")
     from handmade_results import diagnosis, verification
 
     monkeypatch.setattr("sindyjoint.workflows.verify.verify", lambda *given, **options: verification(NAME))
     monkeypatch.setattr("sindyjoint.workflows.diagnose.diagnose", lambda *given, **options: diagnosis(NAME))
+    monkeypatch.setattr("sindyjoint.workflows.reproduce.reproduce", lambda *given, **options: paper())
     for name, value in (("COLUMNS", "80"), ("NO_COLOR", "1"), ("LC_ALL", "C"), ("TERM", "dumb")):
         monkeypatch.setenv(name, value)
     shutil.copytree(named, tmp_path / "copy")
@@ -132,7 +145,10 @@ def test_every_other_command_on_a_poor_terminal(run, named, tmp_path, monkeypatc
         assert ended == status, (arguments, stderr)
         assert "\x1b" not in stdout
     pages = {path.parent.name for path in (tmp_path / "ψ").rglob("report.html")}
-    assert pages == {"check", "verify", "why"} and (tmp_path / "ψ" / "gap.svg").is_file()
+    assert (
+        pages == {"check", "verify", "why", "rig", "changed", "paper"}
+        and (tmp_path / "ψ" / "gap.svg").is_file()
+    )
     assert (tmp_path / "copy" / "campaign.toml").is_file() and (
         tmp_path / "ψ" / "made" / "campaign.toml"
     ).is_file()
