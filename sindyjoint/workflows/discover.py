@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
-from sindyjoint.discovery.input_lag import find_lags, lag_notes
+from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
@@ -116,6 +116,7 @@ def discover(
         say("simulating the virtual test")
     campaign = opened = the_campaign(campaign, random_state, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
+    unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
@@ -123,21 +124,8 @@ def discover(
     if checked.stopping:
         return stopped_by_data(checked, regressor)
     measured_campaign, campaign = campaign, checked.usable
-    inertia = campaign.joint.inertia
-    say("force states")
-    force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
-    if isinstance(library, str) and library == DEFAULT:
-        largest = max(float(np.abs(s.angle).max()) for s in force_states)
-        regressor.set_params(library=default_candidates(largest, campaign.joint.motion))
-    lags = find_lags(force_states, inertia, campaign.inputs)
-    if lags:
-        campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
-        force_states = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
-        regressor.set_params(inputs=campaign.inputs)
-    say("time delay between the channels")
-    delay = find_delay(force_states, inertia, campaign.inputs)
-    lag = delay.time if align and delay is not None and delay.significant else 0.0
-    force_states = tuple(shifted(s, lag) for s in force_states)
+    prepared = _prepare(campaign, regressor, library, states, bandwidth, align, say)
+    campaign, force_states, delay, lag = prepared.campaign, prepared.states, prepared.delay, prepared.lag
     say("selecting terms")
     with executor(jobs, workers, cluster) if has_long_runs(campaign) else nullcontext() as here:
         regressor, counts = _select_terms(regressor, campaign, force_states, here, bandwidth, lag, say)
@@ -155,26 +143,15 @@ def discover(
     model = fixed.model if fixed is not None else model
     told = delay if align else left_in
     model = with_gain_uncertainty(model, campaign.gain_uncertainty)
-    warnings = (
-        *checked.warnings,
-        *list_warnings(campaign, force_states, model, told, align, regressor.indistinct_),
-        *filter(
-            None,
-            (
-                note,
-                *lag_notes(lags),
-                unused and f"{unused}: not used, for no run is too long for the memory of this process",
-                _unmeasured_bias(fixed),
-            ),
-        ),
-    )
+    left = (note, *lag_notes(prepared.lags), unused, _unmeasured_bias(fixed))
+    warnings = list_warnings(campaign, force_states, model, told, align, regressor.indistinct_)
     return Discovery(
         model=fitted_to(model, opened),
         verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
         skew=delay,
-        warnings=warnings,
+        warnings=(*checked.warnings, *warnings, *filter(None, left)),
         states=force_states,
         regressor=regressor,
         campaign=campaign,
@@ -183,6 +160,43 @@ def discover(
         measured=measured_campaign,
         paper=paper,
     )
+
+
+class _Prepared(NamedTuple):
+    """A campaign with the lags of its inputs, its force states, and the delay between its channels."""
+
+    campaign: Campaign
+    states: tuple[ForceStates, ...]
+    delay: ChannelDelay | None
+    lag: float
+    lags: Sequence[InputLag]
+
+
+def _prepare(
+    campaign: Campaign,
+    regressor: JointRegressor,
+    library: Any,
+    states: str,
+    bandwidth: float | None,
+    align: bool,
+    say: Callable[[str], None],
+) -> _Prepared:
+    """Return what terms are sought in; with the default library the candidates are those of the angles reached."""
+    inertia = campaign.joint.inertia
+    say("force states")
+    made = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+    if isinstance(library, str) and library == DEFAULT:
+        largest = max(float(np.abs(s.angle).max()) for s in made)
+        regressor.set_params(library=default_candidates(largest, campaign.joint.motion))
+    lags = find_lags(made, inertia, campaign.inputs)
+    if lags:
+        campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
+        made = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+        regressor.set_params(inputs=campaign.inputs)
+    say("time delay between the channels")
+    delay = find_delay(made, inertia, campaign.inputs)
+    lag = delay.time if align and delay is not None and delay.significant else 0.0
+    return _Prepared(campaign, tuple(shifted(s, lag) for s in made), delay, lag, lags)
 
 
 def _select_terms(
