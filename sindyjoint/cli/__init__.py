@@ -78,7 +78,9 @@ def _run(arguments: list[str]) -> int:
             # A bare command: its help, as it is.
             print(error.format_message())  # type: ignore[attr-defined]
             raise SystemExit(2) from None
-        _complain(f"{error.format_message()} (see 'sindyjoint{_command(error)} --help')")  # type: ignore[attr-defined]
+        # Typer hands on what a validation library says.
+        said = error.format_message().replace("Value error, ", "")  # type: ignore[attr-defined]
+        _complain(f"{said} (see 'sindyjoint{_command(error)} --help')")
         status = 2
     except click_error as error:
         _complain(error.format_message())  # type: ignore[attr-defined]

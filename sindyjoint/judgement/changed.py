@@ -132,6 +132,12 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
+def check_margin(margin: float) -> None:
+    """Raise InputError for a margin that is no relative change."""
+    if not 0 < margin < 1:
+        raise InputError(f"margin is {margin!r}; expected a relative change between 0 and 1")
+
+
 def compare_models(
     before: JointModel,
     after: JointModel,
@@ -162,8 +168,7 @@ def compare_models(
         raise InputError(
             f"one is of a joint in {before.joint.motion}, the other in {after.joint.motion}; expected the same joint"
         )
-    if not 0 < margin < 1:
-        raise InputError(f"margin is {margin!r}; expected a relative change between 0 and 1")
+    check_margin(margin)
     notes = [*warnings]
     if before.joint.name != after.joint.name:
         notes.append(f"the joints have different names: {before.joint.name!r} and {after.joint.name!r}")

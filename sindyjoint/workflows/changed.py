@@ -7,16 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.changed import Change, compare_models
+from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
-from sindyjoint.workflows.discover import discover
+from sindyjoint.workflows.discover import discover, the_campaign
 
 Test = Campaign | JointModel | Discovery | str | Path
 
@@ -61,10 +62,18 @@ def changed(
     """
     say = progress or (lambda stage: None)
     names = tuple(_name(each, word) for each, word in ((before, "before"), (after, "after")))
-    found = []
+    check_margin(margin)
+    # Both are read before either is worked on.
+    read = []
     for each, name in zip((before, after), names, strict=True):
         say(f"reading {name}")
-        found.append(_open(each, accept, random_state, say))
+        read.append(_read(each))
+    found = [
+        discover(each, accept=accept, random_state=random_state, progress=say)
+        if isinstance(each, Campaign)
+        else each
+        for each in read
+    ]
     models = [each.model if isinstance(each, Discovery) else each for each in found]
     for model, name in zip(models, names, strict=True):
         if not model.terms:
@@ -85,16 +94,13 @@ def _name(test: Test, word: str) -> str:
     return str(test) if isinstance(test, str | Path) else word
 
 
-def _open(test: Test, accept: Sequence[str], seed: Any, say: Callable[[str], None]) -> Discovery | JointModel:
-    """Return what a test came to: its model, or for a campaign what is discovered in it."""
-    if isinstance(test, JointModel | Discovery):
+def _read(test: Test) -> Campaign | Discovery | JointModel:
+    """Return a test as it is given, or what its file holds."""
+    if not isinstance(test, str | Path):
         return test
-    if not isinstance(test, Campaign):
-        path = Path(test)
-        is_model = path.suffix.lower() == ".json" or (path.is_dir() and (path / "model.json").is_file())
-        if is_model:
-            return read_model(path)
-    return discover(test, accept=accept, random_state=seed, progress=say)
+    path = Path(test)
+    is_model = path.suffix.lower() == ".json" or (path.is_dir() and (path / "model.json").is_file())
+    return read_model(path) if is_model else the_campaign(path, longest=LONGEST)
 
 
 def _refitted(found: Discovery, ids: Sequence[str]) -> JointModel:

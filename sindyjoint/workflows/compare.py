@@ -19,6 +19,7 @@ from sindyjoint.discovery.selection import Selection
 from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.judgement.discovery import Discovery
@@ -79,7 +80,7 @@ def compare(
         Of :data:`~sindyjoint.discovery.methods.METHODS`, default: all; and ``"weak"``, after another one: its way of
         choosing, on the weak form of the rows by pysindy's test functions.
     libraries : sequence of str
-        Names of catalogues, several joined by "+"; compared with the first method.
+        Names of catalogues, several joined by "+", for the first method.
     replicates : int
         Of the bootstrap behind the inclusion probabilities.
     margin : float
@@ -105,6 +106,8 @@ def compare(
         raise InputError(
             f"{replicates} replicates and a margin of {margin!r} given; expected at least 10 and a positive one"
         )
+    if isinstance(model, str | Path):
+        read_model(model)  # what cannot be read is refused before anything is worked on
     # Each method has the same seed, whichever is done first.
     if isinstance(random_state, np.random.Generator):
         random_state = int(random_state.integers(2**32))
@@ -181,10 +184,8 @@ def _compared(
         bias=bias,
         model=model,
         undetermined=_undetermined(found),
-        warnings=(
-            *found.warnings,
-            *(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
-        ),
+        warnings=found.warnings
+        + tuple(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
         seconds=clock.seconds,
         discovery=found,
         soundness=found.soundness,
