@@ -28,6 +28,7 @@ def test_without_noise_the_chain_is_what_is_left(kind):
     assert processing_error(work) == pytest.approx(np.mean(left**2) / np.mean(whole**2), rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "seed"), [("multisine", 32), ("multisine", 34), ("multisine", 35), ("sweep", 35)]
 )
@@ -37,6 +38,7 @@ def test_nothing_is_missing_from_runs_that_do_not_repeat(kind, seed):
     assert result.verdict == "nothing_missing" and not result.steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["quintic_stiffness", "cubic_damping", "maxwell_branch"])
 def test_one_effect_is_named_and_no_second(name):
     result = diagnose(hide_in_noise(name, "multisine", 32).campaign, advise=False)

@@ -55,6 +55,7 @@ if __name__ == "__main__":
 WAYS = [{}, {"jobs": 2}, {"workers": 2}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, joints, tmp_path, way):
     if "workers" in way:

@@ -19,6 +19,7 @@ def digits(result):
     return json.dumps(timeless(result.to_dict()))
 
 
+@pytest.mark.slow
 def test_where_methods_and_replicates_are_worked_on_changes_no_digit():
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
     campaign = virtual_campaign(random_state=0, duration=2.0)

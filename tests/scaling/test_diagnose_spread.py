@@ -17,6 +17,7 @@ from tests.diagnosis.hidden_effects import hide
 EFFECTS = ("dahl_friction", "bouc_wen_hysteresis")
 
 
+@pytest.mark.slow
 def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
     # Some of the runs that might be advised are enough here.

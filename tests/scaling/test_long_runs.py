@@ -125,6 +125,7 @@ def test_a_motion_that_grows_is_worked_through_twice(growth, passes, tmp_path, m
         assert stop.values[0][1] == pytest.approx(stop.term.parameters[0].value * scale)
 
 
+@pytest.mark.slow
 def test_processes_change_no_bit(long_campaign, monkeypatch):
     monkeypatch.setattr(workflow, "LONGEST", 20_000)
     one = discover(long_campaign, "paper", correct=False)

@@ -242,6 +242,7 @@ print(peak.split()[1], len(fit.selected_))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the peak is read from /proc")
 def test_memory_does_not_grow_with_the_rows(tmp_path):
     peaks = []
