@@ -139,6 +139,9 @@ class DiagnosisPolicy:
     fewest_half_cycles: int = judgement(8, "half-cycles below which a free run is regressed sample by sample")
     least_correlation: float = judgement(0.1, "correlation from which half-cycles say the same thing in part")
     rate_share: float = calibrated(0.02, "rates below this share of the RMS have no sign")
+    rest_misfit: float = limit(
+        0.3, "share of the moment that a law may leave for the angle at which it rests to be believed"
+    )
     processing_error: float = calibrated(5e-4, "share of the moment within which processing errs")
     training_share: float = convention(2 / 3, "share of a free run that is fitted to predict the rest")
     drive_band: float = calibrated(1.5, "bandwidth of a replicate's moment over that of its angle")

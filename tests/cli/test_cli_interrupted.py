@@ -27,6 +27,14 @@ COMMANDS = {
 }
 
 
+@pytest.fixture(autouse=True)
+def heard():
+    """Hear Ctrl-C also where this process was started in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def interrupted(sindyjoint, monkeypatch, command, at):
     """Run a command and send what Ctrl-C sends when that function is called."""
     came = []

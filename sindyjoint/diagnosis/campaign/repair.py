@@ -109,25 +109,37 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
 def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()) -> float:
     """Return where the elastic moment of the terms and a constant, fitted beside effects, is zero; rad.
 
-    Nearest to the middle; zero where there is no such angle.
+    Nearest to the middle; zero where there is no such angle, and where it is not known: without a linear stiffness
+    about it, or where terms and effects leave much of the moment.
     """
     from sindyjoint.equation.formula import compile_terms
 
+    if "linear_stiffness" not in model.ids:
+        return 0.0
+
     beside = [e for e in effects if e.family != "measurement"]
-    own = stack(runs, lambda r: np.column_stack([base_columns(model, r), np.ones(r.target.size)]))
+    plain = [np.column_stack([base_columns(model, r), np.ones(r.target.size)]) for r in runs]
+    own = np.vstack([run.white(rows) for run, rows in zip(runs, plain, strict=True)])
     columns = np.hstack([own, *(effect_rows(runs, e) for e in beside)])
     solved, _ = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    moment = np.concatenate([run.target for run in runs])
+    whole = [
+        np.hstack([rows, *(e.variant.along(r.motion, e.values) for e in beside)])
+        for r, rows in zip(runs, plain, strict=True)
+    ]
+    if np.linalg.norm(moment - np.vstack(whole) @ solved) > CAMPAIGN.rest_misfit * np.linalg.norm(moment):
+        return 0.0
     solved = solved[: own.shape[1]]
     largest = max(float(np.abs(run.angle).max()) for run in runs)
     angle = np.linspace(-largest, largest, 401)
     function = compile_terms([term.expression for term in model.terms])
     rest = np.zeros_like(angle)
-    moment = function(angle, rest, rest) @ solved[:-1] + solved[-1]
-    change = np.flatnonzero(np.diff(np.sign(moment)) != 0)
+    elastic = function(angle, rest, rest) @ solved[:-1] + solved[-1]
+    change = np.flatnonzero(np.diff(np.sign(elastic)) != 0)
     if not change.size:
         return 0.0
     nearest = change[np.argmin(np.abs(angle[change]))]
-    low, high = moment[nearest], moment[nearest + 1]
+    low, high = elastic[nearest], elastic[nearest + 1]
     return float(angle[nearest] - low * (angle[nearest + 1] - angle[nearest]) / (high - low))
 
 
