@@ -25,6 +25,8 @@ Drive = Literal["moment", "windows", "motion", "free run"]
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
+# Steps of internal states per sample along a measured motion.
+SUBSTEPS = 8
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -213,6 +215,7 @@ def simulate_run(
     *,
     drive: Drive | None = None,
     window: float = WINDOW,
+    substeps: int = SUBSTEPS,
     **options: Any,
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
@@ -230,6 +233,8 @@ def simulate_run(
         Default: :func:`choose_drive`.
     window : float
         Length of a multiple-shooting segment, s, for ``"windows"``.
+    substeps : int
+        Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
@@ -249,7 +254,12 @@ def simulate_run(
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
         moment, inner = transfer_moment(
-            law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
+            law,
+            states.angle,
+            states.rate,
+            run.sample_rate,
+            acceleration=states.acceleration,
+            substeps=substeps,
         )
         if isinstance(law, LawInRun):
             moment = moment + law.added
