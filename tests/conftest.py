@@ -118,7 +118,7 @@ class Folder:
 
 @pytest.fixture
 def heard():
-    """Hear Ctrl-C, here and in processes begun from here, also where the tests run in the background, which ignores it."""
+    """Hear Ctrl-C, here and in processes begun here, also where tests run in the background, which ignores it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
