@@ -131,6 +131,16 @@ def folder(tmp_path: Path) -> Folder:
     return Folder(made)
 
 
+@pytest.fixture
+def model_file(tmp_path: Path) -> Path:
+    """Return the file of the paper's model."""
+    from tests.made_models import paper_model
+
+    path = tmp_path / "model.json"
+    path.write_text(paper_model().to_json())
+    return path
+
+
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
