@@ -20,11 +20,11 @@ from sindyjoint.diagnosis.campaign.admissible import (
 from sindyjoint.diagnosis.campaign.candidates import fit_effects
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
-from sindyjoint.diagnosis.campaign.joint_zero import zero_start
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
-from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, response_error
+from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_error, response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
@@ -161,12 +161,14 @@ class CampaignProblem(Problem):
         return noise_floor(self.work)
 
     def uncertainty(self) -> Gap:
-        """Return the gaps that noise leaves by the numbers of the law; of the response where it is in question."""
-        model, effects, floor = self.repaired.model, self.found, self.noise_floor.response
-        response = 0.0
-        if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor:
+        """Return the gaps that the true law leaves by its numbers, motion and drive, where they are in question."""
+        model, effects, floor = self.repaired.model, self.found, self.noise_floor
+        moment, response = left_out_error(self.work, model, effects), 0.0
+        if self.gap.moment > self.policy.within_floors * floor.moment:
+            moment = float(np.hypot(moment, motion_error(self.work, model, effects)))
+        if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor.response:
             response = response_error(self.work, model, effects)
-        return Gap(left_out_error(self.work, model, effects), response)
+        return Gap(moment, response)
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with a drifting channel put right, and the step that this is."""
@@ -185,7 +187,11 @@ class CampaignProblem(Problem):
         return straight, (_drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
-        """Return the candidates in order of probability, a clearly better pair before the best single effect."""
+        """Return the candidates in order of probability, a clearly better pair before the best single effect.
+
+        Of a displacement counted from the joint's own zero the moment may have a zero error, too: where nothing else is
+        believed, that one is tried without the errors of columns found before, which are those of laws.
+        """
         taken = {*refused, *(each.name for each in self.found)}
         candidates = [effect for effect in self.candidates if effect.id not in taken]
         say(f"trying {len(candidates)} effects")
@@ -201,7 +207,11 @@ class CampaignProblem(Problem):
             beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
             if beside.fitted[0].name == first.name:
                 return Proposal(off_the_ends(both, beside), paired=True)
-        return Proposal(off_the_ends(problem, rank_effects(problem, fitted)))
+        ranking = off_the_ends(problem, rank_effects(problem, fitted))
+        if 1 - ranking.nothing < self.policy.belief and self.zero:
+            constant = [each for each in fitted if each.name == CONSTANT]
+            ranking = rank_effects(replace(problem, inherited=0.0), constant) if constant else ranking
+        return Proposal(ranking)
 
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""

@@ -74,6 +74,11 @@ def refit(
     return Repaired(model, tuple(later), tuple(dropped), covariance)
 
 
+def keeping(policy: DiagnosisPolicy) -> DiagnosisPolicy:
+    """Return a policy under which no term becomes needless."""
+    return replace(policy, needless_ratio=0.0)
+
+
 def _solve(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> tuple[Array, Array]:
     columns = stack(runs, lambda run: all_columns(run, model, effects))
     return least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
