@@ -35,16 +35,15 @@ class _Goal(StrEnum):
 
 PLAN = "workflows.plan:plan"
 BAND = "{:g}..{:g} Hz".format(*default_of(PLAN, "band"))
-RATE: float = default_of(PLAN, "sample_rate")
 TIME: float = default_of(PLAN, "time")
-NOISE: float = default_of(PLAN, "noise")
 CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
 
 
 def plan(
-    like: Annotated[_Like, typer.Option(help="The paper's joint that the joint resembles.")] = _Like(
-        default_of(PLAN, "like")
-    ),
+    like: Annotated[
+        _Like | None,
+        typer.Option(help="The paper's joint that the joint resembles. [inter-panel, without a campaign]"),
+    ] = None,
     model: Annotated[
         Path | None, typer.Option(help="model.json, or a folder with one: what the joint is like, instead.")
     ] = None,
@@ -65,10 +64,15 @@ def plan(
     ] = None,
     noise: Annotated[
         list[str] | None,
-        typer.Option(help=f"As a share of each channel's RMS [{NOISE:g}], or of one: 'angle=2 urad'."),
+        typer.Option(
+            help="As a share of each channel's RMS, or of one: 'angle=2 urad'. [the campaign's, or 1 %]"
+        ),
     ] = None,
-    rate: Annotated[str | None, typer.Option(help=f"Sampling rate. [{RATE:g} Hz]")] = None,
-    time: Annotated[str | None, typer.Option(help=f"Duration of all runs together. [{TIME:g} s]")] = None,
+    rate: Annotated[str | None, typer.Option(help="Sampling rate. [the campaign's, or 1000 Hz]")] = None,
+    time: Annotated[str | None, typer.Option(help=f"Duration of all runs to be made. [{TIME:g} s]")] = None,
+    run_time: Annotated[
+        str | None, typer.Option("--run-time", help="Duration of each run. [a ninth of the time]")
+    ] = None,
     goal: Annotated[
         _Goal,
         typer.Option(help="Make small: the widest interval, or a change over frequency that is overlooked."),
@@ -101,7 +105,7 @@ def plan(
         from sindyjoint.workflows.plan import plan as run
 
         return run(
-            like.value,
+            None if like is None else like.value,
             model=model,
             campaign=campaign,
             ranges=_ranges(ranges or []),
@@ -116,6 +120,7 @@ def plan(
                 band=None if band is None else _span(band, "Hz", "--band"),
                 sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
                 time=None if time is None else parse_quantity(time, "s", "--time"),
+                run_time=None if run_time is None else parse_quantity(run_time, "s", "--run-time"),
             ),
             **_noise(noise or []),
         )

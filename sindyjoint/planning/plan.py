@@ -75,6 +75,33 @@ class Step:
     grid: float
 
 
+@dataclass(frozen=True)
+class Now:
+    """How far the runs that were made have come.
+
+    Parameters
+    ----------
+    runs : int
+    seconds : float
+        Duration of all of them.
+    widest : float
+        What the plan makes small, relative, as the runs have given it; infinite where they do not.
+    complete : float
+        Share of the joints of the range of which a discovery of these runs is expected to take every term that matters.
+    missing : int
+        Different frequencies and levels that a discovery asks for and that are missing.
+    reached : bool
+        Whether that is enough.
+    """
+
+    runs: int
+    seconds: float
+    widest: float
+    complete: float
+    missing: int
+    reached: bool
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Shown):
     """The result of :func:`sindyjoint.plan`.
@@ -102,6 +129,8 @@ class Plan(Shown):
     stop : str
         Whether, and when, to stop.
     warnings : tuple of str
+    now : Now, optional
+        What the runs of a campaign have reached.
     """
 
     model: JointModel
@@ -119,6 +148,12 @@ class Plan(Shown):
     until: float | None
     stop: str
     warnings: tuple[str, ...] = ()
+    now: Now | None = None
+
+    @property
+    def count(self) -> str:
+        """How many runs are to be made, in words."""
+        return counted_runs(len(self.runs), self.now is not None)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
@@ -139,6 +174,7 @@ class Plan(Shown):
             "grid": {each.id: _record(each) for each in self.grid},
             "undetermined": list(self.undetermined),
             "goal": self.goal,
+            "now": None if self.now is None else vars(self.now) | {"widest": _known(self.now.widest)},
             "curve": [
                 {key: _known(value) for key, value in vars(step).items()} | {"runs": step.runs}
                 for step in self.curve
@@ -146,6 +182,11 @@ class Plan(Shown):
             "stop": self.stop,
             "warnings": list(self.warnings),
         }
+
+
+def counted_runs(count: int, further: bool) -> str:
+    """Return a number of runs in words."""
+    return f"{count} {'further ' * further}run{'s' * (count != 1)}"
 
 
 def _record(each: Prediction) -> dict[str, Any]:

@@ -385,6 +385,17 @@ class PlanStep(Part):
     grid: Maybe
 
 
+class PlanNow(Part):
+    """How far the runs of a campaign have come."""
+
+    runs: int
+    seconds: Known
+    widest: Maybe
+    complete: Known
+    missing: int
+    reached: bool
+
+
 class PlanRecord(Part):
     """``plan --json`` and ``plan.json``: runs to be made, and what they and the plain grid are expected to tell."""
 
@@ -394,6 +405,7 @@ class PlanRecord(Part):
     grid: dict[str, PredictedPart]
     undetermined: list[str]
     goal: Literal["widths", "frequency"]
+    now: PlanNow | None = None
     curve: list[PlanStep]
     stop: str
     warnings: list[str]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.planning.plan import Plan, Prediction, Step
+from sindyjoint.planning.plan import Now, Plan, Prediction, Step
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.reporting.figures.kind import Kind, by_name
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, prefixed
@@ -33,12 +33,13 @@ class PlanFigures:
     grid: tuple[Prediction, ...]
     curve: tuple[Step, ...]
     until: float | None
+    now: Now | None = None
 
 
 def figures_of(result: Plan) -> PlanFigures:
     """Return what is drawn of a plan."""
     joint = result.model.joint
-    names = ("goal", "terms", "runs", "grid_runs", "predicted", "grid", "curve", "until")
+    names = ("goal", "terms", "runs", "grid_runs", "predicted", "grid", "curve", "until", "now")
     return PlanFigures(joint.name, joint.motion, **{name: getattr(result, name) for name in names})
 
 
@@ -89,13 +90,15 @@ def draw_curve(data: PlanFigures, ax: Axes) -> Axes:
         if steps:
             color = (PALETTE[0], PALETTE[5], MUTED)[index]
             ax.plot(*zip(*steps, strict=True), color=color, marker="o^x"[index], ms=3.5, label=label)
+    if data.now is not None and np.isfinite(data.now.widest):
+        ax.plot(0, 100 * data.now.widest, "D", color=INK, ms=4, label="now", clip_on=False)
     if data.until is not None:
         ax.axhline(100 * data.until, color=PALETTE[1], ls="--", lw=0.9, label="enough")
     ax.set_yscale("log")
     ax.set_xlim(left=0)
     ax.set_xlabel("Time of all runs (s)")
     ax.set_ylabel(f"{GOALS[data.goal].capitalize()} (%)")
-    legend_above(ax, 4)
+    legend_above(ax, 5)
     return ax
 
 

@@ -125,10 +125,16 @@ def headline(result: Plan) -> str:
     if not result.runs:
         return "no further run is needed."
     last = result.curve[len(result.runs) - 1]
-    text = f"{len(result.runs)} runs, {result.seconds:.4g} s; {GOALS[result.goal]} ±{_share(last.widest)}"
+    more = "further " if result.now is not None else ""
+    text = (
+        f"{len(result.runs)} {more}runs, {result.seconds:.4g} s; {GOALS[result.goal]} ±{_share(last.widest)}"
+    )
     grid = result.curve[-1].grid
     if len(result.runs) == len(result.curve) and 0 < grid < float("inf"):
         text += f", by a plain grid of the same duration ±{_share(grid)}"
+    if result.now is not None:
+        first = result.runs[0]
+        text += f"; the next is {first.frequency:g} Hz, {_amount(first.level, first.unit)} for {first.duration:.4g} s"
     return f"{text}."
 
 
