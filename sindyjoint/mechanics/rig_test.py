@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.beam import Beam
+from sindyjoint.mechanics.structure import Item, Structure, assemble
 from sindyjoint.record import MINIMUM_SAMPLES, Motion, Use
 
 Array = NDArray[np.float64]
@@ -18,6 +19,9 @@ Quantity = Literal["acceleration", "velocity", "displacement"]
 
 #: How often each quantity is differentiated from a displacement.
 ORDER: dict[str, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
+#: What of a part each uncertain number is.
+OF_BEAM = {"stiffness": ("bending_stiffness",), "mass": ("mass_per_length",), "loss": ("loss_factor",)}
+OF_MASS = {"mass": ("mass", "inertia")}
 #: The drive of a structure whose base is shaken, in the place of a point.
 BASE = "base"
 
@@ -92,6 +96,26 @@ class RigRun:
 
 
 @dataclass(frozen=True, eq=False)
+class UncertainNumber:
+    """A number of a structure that is known to some accuracy.
+
+    Parameters
+    ----------
+    name : str
+    uncertainty : float
+        Relative standard uncertainty.
+    mass, stiffness, loss : ndarray, shape (n, n)
+        What it contributes to each matrix: a change of ε of the number adds ε times these.
+    """
+
+    name: str
+    uncertainty: float
+    mass: Array
+    stiffness: Array
+    loss: Array
+
+
+@dataclass(frozen=True, eq=False)
 class RigTest:
     """A structure with unknown joints, its sensors and its runs.
 
@@ -110,6 +134,8 @@ class RigTest:
     simulated : bool
     motion : {"rotation", "translation"}
         Of the joints.
+    uncertain : tuple of UncertainNumber
+        Numbers of the structure with a stated uncertainty.
     """
 
     name: str
@@ -121,6 +147,7 @@ class RigTest:
     drive_noise: float | None = None
     simulated: bool = False
     motion: Motion = "rotation"
+    uncertain: tuple[UncertainNumber, ...] = ()
 
     def __post_init__(self) -> None:
         names = [sensor.name for sensor in self.sensors]
@@ -161,3 +188,34 @@ def load_row(structure: Structure, at: str) -> Array:
     if structure.base is None:
         raise InputError("the base is shaken, and the structure does not say what its base carries")
     return -structure.mass @ structure.base
+
+
+def uncertain_numbers(
+    items: Sequence[Item], clamp_stiffness: float, stated: Mapping[str, Mapping[str, float]]
+) -> tuple[UncertainNumber, ...]:
+    """Return the uncertain numbers of a chain.
+
+    Parameters
+    ----------
+    items, clamp_stiffness
+        As :func:`~sindyjoint.mechanics.structure.assemble` takes them.
+    stated : mapping of str to mapping of str to float
+        By the names of parts the relative standard uncertainty of their ``"stiffness"``, ``"mass"`` or ``"loss"``.
+    """
+    whole = assemble(items, clamp_stiffness)
+    found = []
+    for index, item in enumerate(items):
+        for what, uncertainty in stated.get(item.name, {}).items():
+            names = OF_BEAM[what] if isinstance(item, Beam) else OF_MASS[what]
+            doubled = replace(item, **{name: 2 * getattr(item, name) for name in names})
+            other = assemble([*items[:index], doubled, *items[index + 1 :]], clamp_stiffness)
+            found.append(
+                UncertainNumber(
+                    f"{what} of {item.name}",
+                    uncertainty,
+                    other.mass - whole.mass,
+                    other.stiffness - whole.stiffness,
+                    other.loss - whole.loss,
+                )  # fmt: skip
+            )
+    return tuple(found)

@@ -25,7 +25,7 @@ STEP = 1e-4  # by which angles are varied, of the largest
 
 
 def find_mean_angles(states: Sequence[ForceStates], terms: Sequence[ResolvedTerm]) -> Array:
-    """Return by how much the angle of each run is to be shifted for the terms to hold in all of them, rad, shape (runs,).
+    """Return by how much the angle of each run is to be shifted for the terms to hold in all, rad, shape (runs,).
 
     Parameters
     ----------

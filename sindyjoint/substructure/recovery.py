@@ -9,6 +9,7 @@ sensors show beyond the unknowns tells whether the structure is the one describe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,8 +103,46 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         )
     declared = np.array([test.drive_noise or np.nan, *(s.noise or np.nan for s in test.sensors)], dtype=float)
     spectra = spectra or channel_spectra(run, declared)
-    transfer = open_joints(test.structure, test.at, test.sensors, spectra.angular)
-    design = np.zeros((spectra.angular.size, 1 + len(test.sensors), 1 + joints), dtype=complex)
+    solved = solve_channels(test, spectra, spectra.angular)
+    transfer = solved.transfer
+    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(solved.left), axis=0)
+    states = np.concatenate([transfer.angles, of_moments], axis=1) @ solved.estimator
+    degrees = 2 * spectra.angular.size * (len(test.sensors) - joints)
+    return Recovery(
+        run, spectra, transfer, solved.estimator, states, float(np.sum(np.abs(solved.left) ** 2)), degrees
+    )
+
+
+class Solved(NamedTuple):
+    """The least-squares solution of all harmonics of a run.
+
+    Parameters
+    ----------
+    transfer : Transfer
+    estimator : ndarray, shape (h, 1 + joints, channels)
+        P of (f, m) = P·y.
+    left : ndarray, shape (h, channels)
+        What is left of the channels, in standard errors of a real part.
+    """
+
+    transfer: Transfer
+    estimator: Complex
+    left: Complex
+
+
+def solve_channels(test: RigTest, spectra: Spectra, angular: Array) -> Solved:
+    """Solve drive and joint moments of the channels at the harmonics of some spectra.
+
+    Parameters
+    ----------
+    test : RigTest
+    spectra : Spectra
+        Whose amplitudes and variances are used.
+    angular : ndarray, shape (h,)
+        Their angular frequencies, rad/s.
+    """
+    transfer = open_joints(test.structure, test.at, test.sensors, angular)
+    design = np.zeros((angular.size, 1 + len(test.sensors), 1 + test.structure.n_joints), dtype=complex)
     design[:, 0, 0] = 1.0
     design[:, 1:] = transfer.sensors
     weight = 1 / np.sqrt(spectra.variance.T)
@@ -111,12 +150,6 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
     norms = np.linalg.norm(weighted, axis=1, keepdims=True)
     norms[norms == 0] = 1.0
     estimator = np.linalg.pinv(weighted / norms, rcond=BLIND) * weight[:, None, :] / norms.swapaxes(1, 2)
-    states = np.concatenate(
-        [transfer.angles, np.eye(1 + joints)[None, 1:].repeat(len(design), axis=0)], axis=1
-    )
     unknowns = np.einsum("hkc,ch->hk", estimator, spectra.amplitudes)
     left = (spectra.amplitudes.T - np.einsum("hck,hk->hc", design, unknowns)) * weight
-    degrees = 2 * spectra.angular.size * (len(test.sensors) - joints)
-    return Recovery(
-        run, spectra, transfer, estimator, states @ estimator, float(np.sum(np.abs(left) ** 2)), degrees
-    )  # fmt: skip
+    return Solved(transfer, estimator, left)
