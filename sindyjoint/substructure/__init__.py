@@ -1,0 +1,1 @@
+"""The states of joints inside a structure, from the sensors of the structure."""
