@@ -63,6 +63,18 @@ def undecided_by_data(verdict: Verdict, findings: Sequence[Finding]) -> Verdict:
     return replace(verdict, verdict="undecided", reason=reason)
 
 
+def undecided_without_time(verdict: Verdict) -> Verdict:
+    """Return the verdict on samples without time: viscous damping, one of the five terms, is not in question there."""
+    others = [term for term in PAPER_TERMS if term != "linear_damping"]
+    missing = tuple(term for term in others if term in verdict.missing)
+    reason = "the samples have no time, so that viscous damping cannot be judged; of the other four terms "
+    reason += f"{_spell_terms(missing)} was not found" if missing else "all were found"
+    reason += (
+        f", and beyond them {_spell_terms(verdict.extra)}" if verdict.extra else ", and nothing beyond them"
+    )
+    return replace(verdict, verdict="undecided", missing=missing, reason=reason)
+
+
 def judge(
     regressor: JointRegressor,
     model: JointModel,

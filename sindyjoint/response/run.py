@@ -101,6 +101,9 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
+        if self.states.method == "path":
+            # At a reversal a mean over both branches is no moment of either.
+            return self.moment_nrmse
         return rms(simulated - self.measured_response) / self.response_scale
 
     @property
@@ -165,7 +168,7 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
     the motion, and where an input moves the law within the run.
     """
-    if not law.inertia > 0 or isinstance(law, LawInRun):
+    if not law.inertia > 0 or isinstance(law, LawInRun) or states.method == "path":
         return "motion"
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
@@ -178,12 +181,14 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
 
 
 def prescribed(states: ForceStates, spurious: bool = False) -> bool:
-    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment.
+    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment; or a path.
 
     A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness. Of dozens of
     harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
     They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone.
     """
+    if states.method == "path":
+        return True
     if states.method != "periodic" or states.frequency is None:
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):

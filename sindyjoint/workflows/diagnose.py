@@ -22,6 +22,7 @@ from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
@@ -128,6 +129,10 @@ def diagnose(
             say("simulating a virtual test with something hidden in it")
             campaign, hidden = hidden_campaign(random_state)
         campaign = kept_out(the_campaign(campaign, random_state), hold_out)
+        if campaign.quasi_static:
+            if align or refine:
+                raise InputError(f"align: {NO_DELAY}" if align else f"refine: {NO_RESPONSE}")
+            model = model if model is None else without_rate(model)[0]
         say("checking the data")
         checked = check_campaign(campaign, accept)
         if checked.stopping:
@@ -161,7 +166,7 @@ def diagnose(
 
 def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
     """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
-    if not campaign.inputs:
+    if not campaign.inputs or campaign.quasi_static:
         return campaign, ()
     if model is not None:
         campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})

@@ -302,6 +302,7 @@ class CampaignProblem(Problem):
             float(np.nan_to_num(first.noise_floor.moment)) ** 2,
             processing_error(first.work),
             total - self.gap.moment**2,
+            measured=first.work.campaign.quasi_static,
         )
 
     def places(self) -> tuple[Place, ...]:
