@@ -96,10 +96,10 @@ def drives_of(name, structure, at, sensors, recorder, kind):
                 for level in LEVELS
             ]
         return drives
-    drive = Drive("trial", "multisine", 1.0, 0.25, BANDS[name])
+    drive = Drive("trial", "multisine", 1.0, 0.5, BANDS[name])
     top = find_force(structure, at, sensors, drive, recorder, 3 * start)
     return [
-        Drive(f"multisine {level:g}", "multisine", level * top, 0.25, BANDS[name], level=f"{level:g}")
+        Drive(f"multisine {level:g}", "multisine", level * top, 0.5, BANDS[name], level=f"{level:g}")
         for level in LEVELS
     ]
 

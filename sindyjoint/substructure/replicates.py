@@ -31,8 +31,8 @@ class RecoveredReplicate:
 
     Parameters
     ----------
-    angle, moment : ndarray of complex, shape (h,)
-        Amplitudes of the angle as recovered; of the moment nothing but noise.
+    angle : ndarray of complex, shape (h,)
+        Amplitudes of the angle of the states, its slow part among them.
     root : ndarray of complex, shape (h, 2, 2)
         Square root of the covariance of both.
     kept : tuple of two ndarray of bool, shape (h,)
@@ -63,10 +63,10 @@ class RecoveredReplicate:
 
     def rows(self, noise: Complex | None = None, sign: float = 1.0) -> tuple[Array, Array]:
         """Return moving (θ, θ̇, θ̈), shape (m, 3), and the moment, shape (m,), under noise times a sign."""
-        true = self._motion(self.angle * self.kept[0])
+        true = self._motion(self.angle)
         shown, more = true, np.zeros(true.shape[0])
         if noise is not None:
-            shown = self._motion((self.angle + sign * noise[:, 0]) * self.kept[0])
+            shown = self._motion(self.angle + sign * noise[:, 0] * self.kept[0])
             added = sign * noise[:, 1] * self.kept[1]
             more = self.basis.series(0.0, added.real, -added.imag)
         n = shown.shape[0]
@@ -106,9 +106,11 @@ def recovered_replicate(recovery: Recovery, joint: int, state: ForceStates, law:
     spectra = recovery.spectra
     n = max(POINTS, POINTS_PER_HARMONIC * int(np.flatnonzero(kept[0] | kept[1])[-1] + 1))
     per = state.sample_rate / spectra.frequency
+    orders = np.arange(1, spectra.angular.size + 1)
+    mean, a, b = HarmonicBasis.build(state.time - state.time[0], spectra.frequency, orders).fit(state.angle)
     time = np.arange(n) / (n * spectra.frequency)
     return RecoveredReplicate(
-        recovery.values[joint], root, kept, float(np.mean(state.angle)), state.slowest,
+        a - 1j * b, root, kept, mean, state.slowest,
         max(1, round(state.guard * n / per)), state.n_samples / n, law,
-        HarmonicBasis.build(time, spectra.frequency, np.arange(1, spectra.angular.size + 1)),
+        HarmonicBasis.build(time, spectra.frequency, orders),
     )  # fmt: skip

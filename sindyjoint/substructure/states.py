@@ -11,6 +11,7 @@ from sindyjoint.states.periodic import reversal_guard
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.unseen import Slow
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -18,6 +19,8 @@ Orders = NDArray[np.bool_]
 
 # Standard errors beyond which a line is signal where a drive has many of them, and each may be there or not.
 LINE = 3.5
+# Standard error of a harmonic of the angle, of the strongest one, beyond which the law tells it better than the sensors.
+HARDLY_SEEN = 0.003
 
 
 def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Orders:
@@ -38,14 +41,29 @@ def kept_of(recovery: Recovery, joint: int) -> tuple[Orders, Orders]:
     values, errors = recovery.values, recovery.standard_error
     tone = is_tone(recovery.spectra.amplitudes[0])
     angle, moment = (kept_orders(values[row], errors[row], tone) for row in (joint, joints + joint))
-    return angle, moment
+    return angle & ~_slow_orders(recovery, joint), moment
+
+
+def _slow_orders(recovery: Recovery, joint: int) -> Orders:
+    """Return which harmonics below the strongest one the sensors hardly show, as accelerations small, shape (h,)."""
+    size, error = np.abs(recovery.values[joint]), recovery.standard_error[joint]
+    main = int(np.argmax(size / error))
+    slow = error > HARDLY_SEEN * size[main]
+    slow[main:] = False
+    return slow
+
+
+def slow_part(recovery: Recovery, joint: int) -> Slow:
+    """Return the harmonics of a joint's angle that the sensors hardly show."""
+    rows = _slow_orders(recovery, joint)
+    return Slow(np.flatnonzero(rows) + 1, recovery.values[joint, rows], recovery.standard_error[joint, rows])
 
 
 def joint_states(
     recovery: Recovery,
     joint: int,
     name: str,
-    means: tuple[float, float] = (0.0, 0.0),
+    mean_moment: float = 0.0,
 ) -> ForceStates:
     """Return the force states of a joint in a run.
 
@@ -56,8 +74,8 @@ def joint_states(
         Its number in the structure.
     name : str
         Of the run and the joint, as the states are called.
-    means : tuple of float
-        Mean angle, rad, and mean moment, N·m: sensors of acceleration do not see them.
+    mean_moment : float
+        N·m; sensors of acceleration do not see it.
     """
     spectra, run = recovery.spectra, recovery.run
     joints = recovery.transfer.angles.shape[1]
@@ -70,7 +88,7 @@ def joint_states(
 
     def motion(amplitudes: Complex, rows: slice = slice(None)) -> list[Array]:
         part, a, b = bases[0].rows(rows), amplitudes.real, -amplitudes.imag
-        return [part.series(means[0], a, b), part.derivative(a, b), part.second_derivative(a, b)]
+        return [part.series(0.0, a, b), part.derivative(a, b), part.second_derivative(a, b)]
 
     spans = [slice(low, high) for low, high in zip(spectra.edges[:-1], spectra.edges[1:], strict=True)]
     angle, rate, acceleration = motion(values[of_angle, keep[0]])
@@ -78,7 +96,7 @@ def joint_states(
     moments = [part[of_moment, keep[1]] for part in blocks]
     moment = np.concatenate(
         [
-            bases[1].rows(rows).series(means[1], m.real, -m.imag)
+            bases[1].rows(rows).series(mean_moment, m.real, -m.imag)
             for m, rows in zip(moments, spans, strict=True)
         ]
     )

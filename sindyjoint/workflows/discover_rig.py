@@ -27,10 +27,10 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
-from sindyjoint.substructure.means import find_mean_angles, shifted
+from sindyjoint.substructure.unseen import find_slow, with_slow
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.replicates import RecoveredReplicate, recovered_replicate
-from sindyjoint.substructure.states import joint_states
+from sindyjoint.substructure.states import joint_states, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.update import Update, update_structure, with_numbers
 from sindyjoint.workflows.discover import fitted_to
@@ -44,18 +44,19 @@ RECOVERED = (
     "the joint rests is the law's, and a preload is not determined"
 )
 COLUMNS = ("angle", "rate", "moment")
-# Searches for terms, each at the mean angles that the terms found before ask for.
+# Searches for terms, each at the slow angles that the terms found before ask for.
 SEARCHES = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Recovered:
-    """A joint's states in one run, with what they were made of; sensors do not see the `means` of angle and moment."""
+    """A joint's states in one run, with what they were made of; `unseen` is the slow part of its angle."""
 
     recovery: Recovery
     joint: int
     states: ForceStates
-    means: tuple[float, float]
+    mean_moment: float
+    unseen: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,30 +126,31 @@ def _recovered(test: RigTest, recovery: Recovery, joint: int) -> Recovered:
     mean = static_moments(test.structure, test.at, float(recovery.spectra.mean[0]))
     name = f"{recovery.run.name} · {test.structure.hinges[joint].name}"
     moment = 0.0 if mean is None else float(mean[joint])
-    return Recovered(recovery, joint, joint_states(recovery, joint, name, (0.0, moment)), (0.0, moment))
+    return Recovered(recovery, joint, joint_states(recovery, joint, name, moment), moment)
 
 
 def _find_law(
     test: RigTest, kind: str, recovered: tuple[Recovered, ...], options: dict[str, Any]
 ) -> tuple[Discovery, str, tuple[Recovered, ...]]:
-    """Choose terms and mean angles in turn; return the discovery and the states at these angles."""
+    """Choose terms and the slow part of the angles in turn; return the discovery and the whole states."""
     options = {**options, "forbidden": (*options.get("forbidden", ()), UNSEEN)}
     states = tuple(each.states for each in recovered)
+    slow = [slow_part(each.recovery, each.joint) for each in recovered]
     # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
     allowed = set(PAPER_TERMS)
     for _ in range(SEARCHES):
         regressor = JointRegressor(**options)
         reference = Reference.of(*(np.concatenate([getattr(s, name) for s in states]) for name in COLUMNS))
         terms = [term for term in regressor.candidates(reference) if term.id in allowed]
-        shifts = find_mean_angles(states, terms) if terms else np.zeros(len(states))
-        centred = tuple(shifted(state, float(shift)) for state, shift in zip(states, shifts, strict=True))
+        unseen = find_slow(states, slow, terms) if terms else tuple(each.start for each in slow)
+        centred = tuple(map(with_slow, states, slow, unseen))
         regressor.fit(**regression_rows(centred, 0.0).fit_arguments())
         if allowed.issuperset(regressor.selected_):
             break
         allowed = {*PAPER_TERMS, *regressor.selected_}
     recovered = tuple(
-        replace(each, states=state, means=(float(shift), each.means[1]))
-        for each, state, shift in zip(recovered, centred, shifts, strict=True)
+        replace(each, states=state, unseen=values)
+        for each, state, values in zip(recovered, centred, unseen, strict=True)
     )
     return _judged(test, kind, recovered, regressor), "", recovered
 
@@ -287,7 +289,9 @@ def _fit_again(law: JointLaw, test: RigTest, terms: Sequence[ResolvedTerm]) -> A
     for each in law.recovered:
         old = each.recovery
         new = made.setdefault(id(old), recover(test, old.run, old.spectra))
-        state = joint_states(new, each.joint, each.states.run, each.means)
+        state = joint_states(new, each.joint, each.states.run, each.mean_moment)
+        if each.unseen is not None:
+            state = with_slow(state, slow_part(old, each.joint), each.unseen)
         keep = each.states.moving
         columns.append(term_columns(terms, state.angle[keep], state.rate[keep], state.acceleration[keep]))
         targets.append(state.moment[keep])
