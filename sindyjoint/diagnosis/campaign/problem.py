@@ -25,7 +25,7 @@ from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_error, response_error
-from sindyjoint.diagnosis.campaign.numbers.whole import nuisances_of, whole_model
+from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
@@ -56,6 +56,7 @@ from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
 from sindyjoint.record import Campaign
+from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
@@ -84,6 +85,8 @@ class CampaignProblem(Problem):
         Whether the terms to start from were left to the program.
     zero : float
         From where displacements are counted, in that of the channel, rad (m).
+    refined : JointModel, optional
+        The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
     """
 
     work: Work
@@ -93,6 +96,7 @@ class CampaignProblem(Problem):
     drift: ChannelDrift | None = None
     may_start_anew: bool = True
     zero: float = 0.0
+    refined: JointModel | None = None
 
     @classmethod
     def build(
@@ -244,6 +248,22 @@ class CampaignProblem(Problem):
             self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
         )
 
+    @cached_property
+    def whole(self) -> JointModel:
+        """The model with the terms and elements that the effects add to the joint's law."""
+        return whole_model(self.repaired, self.work.rows) if self.refined is None else self.refined
+
+    @property
+    def test(self) -> TestNuisances:
+        """What the effects are of the test, without the hash of its campaign."""
+        motion = self.work.campaign.joint.motion
+        return nuisances_of(self.repaired, self.work.rows, self.drift, motion, self.zero)
+
+    def with_whole(self, whole: JointModel) -> Self:
+        """Return the problem with the numbers of another whole model, of the same terms and effects."""
+        repaired = from_whole(self.repaired, self.work.rows, whole)
+        return replace(self, repaired=repaired, refined=whole)
+
     def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
         if self.drift is None and self.may_start_anew:
@@ -327,8 +347,8 @@ class CampaignProblem(Problem):
             ),
             model=repaired.model,
             effects=self.found,
-            whole=whole_model(repaired, self.work.rows),
-            test=nuisances_of(repaired, self.work.rows, self.drift, campaign.joint.motion, self.zero),
+            whole=self.whole,
+            test=self.test,
             before=run_gaps(gap_rows(first.work, first.work.model), first.work.model),
             after=run_gaps(gap_rows(self.work, repaired.model, self.found), repaired.model, self.found)
             if found["steps"]
