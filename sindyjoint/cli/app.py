@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from functools import cache
+from typing import Annotated, Any
 
 import typer
 
@@ -82,3 +83,9 @@ app.command("export", no_args_is_help=True)(export)
 app.command("plot", no_args_is_help=True)(plot)
 app.add_typer(libraries.app, name="libraries")
 app.command("schema")(schema)
+
+
+@cache
+def command() -> Any:
+    """Return the application as the parser of options makes use of it, made once in a process."""
+    return typer.main.get_command(app)
