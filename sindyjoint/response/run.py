@@ -25,6 +25,8 @@ Drive = Literal["moment", "windows", "motion", "free run"]
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
+# Steps of internal states per sample along a measured motion.
+SUBSTEPS = 8
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -218,6 +220,7 @@ def simulate_run(
     *,
     drive: Drive | None = None,
     window: float = WINDOW,
+    substeps: int = SUBSTEPS,
     **options: Any,
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
@@ -235,6 +238,8 @@ def simulate_run(
         Default: :func:`choose_drive`.
     window : float
         Length of a multiple-shooting segment, s, for ``"windows"``.
+    substeps : int
+        Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
@@ -253,7 +258,7 @@ def simulate_run(
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
-        moment, inner = along_motion(law, states, run.sample_rate)
+        moment, inner = along_motion(law, states, run.sample_rate, substeps)
         if isinstance(law, LawInRun):
             moment = moment + law.added
         if drive != "motion":
@@ -284,7 +289,9 @@ def simulate_run(
     )
 
 
-def along_motion(law: Law, states: ForceStates, sample_rate: float) -> tuple[Array, Array]:
+def along_motion(
+    law: Law, states: ForceStates, sample_rate: float, substeps: int = SUBSTEPS
+) -> tuple[Array, Array]:
     """Return moment and internal states of a law along measured states, from the start of the record on."""
     before = (np.empty(0), np.empty(0)) if states.lead is None else states.lead
     size = before[0].size
@@ -292,7 +299,9 @@ def along_motion(law: Law, states: ForceStates, sample_rate: float) -> tuple[Arr
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
     acceleration = np.concatenate([np.zeros(size), states.acceleration])
-    moment, inner = transfer_moment(law, angle, rate, sample_rate, acceleration=acceleration)
+    moment, inner = transfer_moment(
+        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps
+    )
     return moment[size:], inner[:, size:]
 
 

@@ -50,8 +50,8 @@ def periodic_states(
     rate_share : float
         Share of the peak rate below which samples count as reversal. Default: 0.05.
     like : ForceStates, optional
-        Of a run of which this is a synthetic replicate, over the same samples: nothing is left out as start-up, and of
-        its angle the same harmonics are kept.
+        Of a run of which this is a synthetic replicate, over the same samples: its frequency is used, nothing is left
+        out as start-up, and of the angle the same harmonics are kept.
 
     Raises
     ------
@@ -61,6 +61,8 @@ def periodic_states(
     if run.frequency is None:
         raise InputError(f"{run.label}: no frequency; the periodic method needs one, use method='broadband'")
     frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
+    if like is not None and like.frequency is not None:
+        frequency = like.frequency
     per = run.sample_rate / frequency
     start, stop, periods = (
         steady_span(run, frequency) if like is None else (0, run.n_samples, round(run.n_samples / per))

@@ -87,6 +87,8 @@ class CampaignProblem(Problem):
         From where displacements are counted, in that of the channel, rad (m).
     refined : JointModel, optional
         The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
+    notes : tuple of str
+        On the form of its elements.
     """
 
     work: Work
@@ -97,6 +99,7 @@ class CampaignProblem(Problem):
     may_start_anew: bool = True
     zero: float = 0.0
     refined: JointModel | None = None
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def build(
@@ -242,8 +245,8 @@ class CampaignProblem(Problem):
         The coefficients of free motion are refined on the simulated response instead.
         """
         if not is_free(self.work.campaign):
-            unbiased = without_bias(self.work, self.repaired)
-            return self if unbiased is self.repaired else replace(self, repaired=unbiased)
+            unbiased, notes = without_bias(self.work, self.repaired)
+            return self if unbiased is self.repaired else replace(self, repaired=unbiased, notes=notes)
         return replace(
             self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
         )
@@ -344,6 +347,7 @@ class CampaignProblem(Problem):
             warnings=(
                 *identifiability_notes(campaign, self.states),
                 *warn_of_negative_damping(repaired.model),
+                *self.notes,
             ),
             model=repaired.model,
             effects=self.found,

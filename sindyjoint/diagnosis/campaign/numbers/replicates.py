@@ -28,6 +28,8 @@ from sindyjoint.states.periodic import periodic_states
 
 Array = NDArray[np.float64]
 
+# Steps of internal states per sample: what a slider overruns its limit by would be taken for the processing's.
+SUBSTEPS = 64
 # A fit ends where its step is so small beside the numbers, in standard errors.
 SAME = 1e-2
 # A nonlinear parameter of an effect stays above this share of where its fit began.
@@ -83,7 +85,7 @@ class Replicates:
         """Return the replicates of a repaired model; None where a simulation does not follow its run."""
         made = []
         for run, state in zip(work.runs, work.states, strict=True):
-            result = simulated(run, state, repaired.model, repaired.effects, work.policy)
+            result = simulated(run, state, repaired.model, repaired.effects, work.policy, SUBSTEPS)
             if result is None or result.simulated_response is None:
                 return None
             made.append(_as_measured(run, state, result))
