@@ -62,7 +62,7 @@ class Gaps:
         Of the model as it was given, of the model with its effects, and of what does not repeat; NaN where a figure
         could not be had.
     uncertainty : Gap
-        What noise leaves of the law's own numbers, of the motion along which it is held, and of its drive, beside the
+        What noise leaves of the law's own numbers and of its drive, and the processing of its motion, beside the
         floor.
     """
 
@@ -140,7 +140,7 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     size = f"a gap of {_percent(final)} where the noise floor is {_percent(floor)}"
     unsure = gaps.uncertainty.response if gaps.of_response else gaps.uncertainty.moment
     if unsure > floor:
-        size += f" and the uncertainty of numbers and motion {_percent(unsure)}"
+        size += f" and the uncertainty of the numbers {_percent(unsure)}"
     complaint = gaps.response_complaint(policy)
     share = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
     beyond, excess = gaps.floors(policy) > policy.within_floors, residual.share > residual.most

@@ -257,7 +257,7 @@ def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...]
     rows.append(("noise floor", *shown, "", ""))
     if any(_pair(result.uncertainty)):
         unsure = (percent(part) if part else DASH for part in _pair(result.uncertainty))
-        rows.append(("uncertainty of numbers, motion and drive", *unsure, "", ""))
+        rows.append(("uncertainty of numbers and drive", *unsure, "", ""))
     return tuple(rows)
 
 
