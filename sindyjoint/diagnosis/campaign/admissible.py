@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, evidence_scale, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, all_columns
+from sindyjoint.diagnosis.campaign.repair import FRICTION, Repaired, all_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -18,7 +18,6 @@ from sindyjoint.diagnosis.ranking import Ranking, weights_of
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.text import spelled
 
-FRICTION = "friction"
 YIELD = "theta_y"  # what the angle at which a slider yields is called in the catalogue
 SLOW = 0.05  # of the largest rate: below it a sign is noise
 

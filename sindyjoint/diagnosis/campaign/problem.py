@@ -24,7 +24,7 @@ from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
-from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_error, response_error
+from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
@@ -167,15 +167,23 @@ class CampaignProblem(Problem):
         """Noise of the runs of which the gap is told; NaN where it is not known."""
         return noise_floor(self.work)
 
+    @cached_property
+    def _motion_errors(self) -> tuple[float, float]:
+        return motion_errors(self.work, self.repaired.model, self.found)
+
+    def floor(self) -> Gap:
+        """Return the noise floor with what noise of the motion adds by the slopes of the law."""
+        known = self.noise_floor
+        return replace(known, moment=float(np.hypot(known.moment, self._motion_errors[0])))
+
     def uncertainty(self) -> Gap:
-        """Return the gaps that the true law leaves by its numbers, motion and drive, where they are in question."""
-        model, effects, floor = self.repaired.model, self.found, self.noise_floor
-        moment, response = left_out_error(self.work, model, effects), 0.0
-        if self.gap.moment > self.policy.within_floors * floor.moment:
-            moment = float(np.hypot(moment, motion_error(self.work, model, effects)))
-        if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor.response:
+        """Return the gaps that the true law leaves by its numbers, its drive and the processing of its motion."""
+        model, effects, floor = self.repaired.model, self.found, self.noise_floor.response
+        response = 0.0
+        if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor:
             response = response_error(self.work, model, effects)
-        return Gap(moment, response)
+        moment = np.hypot(left_out_error(self.work, model, effects), self._motion_errors[1])
+        return Gap(float(moment), response)
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with a drifting channel put right, and the step that this is."""
@@ -234,6 +242,14 @@ class CampaignProblem(Problem):
         """Return the problem with an effect more, everything fitted together."""
         work, repaired, again = add_effect(self.work, self.found, best, self.candidates)
         return Added(replace(self, work=work, repaired=repaired), again)
+
+    def replaced(self, name: str, other: FittedEffect) -> Self | None:
+        """Return the problem with one of its effects replaced by another one, everything fitted together."""
+        others = [f for f in self.found if f.name != name]
+        if other.shifts or len(others) == len(self.found):
+            return None
+        work, repaired, _ = add_effect(self.work, others, other, ())
+        return replace(self, work=work, repaired=repaired)
 
     def units(self, fitted: FittedEffect) -> dict[str, str]:
         """Return the units of an effect's parameters."""

@@ -58,32 +58,32 @@ def left_out_error(work: Work, model: JointModel, effects: Sequence[FittedEffect
     return float(np.sqrt(np.mean(spread) / np.mean(np.concatenate([r.target for r in runs]) ** 2)))
 
 
-def motion_error(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return by how much the true law misses because its motion is measured and processed: relative RMS of the moment.
+def motion_errors(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> tuple[float, float]:
+    """Return by how much the true law misses because its motion is measured, and because it is processed.
 
-    Noise of the motion enters by the slopes of the law, beside the inertia's moment that the noise floor holds; what
-    the processing leaves of the law's own simulation is known where rows hold it. Of runs that do not repeat: a mean
-    period hardly has either.
+    Relative RMS of the moment, over runs that do not repeat: a mean period hardly has either. Noise of the motion
+    enters by the slopes of the law, beside the inertia's moment. What the processing leaves of the law's own simulation
+    is known where rows hold it.
     """
     rng = np.random.default_rng(0)
     adding = [e for e in effects if not e.shifts]
     kept = bool(work.campaign.validation_runs)
     states = work.kept_states if kept else work.states
     rows = kept_rows(work, model, effects) if kept else work.rows
-    square, own = [], np.concatenate([run.target for run in rows])
+    own = float(np.sum(np.concatenate([run.target for run in rows]) ** 2))
+    measured = processed = 0.0
     for run, state in zip(rows, states, strict=True):
-        square.append(np.zeros(run.target.size))
         if run.folded or run.half_cycles is not None:
             continue
+        if run.processing is not None:
+            processed += float(np.sum(_within(run, run.processing) ** 2))
         noisier, acceleration = _noisier_motion(state, rng)
         other = along_replicate(run, state, noisier, model)
         law = modelled(other, model, adding) - modelled(run, model, adding)
         inertial = model.inertia * acceleration[_places(run, state)]
         whole, known = _within(run, law + inertial), _within(run, inertial)
-        extra = max(float(np.mean(whole**2) - np.mean(known**2)), 0.0)
-        rounded = 0.0 if run.processing is None else _within(run, run.processing)
-        square[-1] += extra + rounded**2
-    return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(own**2)))
+        measured += max(float(np.sum(whole**2) - np.sum(known**2)), 0.0)
+    return float(np.sqrt(measured / own)), float(np.sqrt(processed / own))
 
 
 def _within(run: GapRun, part: Array) -> Array:
