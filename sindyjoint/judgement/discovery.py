@@ -153,6 +153,7 @@ class Discovery(Shown):
                 "missing": list(self.verdict.missing),
                 "extra": list(self.verdict.extra),
                 "reason": self.verdict.reason,
+                "dependences": [{"term": term, "input": name} for term, name in self.verdict.dependences],
             },
             "fit": {
                 "moment_rms": fitted.moment_rms,
