@@ -55,6 +55,7 @@ from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping
@@ -84,6 +85,8 @@ class CampaignProblem(Problem):
         Whether the terms to start from were left to the program.
     zero : float
         From where displacements are counted, in that of the channel, rad (m).
+    actuator : Actuator, optional
+        That makes further runs.
     """
 
     work: Work
@@ -93,6 +96,7 @@ class CampaignProblem(Problem):
     drift: ChannelDrift | None = None
     may_start_anew: bool = True
     zero: float = 0.0
+    actuator: Actuator | None = None
 
     @classmethod
     def build(
@@ -102,6 +106,7 @@ class CampaignProblem(Problem):
         base: Any,
         effects: Sequence[Effect],
         policy: DiagnosisPolicy,
+        actuator: Actuator | None = None,
     ) -> CampaignProblem:
         """Return the problem of a campaign, and of a model or the terms of a library fitted to it."""
         share = policy.rate_share
@@ -117,6 +122,7 @@ class CampaignProblem(Problem):
             # In segments, drifts of the channels are effects like others.
             drift=find_drift(whole, states, policy) if len(parts) == len(states) else None,
             may_start_anew=model is None and base is None,
+            actuator=actuator,
         )
 
     @property
@@ -303,7 +309,8 @@ class CampaignProblem(Problem):
         self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
     ) -> tuple[Advice, ...]:
         """Return the runs that would tell the members of a class apart."""
-        return separating_runs(self.work, self.found, step, [f.effect for f in ranking.members[1:]], effort)
+        rivals = [f.effect for f in ranking.members[1:]]
+        return separating_runs(self.work, self.found, step, rivals, effort, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
