@@ -28,13 +28,9 @@ class _Drive(StrEnum):
     angle = "angle"
 
 
-class _Goal(StrEnum):
-    widths = "widths"
-    frequency = "frequency"
-
-
 PLAN = "workflows.plan:plan"
 BAND = "{:g}..{:g} Hz".format(*default_of(PLAN, "band"))
+SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
 CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
 
@@ -74,9 +70,22 @@ def plan(
         str | None, typer.Option("--run-time", help="Duration of each run. [a ninth of the time]")
     ] = None,
     goal: Annotated[
-        _Goal,
-        typer.Option(help="Make small: the widest interval, or a change over frequency that is overlooked."),
-    ] = _Goal(default_of(PLAN, "goal")),
+        str,
+        typer.Option(
+            help="widths: a narrow widest interval; frequency: no change over the band overlooked; paper: which terms "
+            "there are; tell-apart: effects. With weights: 'widths=2,frequency=1'."
+        ),
+    ] = default_of(PLAN, "goal"),
+    effects: Annotated[
+        str | None, typer.Option(help="To be told apart: 'dahl_friction,lugre_friction'.")
+    ] = None,
+    diagnosis: Annotated[
+        Path | None, typer.Option(help="diagnosis.json or its folder: the effects that it left together.")
+    ] = None,
+    share: Annotated[
+        str | None,
+        typer.Option(help=f"Of the moment that an effect adds, before any data. [{SHARE:g}]"),
+    ] = None,
     terms: Annotated[list[str] | None, typer.Option("--term", help="That matters. [all]")] = None,
     until: Annotated[str | None, typer.Option(help="Relative half-width that is enough: '5 %'.")] = None,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the joints drawn.")] = default_of(
@@ -111,12 +120,15 @@ def plan(
             ranges=_ranges(ranges or []),
             drive=drive.value,
             limits=_quantities(limits or [], CHANNELS, "--limit"),
-            goal=goal.value,
+            goal=_goal(goal),
+            effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
+            diagnosis=diagnosis,
             terms=tuple(terms or ()),
             until=None if until is None else _share(until, "--until"),
             random_state=random_state,
             progress=progress.say,
             **given(
+                share=None if share is None else _share(share, "--share"),
                 band=None if band is None else _span(band, "Hz", "--band"),
                 sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
                 time=None if time is None else parse_quantity(time, "s", "--time"),
@@ -125,7 +137,7 @@ def plan(
             **_noise(noise or []),
         )
 
-    files = [path for path in (model, campaign) if path is not None]
+    files = [path for path in (model, campaign, diagnosis) if path is not None]
     answer(find, out, as_json, Progress(quiet, verbose), random_state, files, force)
 
 
@@ -140,6 +152,24 @@ def _share(text: str, where: str) -> float:
         return float(number) / (100.0 if percent else 1.0)
     except ValueError:
         raise InputError(f"{where} is {text!r}; expected a share such as 0.05 or '5 %'") from None
+
+
+def _goal(text: str) -> str | dict[str, float]:
+    """Return a goal, or several with their weights."""
+    from sindyjoint.errors import InputError
+
+    if "=" not in text:
+        return text.strip()
+    goals = {}
+    for part in text.split(","):
+        name, _, weight = part.partition("=")
+        try:
+            goals[name.strip()] = float(weight)
+        except ValueError:
+            raise InputError(
+                f"--goal is {text!r}; expected goals with weights, such as 'widths=2,frequency=1'"
+            ) from None
+    return goals
 
 
 def _span(text: str, unit: str, where: str) -> tuple[float, float]:

@@ -14,22 +14,26 @@ from sindyjoint.errors import InputError
 from sindyjoint.planning.information import (
     Information,
     Sensors,
-    changes_over_band,
     chosen_terms,
     run_information,
     stacked,
 )
 from sindyjoint.planning.known import Known
-from sindyjoint.planning.plan import Now, Plan, Prediction, Step, counted_runs, predictions, widest_of
+from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, motion
-from sindyjoint.planning.search import Choice, Goal, best_runs
+from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
 from sindyjoint.response.model_law import model_law
 from sindyjoint.text import percent, spelled
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
+WORDS = {
+    WIDTHS: "widest relative half-width",
+    FREQUENCY: "widest relative change over the band",
+    PAPER: "requirement of the weakest term",
+}
 # Joints on which the chosen runs, and the grid, are predicted.
 PREDICTED = 40
 
@@ -42,10 +46,14 @@ class Making:
     actuator: Actuator
     sensors: Sensors
     matter: tuple[int, ...]
-    goal: Goal
+    goals: Goals
     until: float | None
     random_state: int
     say: Say
+
+    @property
+    def _goal(self) -> str:
+        return self.goals[0][0]
 
     def plan(self, unit: str, duration: float, count: int) -> Plan:
         """Return the plan of ``count`` runs."""
@@ -67,7 +75,7 @@ class Making:
     def _choice(self, offered: Sequence[PlannedRun], drawn: Sequence[JointModel]) -> Choice:
         information = self._information(offered, drawn, "what each run would tell")
         return Choice(
-            tuple(offered), information, np.array([one.coefficients for one in drawn]), self.matter, self.goal,
+            tuple(offered), information, np.array([one.coefficients for one in drawn]), self.matter, self.goals,
             self.known.expanded(len(drawn)), self._levels_made(offered),
         )  # fmt: skip
 
@@ -96,15 +104,14 @@ class Making:
         known = self.known
         if choice.known is None:
             return None
-        half = known.half_widths()
-        if self.goal == "frequency":
-            made = [frequency for frequency, _ in known.runs]
-            half = changes_over_band(choice.known, made)[0]
-        widest = max(half[i] / abs(known.joint.model.coefficients[i]) for i in self.matter)
+        widest = float(choice.widest([]).max())
+        if self._goal == WIDTHS:
+            half = known.half_widths()
+            widest = float(max(half[i] / abs(known.joint.model.coefficients[i]) for i in self.matter))
         complete, missing = 1.0 - choice.left_out([]), choice.missing([])
         enough = self.until is not None and widest <= self.until
         reached = bool(enough and not missing and complete >= POLICY.complete)
-        return Now(len(known.runs), known.seconds, float(widest), complete, missing, reached)
+        return Now(len(known.runs), known.seconds, widest, complete, missing, reached)
 
     def _predicted(
         self,
@@ -138,7 +145,7 @@ class Making:
             grid, grid_told = self._of_grid(shorter, joints, known)
         found = predictions(joint.model, told, coefficients)
         return Plan(
-            joint.model, tuple(joint.low), tuple(joint.high), self.actuator, self.sensors, self.goal,
+            joint.model, tuple(joint.low), tuple(joint.high), self.actuator, self.sensors, self.goals,
             tuple(joint.model.ids[i] for i in self.matter), runs[:enough], found,
             () if grid_told is None else predictions(joint.model, grid_told, coefficients), grid, curve, self.until,
             self._advice(curve, enough, now),
@@ -172,7 +179,10 @@ class Making:
                 return inf, inf
             at = [*made, *(run.frequency for run in planned[:count])]
             part = told.take(range(len(at)))
-            return widest_of(part, coefficients, self.matter, at if self.goal == "frequency" else None)
+            noise = np.random.default_rng(0)
+            values = made_small(self._goal, part, coefficients, self.matter, at, noise, DRAWS)
+            median, highest = np.quantile(values, (0.5, 0.95), method="nearest")
+            return float(median), float(highest)
 
         steps = []
         for k in range(1, len(plan[0]) + 1):
@@ -184,10 +194,10 @@ class Making:
     def _advice(self, curve: Sequence[Step], enough: int, now: Now | None) -> str:
         """Return when to stop, in words."""
         if self.until is None:
-            return "all of the time is used: no half-width was given that is enough"
-        what = "half-width" if self.goal == "widths" else "change over the band"
+            return "all of the time is used: it was not said what is enough"
+        what = WORDS[self._goal]
         goal = percent(self.until)
-        text = "" if now is None else f"the widest relative {what} is {_shown(now.widest)}; "
+        text = "" if now is None else f"the {what} is {_shown(now.widest)}; "
         if now is not None and now.reached:
             return f"stop: {text[:-2]}, and {goal} is enough"
         if now is not None and now.widest <= self.until:
@@ -195,7 +205,7 @@ class Making:
             text += f"{goal} is enough, but {lack}; "
         runs = counted_runs(enough, now is not None)
         if curve[enough - 1].highest <= self.until:
-            return f"{text}after {runs} 95 of 100 tests reach a relative {what} of {goal}"
+            return f"{text}after {runs} 95 of 100 tests reach a {what} of {goal}"
         last = percent(curve[-1].highest)
         return f"{text}not within this time: after {runs} 95 of 100 tests reach {last}, not {goal}"
 

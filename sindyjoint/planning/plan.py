@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.planning.information import Information, Sensors, changes_over_band, chosen_terms, half_widths
+from sindyjoint.planning.apart import Apart
+from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
 from sindyjoint.shown import Shown
 
@@ -114,8 +114,8 @@ class Plan(Shown):
         Range of each coefficient.
     actuator : Actuator
     sensors : Sensors
-    goal : str
-        ``"widths"`` or ``"frequency"``.
+    goals : tuple of (str, float)
+        What is made small, and how much each counts, the weightiest first.
     terms : tuple of str
         Coefficients that matter.
     runs : tuple of PlannedRun
@@ -131,6 +131,8 @@ class Plan(Shown):
     warnings : tuple of str
     now : Now, optional
         What the runs of a campaign have reached.
+    apart : Apart, optional
+        How surely given effects are told apart.
     """
 
     model: JointModel
@@ -138,7 +140,7 @@ class Plan(Shown):
     high: tuple[float, ...]
     actuator: Actuator
     sensors: Sensors
-    goal: str
+    goals: tuple[tuple[str, float], ...]
     terms: tuple[str, ...]
     runs: tuple[PlannedRun, ...]
     predicted: tuple[Prediction, ...]
@@ -149,6 +151,12 @@ class Plan(Shown):
     stop: str
     warnings: tuple[str, ...] = ()
     now: Now | None = None
+    apart: Apart | None = None
+
+    @property
+    def goal(self) -> str:
+        """What counts most."""
+        return self.goals[0][0]
 
     @property
     def count(self) -> str:
@@ -174,6 +182,8 @@ class Plan(Shown):
             "grid": {each.id: _record(each) for each in self.grid},
             "undetermined": list(self.undetermined),
             "goal": self.goal,
+            "goals": dict(self.goals),
+            "apart": None if self.apart is None else self.apart.to_dict(),
             "now": None if self.now is None else vars(self.now) | {"widest": _known(self.now.widest)},
             "curve": [
                 {key: _known(value) for key, value in vars(step).items()} | {"runs": step.runs}
@@ -217,23 +227,3 @@ def predictions(
         )
         for term, low, middle, high, share in zip(model.terms, *ends, chosen, strict=True)
     )
-
-
-def widest_of(
-    information: Information,
-    coefficients: Array,
-    terms: Sequence[int],
-    frequencies: Sequence[float] | None = None,
-    random_state: int = 0,
-) -> tuple[float, float]:
-    """Return the widest relative half-width: its median, and below what it lies in 95 of 100 tests.
-
-    With the frequencies of the runs: the widest relative change over the band that could be overlooked.
-    """
-    if frequencies is None:
-        widths = half_widths(information, np.random.default_rng(random_state), DRAWS)
-    else:
-        widths = changes_over_band(information, frequencies)[None]
-    widest = (widths / np.maximum(np.abs(coefficients), 1e-300))[..., [*terms]].max(axis=-1)
-    median, highest = np.quantile(widest, (0.5, 0.95), method="nearest")
-    return float(median), float(highest)

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+    from sindyjoint.mechanics.actuator import Actuator
     from sindyjoint.mechanics.rigs import Rig
 
 
@@ -55,6 +56,7 @@ def diagnose(
     max_effects: int = CAMPAIGN.most_effects,
     hold_out: Sequence[str] = (),
     advise: bool = True,
+    actuator: Actuator | None = None,
     before_advice: Callable[[Diagnosis], None] | None = None,
     refine: bool = False,
     random_state: Any = None,
@@ -92,6 +94,9 @@ def diagnose(
     advise : bool
         Whether runs are sought that would tell rivals apart; ``policy.advice_work`` and ``policy.advice_seconds`` end
         that early.
+    actuator : Actuator, optional
+        What makes further runs: those that it can make are advised. Default: any prescribed angle up to the largest
+        tested one, and moments where these drove.
     before_advice : callable, optional
         Called with the diagnosis, complete but for advice, before runs are sought; an interruption of that search then
         takes nothing with it.
@@ -144,7 +149,7 @@ def diagnose(
         if delay is not None:
             usable = without_delay(usable, delay)
         usable, lags = _followed(usable, model)
-        problem = CampaignProblem.build(usable, model, base, known, policy)
+        problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
 
         def limited(result: Diagnosis) -> Diagnosis:
             noted = replace(result, warnings=(*result.warnings, *lag_notes(lags)))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import inf
 from pathlib import Path
 
+from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError
@@ -14,16 +15,26 @@ from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.options import checks_options
+from sindyjoint.planning.apart import TELL_APART, Apart
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.joints import like_law, like_model
 from sindyjoint.planning.known import Known, known_of_runs, measured_sensors
 from sindyjoint.planning.making import Making
 from sindyjoint.planning.plan import Plan
+from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.runs import Actuator
-from sindyjoint.planning.search import Goal
+from sindyjoint.planning.runs import Actuator, PlannedRun
+from sindyjoint.planning.search import GOALS, WIDTHS
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
+from sindyjoint.workflows.tell_apart import (
+    Separated,
+    after_runs,
+    before_runs,
+    chosen_effects,
+    rivals_of,
+    worlds_of,
+)
 
 Say = Callable[[str], None]
 
@@ -47,7 +58,10 @@ def plan(
     sample_rate: float | None = None,
     time: float = 90.0,
     run_time: float | None = None,
-    goal: Goal = "widths",
+    goal: str | Mapping[str, float] = "widths",
+    effects: Sequence[str] = (),
+    diagnosis: str | Path | None = None,
+    share: float = 0.06,
     terms: Sequence[str] = (),
     until: float | None = None,
     random_state: int = 0,
@@ -84,8 +98,16 @@ def plan(
         Duration of all runs that are still to be made, s.
     run_time : float, optional
         Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take.
-    goal : {"widths", "frequency"}
-        Make the widest relative interval small, or the widest relative change over the band that could be overlooked.
+    goal : {"widths", "frequency", "paper", "tell-apart"} or mapping of these to weights
+        Make the widest relative interval small; or the widest relative change over the band that could be overlooked;
+        or decide which terms the joint has: what the weakest term lacks of being taken by a discovery; or tell effects
+        apart, by the search of the advice of :func:`~sindyjoint.diagnose`.
+    effects : sequence of str
+        That are to be told apart.
+    diagnosis : path, optional
+        ``diagnosis.json``, or a folder with one: the effects that it could not tell apart.
+    share : float
+        Of the moment's RMS that an effect adds, where no campaign shows how large it is.
     terms : sequence of str
         Coefficients that matter. Default: all.
     until : float, optional
@@ -112,24 +134,78 @@ def plan(
     """
     say = progress or (lambda stage: None)
     actuator = _actuator(drive, band, limits or {})
-    if goal not in ("widths", "frequency"):
-        raise InputError(f"goal is {goal!r}; expected 'widths' or 'frequency'")
+    goals = _goals(goal)
+    if not 0 < share < 1:
+        raise InputError(f"share is {share!r}; expected a share of the moment between 0 and 1")
+    rivals: tuple[Effect, ...] = ()
+    if TELL_APART in goals:
+        rivals = chosen_effects(rivals_of(diagnosis) if diagnosis is not None and not effects else effects)
+    elif effects or diagnosis is not None:
+        raise InputError(
+            "effects were given, but the goal is not to tell them apart; expected goal 'tell-apart'"
+        )
     if until is not None and not 0 < until < inf:
         raise InputError(f"until is {until!r}; expected a positive share")
     duration, count = _durations(actuator, time, run_time)
     given = {"sample_rate": sample_rate, "noise": noise, "moment": moment_noise, "angle": angle_noise}
     stated = {name: value for name, value in given.items() if value is not None}
     Sensors(**stated)  # refused before anything is worked on
+    if rivals and campaign is not None:
+        law = None if model is None else _opened(model)
+        found = after_runs(campaign, law, rivals, actuator, duration, say)
+        if len(goals) == 1:
+            return _only_apart(found, actuator, Sensors(**stated))
     known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)
     if "noise" in stated:
         # A share that is given holds for both channels.
         sensors = replace(sensors, moment=None, angle=None)
     sensors = replace(sensors, **stated)
-    motion = known.joint.model.joint.motion
-    unit = {"moment": "N*m", "angle": "rad"} if motion == "rotation" else {"moment": "N", "angle": "m"}
+    unit = UNITS[actuator.drive][known.joint.model.joint.motion != "rotation"]
     matter = _places(known.joint.model, terms or known.ids)
-    made = Making(known, actuator, sensors, matter, goal, until, random_state, say)
-    return made.plan(unit[actuator.drive], duration, count)
+    weights = tuple((name, weight) for name, weight in goals.items() if name != TELL_APART) or (
+        (WIDTHS, 1.0),
+    )
+    made = Making(known, actuator, sensors, matter, weights, until, random_state, say)
+    if not rivals:
+        return made.plan(unit, duration, count)
+    if campaign is not None:
+        return _with_apart(
+            made.plan(unit, duration, max(count - len(found.runs), 1)), found.runs, found.apart
+        )
+    if count < 2:
+        raise InputError(f"time is {time:g} s; expected two runs at least, one of them to tell effects apart")
+    plain = made.plan(unit, duration, count - 1)
+    joints = known.joint.draws(len(rivals), random_state)
+    worlds = worlds_of(joints, rivals, plain.runs, sensors, share, random_state)
+    return _with_apart(plain, *before_runs(worlds, rivals, actuator, duration, say))
+
+
+def _goals(goal: str | Mapping[str, float]) -> dict[str, float]:
+    """Return goals with their weights, which add up to one, the weightiest first."""
+    given = {goal: 1.0} if isinstance(goal, str) else dict(goal)
+    for name, weight in given.items():
+        if name not in (*GOALS, TELL_APART):
+            raise InputError(f"goal is {name!r}; expected {', '.join(map(repr, GOALS))} or {TELL_APART!r}")
+        if not 0 < weight < inf:
+            raise InputError(f"weight of goal {name!r} is {weight!r}; expected a positive number")
+    if not given:
+        raise InputError("no goal was given; expected one at least")
+    total = sum(given.values())
+    return {name: given[name] / total for name in sorted(given, key=lambda name: -given[name])}
+
+
+def _only_apart(found: Separated, actuator: Actuator, sensors: Sensors) -> Plan:
+    """Return the plan of runs that tell effects apart, beside a campaign that was made."""
+    model = found.model
+    return Plan(
+        model, tuple(model.coefficients), tuple(model.coefficients), actuator, sensors, ((TELL_APART, 1.0),), (),
+        found.runs, (), (), (), (), None, found.apart.words, apart=found.apart,
+    )  # fmt: skip
+
+
+def _with_apart(plan: Plan, runs: Sequence[PlannedRun], apart: Apart) -> Plan:
+    """Return a plan with the runs that tell effects apart behind its own."""
+    return replace(plan, runs=(*plan.runs, *runs), apart=apart, stop=f"{plan.stop}; {apart.words}")
 
 
 def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]) -> Actuator:
@@ -167,6 +243,11 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
     return run_time or time / count, count
 
 
+def _opened(model: JointModel | str | Path) -> JointModel:
+    """Return a model, or that of a file."""
+    return model if isinstance(model, JointModel) else read_model(model)
+
+
 def _what_is_known(
     like: str | None,
     model: JointModel | str | Path | None,
@@ -180,7 +261,7 @@ def _what_is_known(
         raise InputError("a model and a joint that it is like were given; expected one of them")
     before = None
     if model is not None:
-        before = like_model(model if isinstance(model, JointModel) else read_model(model))
+        before = like_model(_opened(model))
     elif like is not None or campaign is None:
         law = named_joint(like or LIKE)
         assert isinstance(law, PaperLaw)

@@ -55,6 +55,7 @@ from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.soundness.identifiability import identifiability_notes
@@ -89,6 +90,8 @@ class CampaignProblem(Problem):
         The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
     notes : tuple of str
         On the form of its elements.
+    actuator : Actuator, optional
+        That makes further runs.
     """
 
     work: Work
@@ -100,6 +103,7 @@ class CampaignProblem(Problem):
     zero: float = 0.0
     refined: JointModel | None = None
     notes: tuple[str, ...] = ()
+    actuator: Actuator | None = None
 
     @classmethod
     def build(
@@ -109,6 +113,7 @@ class CampaignProblem(Problem):
         base: Any,
         effects: Sequence[Effect],
         policy: DiagnosisPolicy,
+        actuator: Actuator | None = None,
     ) -> CampaignProblem:
         """Return the problem of a campaign, and of a model or the terms of a library fitted to it."""
         share = policy.rate_share
@@ -124,6 +129,7 @@ class CampaignProblem(Problem):
             # In segments, drifts of the channels are effects like others.
             drift=find_drift(whole, states, policy) if len(parts) == len(states) else None,
             may_start_anew=model is None and base is None,
+            actuator=actuator,
         )
 
     @property
@@ -353,7 +359,8 @@ class CampaignProblem(Problem):
         self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
     ) -> tuple[Advice, ...]:
         """Return the runs that would tell the members of a class apart."""
-        return separating_runs(self.work, self.found, step, [f.effect for f in ranking.members[1:]], effort)
+        rivals = [f.effect for f in ranking.members[1:]]
+        return separating_runs(self.work, self.found, step, rivals, effort, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
