@@ -53,7 +53,7 @@ ALLOWED = {
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "bias": RESPONDS,
-    "substructure": DATA | DOOR | {"mechanics"},
+    "substructure": RESPONDS,
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "planning": (RESPONDS | {"bias", "paper", "shown"}),
