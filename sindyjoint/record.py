@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, check_inputs, signals_of
+from sindyjoint.quasi_static import along_path
 from sindyjoint.shown import Shown
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
 from sindyjoint.text import control_character, printable
@@ -24,6 +25,10 @@ Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
 
 MINIMUM_SAMPLES = 32
+WITHOUT_TIME = (
+    "the samples have no time: candidates are terms and elements without rate; inertia, damping, frequency and delay "
+    "are not judged"
+)
 
 
 def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
@@ -116,6 +121,9 @@ class Run:
         Of the channels that were read from a file.
     inputs : mapping of str to array_like, shape (n,), or float
         What else the law may depend on, SI, at the same instants; a number stands for all of them.
+    quasi_static : bool
+        Whether the samples lie at even steps of the travelled path, which then takes the place of time:
+        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.quasi_static`.
 
     Raises
     ------
@@ -138,6 +146,7 @@ class Run:
     valid: NDArray[np.bool_] | None = None
     file_units: tuple[FileUnit, ...] = ()
     inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    quasi_static: bool = False
 
     def __post_init__(self) -> None:
         _check_texts("run", (self.name, self.level))
@@ -161,6 +170,10 @@ class Run:
             )
         if self.use not in ("identify", "validate"):
             raise InputError(f"run {self.name!r}: use is {self.use!r}; expected 'identify' or 'validate'")
+        if self.quasi_static and (self.frequency is not None or self.rate is not None):
+            raise InputError(
+                f"run {self.name!r}: samples without time have neither a frequency nor a measured rate; leave both out"
+            )
         if self.frequency is not None:
             self._check_frequency()
         if self.valid is not None:
@@ -215,6 +228,54 @@ class Run:
         return self.n_samples / self.sample_rate
 
 
+def travelled_run(
+    name: str,
+    moment: ArrayLike,
+    angle: ArrayLike,
+    inputs: Mapping[str, Any],
+    noise: SensorNoise = SensorNoise(),
+    **known: Any,
+) -> Run:
+    """Return a run of quasi-static samples, in their order, at even steps of the path that they travel.
+
+    Parameters
+    ----------
+    name : str
+    moment, angle : array_like, shape (n,)
+    inputs : mapping of str to array_like, shape (n,), or float
+    noise : SensorNoise
+        Of single samples.
+    **known
+        Of :class:`Run`: level, use, ...
+
+    Raises
+    ------
+    InputError
+        For signals that cannot be used, and a joint that does not move.
+    """
+    moment, angle = _signal("moment", moment, name), _signal("angle", angle, name)
+    if moment.size != angle.size or angle.size < MINIMUM_SAMPLES:
+        raise InputError(
+            f"run {name!r}: {moment.size} moments and {angle.size} angles; expected equal lengths, at least "
+            f"{MINIMUM_SAMPLES}"
+        )
+    try:
+        path = along_path(moment, angle, signals_of(name, inputs, angle.size))
+    except InputError as error:
+        raise InputError(f"run {name!r}: {error}") from error
+    return Run(
+        name,
+        path.moment,
+        path.angle,
+        1 / path.step,
+        valid=path.valid,
+        noise=noise.scaled(path.averaged**-0.5),
+        inputs=path.inputs,
+        quasi_static=True,
+        **known,
+    )
+
+
 def _some(runs: tuple[Run, ...]) -> list[str]:
     return [run.name for run in runs[:4]] + ["..."] * (len(runs) > 4)
 
@@ -257,6 +318,13 @@ class Campaign(Shown):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run another name")
+        if len({run.quasi_static for run in self.runs}) > 1:
+            raise InputError(
+                "some runs have time and some have none; expected all of one kind: make two campaigns of them"
+            )
+        if self.quasi_static and self.joint.inertia is None:
+            # Nothing accelerates: no test of this kind identifies an inertia.
+            object.__setattr__(self, "joint", replace(self.joint, inertia=0.0))
         object.__setattr__(self, "inputs", tuple(self.inputs))
         check_inputs(self.inputs, self.runs)
         for name, value in self.gain_uncertainty.items():
@@ -265,6 +333,11 @@ class Campaign(Shown):
                     f"gain_uncertainty of {name!r} is {value!r}; expected a share between 0 and 1, of moment, angle "
                     "or rate"
                 )
+
+    @property
+    def quasi_static(self) -> bool:
+        """Whether the samples have an order and no time."""
+        return self.runs[0].quasi_static
 
     @property
     def identification_runs(self) -> tuple[Run, ...]:
@@ -279,7 +352,8 @@ class Campaign(Shown):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What every report on the campaign says first."""
-        return (*["the campaign is simulated (a virtual test), not measured"] * self.simulated, *self.notes)
+        simulated = "the campaign is simulated (a virtual test), not measured"
+        return (*[simulated] * self.simulated, *[WITHOUT_TIME] * self.quasi_static, *self.notes)
 
     def __repr__(self) -> str:
         virtual = "simulated " if self.simulated else ""

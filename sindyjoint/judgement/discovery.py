@@ -155,6 +155,7 @@ class Discovery(Shown):
                 "missing": list(self.verdict.missing),
                 "extra": list(self.verdict.extra),
                 "reason": self.verdict.reason,
+                "dependences": [{"term": term, "input": name} for term, name in self.verdict.dependences],
             },
             "fit": {
                 "moment_rms": fitted.moment_rms,
@@ -191,6 +192,7 @@ def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
         rate=unknown,
         frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
         simulated=campaign.simulated,
+        quasi_static=campaign.quasi_static,
     )
     return Discovery(
         model=JointModel(campaign.joint, (), (), fitted),
