@@ -53,14 +53,15 @@ ALLOWED = {
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "bias": RESPONDS,
+    "substructure": RESPONDS,
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "planning": (RESPONDS | {"bias", "paper", "shown"}),
     "batch": EXPLAINS,
     "judgement": DIAGNOSES | {"paper"},
-    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions"},
+    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions", "substructure"},
 }
-BELOW_TOP = DIAGNOSES | {"paper", "planning", "batch", "judgement", "workflows", "versions"}
+BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows", "versions"}
 ALLOWED |= {
     "reporting": BELOW_TOP,
     "export": BELOW_TOP - {"workflows", "judgement"},

@@ -25,6 +25,8 @@ Drive = Literal["moment", "windows", "motion", "free run"]
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
+# Steps of internal states per sample along a measured motion.
+SUBSTEPS = 8
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -218,6 +220,7 @@ def simulate_run(
     *,
     drive: Drive | None = None,
     window: float = WINDOW,
+    substeps: int = SUBSTEPS,
     **options: Any,
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
@@ -235,6 +238,8 @@ def simulate_run(
         Default: :func:`choose_drive`.
     window : float
         Length of a multiple-shooting segment, s, for ``"windows"``.
+    substeps : int
+        Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
@@ -253,15 +258,16 @@ def simulate_run(
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
-        moment, inner = transfer_moment(
-            law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
-        )
+        moment, inner = along_motion(law, states, run.sample_rate, substeps)
         if isinstance(law, LawInRun):
             moment = moment + law.added
         if drive != "motion":
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
+            elif states.method != "periodic" and not states.repeated:
+                # Elsewhere they settle in a period that is not compared.
+                options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, span, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:
@@ -281,6 +287,22 @@ def simulate_run(
         inertia=law.inertia,
         failure=failure,
     )
+
+
+def along_motion(
+    law: Law, states: ForceStates, sample_rate: float, substeps: int = SUBSTEPS
+) -> tuple[Array, Array]:
+    """Return moment and internal states of a law along measured states, from the start of the record on."""
+    before = (np.empty(0), np.empty(0)) if states.lead is None else states.lead
+    size = before[0].size
+    angle, rate = (
+        np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
+    )
+    acceleration = np.concatenate([np.zeros(size), states.acceleration])
+    moment, inner = transfer_moment(
+        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps
+    )
+    return moment[size:], inner[:, size:]
 
 
 def settling(states: ForceStates) -> int:

@@ -37,6 +37,8 @@ from sindyjoint.workflows.discover import fitted_to, the_campaign
 if TYPE_CHECKING:
     import numpy as np
 
+    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+    from sindyjoint.mechanics.actuator import Actuator
     from sindyjoint.mechanics.rigs import Rig
 
 
@@ -54,6 +56,7 @@ def diagnose(
     max_effects: int = CAMPAIGN.most_effects,
     hold_out: Sequence[str] = (),
     advise: bool = True,
+    actuator: Actuator | None = None,
     before_advice: Callable[[Diagnosis], None] | None = None,
     refine: bool = False,
     random_state: Any = None,
@@ -91,12 +94,15 @@ def diagnose(
     advise : bool
         Whether runs are sought that would tell rivals apart; ``policy.advice_work`` and ``policy.advice_seconds`` end
         that early.
+    actuator : Actuator, optional
+        What makes further runs: those that it can make are advised. Default: any prescribed angle up to the largest
+        tested one, and moments where these drove.
     before_advice : callable, optional
-        Called with the diagnosis, complete but for advice and refinement, before runs are sought; an interruption of
-        that search then takes nothing with it.
+        Called with the diagnosis, complete but for advice, before runs are sought; an interruption of that search then
+        takes nothing with it.
     refine : bool
         Fit terms and elements of the whole model to the simulated response in the end, unless the response gap would
-        grow by it.
+        grow by it. Steps, gaps and pictures are then those of the refined model.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -143,7 +149,7 @@ def diagnose(
         if delay is not None:
             usable = without_delay(usable, delay)
         usable, lags = _followed(usable, model)
-        problem = CampaignProblem.build(usable, model, base, known, policy)
+        problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
 
         def limited(result: Diagnosis) -> Diagnosis:
             noted = replace(result, warnings=(*result.warnings, *lag_notes(lags)))
@@ -153,15 +159,21 @@ def diagnose(
             return _of_campaign(result, campaign, delay)
 
         keep = before_advice or (lambda result: None)
-        result = explain_gap(
-            problem, max_effects, say, advise, lambda result: keep(limited(known_campaign(result)))
-        )
-        result = known_campaign(result)
-        if refine:
-            from sindyjoint.workflows.refine import refined_diagnosis
 
-            result = refined_diagnosis(result, checked.usable, say)
-        return limited(result)
+        def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
+            from sindyjoint.workflows.refine import refined_problem
+
+            return refined_problem(last, checked.usable, _test_of(last.test, campaign, delay), say)
+
+        result = explain_gap(
+            problem,
+            max_effects,
+            say,
+            advise,
+            lambda result: keep(limited(known_campaign(result))),
+            refined if refine else lambda last: (last, ()),
+        )
+        return limited(known_campaign(result))
 
 
 def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
@@ -174,22 +186,26 @@ def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, t
     return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
 
 
-def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
-    """Return a diagnosis whose model and test know the campaign; a delay removed beforehand is the test's."""
-    digest = content_hash(campaign)
-    test = result.test or TestNuisances(digest)
+def _test_of(test: TestNuisances, campaign: Campaign, delay: ChannelDelay | None) -> TestNuisances:
+    """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
     found = test.nuisances
     if delay is not None:
         ends = (delay.time - 1.96 * delay.standard_error, delay.time + 1.96 * delay.standard_error)
         known = Value("tau", delay.time, delay.standard_error, ends, "s")
         found = (Nuisance("channel_delay", "time shift", known), *found)
     kept = tuple(run.name for run in campaign.validation_runs)
-    test = replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
+    digest = content_hash(campaign)
+    return replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
+
+
+def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
+    """Return a diagnosis whose model and test know the campaign."""
 
     def of_campaign(model: JointModel) -> JointModel:
         return with_gain_uncertainty(fitted_to(model, campaign), campaign.gain_uncertainty)
 
     whole = None if result.whole is None else of_campaign(result.whole)
+    test = _test_of(result.test or TestNuisances(""), campaign, delay)
     return replace(result, test=test, model=of_campaign(result.model), whole=whole)
 
 

@@ -14,6 +14,7 @@ from sindyjoint.diagnosis.campaign.processing import processing_errors, without_
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import (
     Repaired,
+    keeping,
     model_errors,
     refit,
     refit_nonlinear,
@@ -219,10 +220,10 @@ def first_model(
         replace(fitted, joint=campaign.joint, fitted=data, inputs=campaign.inputs).without_elements(), effects
     )
     # No term of a model that was given is dropped before anything is found.
-    keeping = replace(policy, needless_ratio=0.0) if effects else policy
+    all_terms = keeping(policy) if effects else policy
     # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
     for _ in range(2):
         own = gap_runs(states, start.model, group_labels(states), policy)
         later = refit_nonlinear(own, start.model, start.effects, policy) if effects else ()
-        start = refit(own, start.model, later, keeping)
+        start = refit(own, start.model, later, all_terms)
     return start
