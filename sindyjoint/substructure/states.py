@@ -19,7 +19,7 @@ Orders = NDArray[np.bool_]
 
 # Standard errors beyond which a line is signal where a drive has many of them, and each may be there or not.
 LINE = 3.5
-# Standard error of a harmonic of the angle, of the strongest one, beyond which the law tells it better than the sensors.
+# Standard error of a harmonic of the angle, of the strongest one, beyond which the law tells it better.
 HARDLY_SEEN = 0.003
 
 
