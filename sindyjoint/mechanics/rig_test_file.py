@@ -215,7 +215,8 @@ def _matrices(
     file = path.parent / given.file
     columns = read_table(file)[0]
     matrices = {name: _matrix(columns, name, n, file) for name in ("mass", "stiffness", "damping")}
-    if matrices["mass"] is None or matrices["stiffness"] is None:
+    given_mass, given_stiffness, given_damping = matrices["mass"], matrices["stiffness"], matrices["damping"]
+    if given_mass is None or given_stiffness is None:
         raise InputError(f"{file}: expected arrays mass and stiffness, {n} × {n} as there are freedoms")
     place = {name: index for index, name in enumerate(given.freedoms)}
     across, behind = np.zeros((len(given.joint), n)), []
@@ -234,8 +235,8 @@ def _matrices(
             "[[matrices.joint]]: two joints end at one freedom; name the freedoms the other way round"
         )
     back = np.linalg.inv(forward)
-    mass, stiffness = (back.T @ matrices[name] @ back for name in ("mass", "stiffness"))
-    damping = None if matrices["damping"] is None else back.T @ matrices["damping"] @ back
+    mass, stiffness = (back.T @ matrix @ back for matrix in (given_mass, given_stiffness))
+    damping = None if given_damping is None else back.T @ given_damping @ back
     zero = np.zeros((n, n))
     base = next((columns.columns([name])[0] for name in ("base", "base[:,0]") if name in columns.names), None)
     structure = Structure(
@@ -283,7 +284,7 @@ def _noise(table: SensorTable | DriveTable, where: str) -> float | None:
 
 def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> RigRun:
     file = path.parent / str(table.file)
-    channels = [given.drive, *given.sensor]
+    channels: list[DriveTable | SensorTable] = [given.drive, *given.sensor]
     factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]
     seconds = conversion(given.time.unit, "s", f"{file}: time")
     read, _ = read_table(file)

@@ -31,7 +31,7 @@ class JointSeen:
     ----------
     joint : str
     largest_angle : float
-        Recovered, rad (m).
+        Recovered: √2 of its RMS, rad (m).
     angle_error, moment_error : float
         Standard error of the strongest harmonic, relative, of the run that shows it best.
     together : tuple of str
@@ -74,7 +74,7 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
         main = np.argmax(size, axis=1)
         at = np.arange(2 * joints)
         errors.append(recovery.standard_error[at, main] / np.maximum(size[at, main], 1e-300))
-        peaks.append(2 * np.sqrt(np.sum(size[:joints] ** 2, axis=1) / 2))
+        peaks.append(np.sqrt(np.sum(size[:joints] ** 2, axis=1)))
         of_moments = recovery.covariance[int(np.median(main[joints:]))][joints:, joints:]
         scale = np.sqrt(np.diag(of_moments).real)
         correlations.append(np.abs(of_moments) / np.outer(scale, scale))

@@ -90,7 +90,7 @@ def update_structure(test: RigTest, recoveries: Sequence[Recovery]) -> Update | 
     for _ in range(ROUNDS):
         now = left(change)
         jacobian = np.column_stack([(left(change + STEP * unit) - now) / STEP for unit in np.eye(prior.size)])
-        covariance = np.linalg.inv(jacobian.T @ jacobian)
+        covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
         step = -covariance @ (jacobian.T @ now)
         change = change + step
         if np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(covariance))):

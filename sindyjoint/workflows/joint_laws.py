@@ -47,6 +47,8 @@ RECOVERED = (
 COLUMNS = ("angle", "rate", "moment")
 # Searches for terms, each at the slow angles that the terms found before ask for.
 SEARCHES = 4
+# Noise of a run's states, as a share of the moment, below which less of it gives the run no more weight.
+WELL_KNOWN = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,7 @@ class Recovered:
     states: ForceStates
     mean_moment: float
     unseen: Array | None = None
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +159,7 @@ def _find_law(
     options = {**options, "forbidden": (*options.get("forbidden", ()), UNSEEN)}
     states = tuple(each.states for each in recovered)
     slow = [slow_part(each.recovery, each.joint) for each in recovered]
+    weights = run_weights(states)
     # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
     allowed = set(PAPER_TERMS)
     for _ in range(SEARCHES):
@@ -164,15 +168,37 @@ def _find_law(
         terms = [term for term in regressor.candidates(reference) if term.id in allowed]
         unseen = find_slow(states, slow, terms) if terms else tuple(each.start for each in slow)
         centred = tuple(map(with_slow, states, slow, unseen))
-        regressor.fit(**regression_rows(centred, 0.0).fit_arguments())
+        rows = regression_rows(centred, 0.0).fit_arguments()
+        regressor.fit(**rows, sample_weight=np.repeat(weights, [np.count_nonzero(s.moving) for s in centred]))
         if allowed.issuperset(regressor.selected_):
             break
         allowed = {*PAPER_TERMS, *regressor.selected_}
     recovered = tuple(
-        replace(each, states=state, unseen=values)
-        for each, state, values in zip(recovered, centred, unseen, strict=True)
+        replace(each, states=state, unseen=values, weight=float(weight))
+        for each, state, values, weight in zip(recovered, centred, unseen, weights, strict=True)
     )
     return _judged(test, kind, recovered, regressor), "", recovered
+
+
+def run_weights(states: Sequence[ForceStates]) -> Array:
+    """Return what rows of each run count, by the noise of its states, shape (runs,); one in the mean of all rows.
+
+    In moment the noise of angle and rate is that of the stiffness and damping that go with the best-known run. What
+    noise is below the scatter that any law leaves, a hundredth of the moment, does not matter.
+    """
+    best = min(states, key=lambda s: s.noise.rate / np.std(s.rate))
+    largest = float(np.std(best.moment))
+    by_angle, by_rate = largest / np.std(best.angle), largest / np.std(best.rate)
+    noise = np.array(
+        [
+            np.hypot(by_angle * s.noise.angle, by_rate * s.noise.rate) ** 2
+            + s.noise.moment**2 / (s.block[-1] + 1)
+            for s in states
+        ]
+    )
+    weight = 1 / (noise + (WELL_KNOWN * largest) ** 2)
+    rows = np.array([np.count_nonzero(s.moving) for s in states])
+    return np.asarray(weight * rows.sum() / (weight @ rows))
 
 
 def _judged(
@@ -187,7 +213,10 @@ def _judged(
 
     def replicated(known: JointModel) -> list[RecoveredReplicate]:
         law = model_law(known)
-        return [recovered_replicate(each.recovery, each.joint, each.states, law) for each in recovered]
+        return [
+            recovered_replicate(each.recovery, each.joint, each.states, law, each.weight)
+            for each in recovered
+        ]
 
     terms = [term for term in regressor.terms_ if term.id in model]
     fixed = corrected_model(model, terms, campaign, states, replicated=replicated)
@@ -239,7 +268,7 @@ def with_uncertain_structure(law: JointLaw, test: RigTest, update: Update) -> Jo
 
 def _fit_again(law: JointLaw, test: RigTest, terms: Sequence[ResolvedTerm]) -> Array:
     """Return the coefficients of some terms on the states that another structure gives, shape (k,)."""
-    columns, targets = [], []
+    columns, targets, weights = [], [], []
     made: dict[int, Recovery] = {}
     for each in law.recovered:
         old = each.recovery
@@ -250,7 +279,9 @@ def _fit_again(law: JointLaw, test: RigTest, terms: Sequence[ResolvedTerm]) -> A
         keep = each.states.moving
         columns.append(term_columns(terms, state.angle[keep], state.rate[keep], state.acceleration[keep]))
         targets.append(state.moment[keep])
-    return scaled_least_squares(np.vstack(columns), np.concatenate(targets))
+        weights.append(np.full(np.count_nonzero(keep), np.sqrt(each.weight)))
+    root = np.concatenate(weights)
+    return scaled_least_squares(np.vstack(columns) * root[:, None], np.concatenate(targets) * root)
 
 
 # Level at which joints that are declared alike are said to differ.

@@ -84,8 +84,8 @@ KINDS = by_name(
     Kind(
         "recovered",
         "Recovered loops",
-        "Moment of each joint over its angle, recovered from the structure's sensors, in a period of the run that moves "
-        "it most; dots: the moment of the law that was found, where the joint moves.",
+        "Moment of each joint over its angle, recovered from the structure's sensors, in a period of the run that "
+        "moves it most; dots: the moment of the law that was found, where the joint moves.",
         each(lambda data: data.loops, _loop),
     ),
     Kind(
