@@ -14,16 +14,19 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.accelerometer import Fusion, fuse, unknown_means
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, check_inputs, signals_of
 from sindyjoint.shown import Shown
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
-from sindyjoint.text import control_character, printable
+from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
 
 MINIMUM_SAMPLES = 32
+# Channels of a run with an accelerometer, beside which its angle is that of all sensors.
+MEASURED_ANGLE, MEASURED_RATE = "measured angle", "measured rate"
 
 
 def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
@@ -116,6 +119,8 @@ class Run:
         Of the channels that were read from a file.
     inputs : mapping of str to array_like, shape (n,), or float
         What else the law may depend on, SI, at the same instants; a number stands for all of them.
+    fusion : Fusion, optional
+        The sensors of a run with an accelerometer, whose angle is that of all of them; see :meth:`of_accelerometer`.
 
     Raises
     ------
@@ -138,6 +143,69 @@ class Run:
     valid: NDArray[np.bool_] | None = None
     file_units: tuple[FileUnit, ...] = ()
     inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    fusion: Fusion | None = None
+
+    @classmethod
+    def of_accelerometer(
+        cls,
+        name: str,
+        moment: ArrayLike,
+        acceleration: ArrayLike,
+        sample_rate: float,
+        *,
+        angle: ArrayLike | None = None,
+        rate: ArrayLike | None = None,
+        **options: Any,
+    ) -> Run:
+        """Return a run whose angle comes from an accelerometer, alone or beside other motion sensors.
+
+        Parameters
+        ----------
+        name : str
+        moment, acceleration : array_like, shape (n,)
+            N·m and rad/s² (N, m/s²).
+        sample_rate : float
+            Hz.
+        angle, rate : array_like, shape (n,), optional
+            Where they were measured, too, rad and rad/s (m, m/s).
+        **options
+            Further fields of the run.
+        """
+        given = {"moment": moment, "acceleration": acceleration, "angle": angle, "rate": rate}
+        signals = {key: _signal(key, values, name) for key, values in given.items() if values is not None}
+        sizes = {key: values.size for key, values in signals.items()}
+        if len(set(sizes.values())) > 1 or min(sizes.values()) < MINIMUM_SAMPLES:
+            listed = ", ".join(f"{key} has {size} samples" for key, size in sizes.items())
+            raise InputError(
+                f"run {name!r}: {listed}; expected equal lengths of at least {MINIMUM_SAMPLES} samples"
+            )
+        moment, found, fusion = fuse(
+            sample_rate=sample_rate,
+            frequency=options.get("frequency"),
+            declared=options.get("noise"),
+            **signals,
+        )
+        return cls(name, moment, found, sample_rate, fusion=fusion, **options)
+
+    def with_channels(self, signals: Mapping[str, Any]) -> Run:
+        """Return the run with other values of its :attr:`channels`, the angle of several sensors fused anew."""
+        if self.fusion is None:
+            return replace(self, **signals)
+        sensors = self.channels | dict(signals)
+        moment, angle, fusion = fuse(
+            sensors["moment"] + self.fusion.constant, sensors["acceleration"], self.sample_rate,
+            sensors.get(MEASURED_ANGLE), sensors.get(MEASURED_RATE), self.frequency, self.noise,
+        )  # fmt: skip
+        return replace(self, moment=moment, angle=angle, fusion=fusion)
+
+    @property
+    def channels(self) -> dict[str, NDArray[np.float64]]:
+        """Channels by name: moment, angle and perhaps rate; of a run with an accelerometer also its sensors."""
+        found = {"moment": self.moment, "angle": self.angle, "rate": self.rate}
+        if self.fusion is not None:
+            found |= {"acceleration": self.fusion.acceleration, MEASURED_ANGLE: self.fusion.angle}
+            found[MEASURED_RATE] = self.fusion.rate
+        return {name: values for name, values in found.items() if values is not None}
 
     def __post_init__(self) -> None:
         _check_texts("run", (self.name, self.level))
@@ -215,6 +283,18 @@ class Run:
         return self.n_samples / self.sample_rate
 
 
+def measured_run(
+    name: str, signals: Mapping[str, NDArray[np.float64]], sample_rate: float, **options: Any
+) -> Run:
+    """Return a run of moment, angle, rate and acceleration by name, SI, as far as measured, and its other fields."""
+    known: dict[str, Any] = {
+        key: signals[key] for key in ("moment", "angle", "rate", "acceleration") if key in signals
+    }
+    if "acceleration" in known:
+        return Run.of_accelerometer(name, sample_rate=sample_rate, **known, **options)
+    return Run(name, sample_rate=sample_rate, **known, **options)
+
+
 def _some(runs: tuple[Run, ...]) -> list[str]:
     return [run.name for run in runs[:4]] + ["..."] * (len(runs) > 4)
 
@@ -279,7 +359,14 @@ class Campaign(Shown):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What every report on the campaign says first."""
-        return (*["the campaign is simulated (a virtual test), not measured"] * self.simulated, *self.notes)
+        said = ["the campaign is simulated (a virtual test), not measured"] * self.simulated
+        open_means = unknown_means({run.name: run.fusion for run in self.runs}, quantities(self.joint.motion))
+        return (*said, *self.notes, *open_means)
+
+    @property
+    def mean_known(self) -> bool:
+        """Whether the mean angle of all runs was measured: an accelerometer does not see it."""
+        return all(run.fusion is None or run.fusion.mean_known for run in self.runs)
 
     def __repr__(self) -> str:
         virtual = "simulated " if self.simulated else ""

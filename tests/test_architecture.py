@@ -20,6 +20,7 @@ BASE = {
     "checksums",
     "shown",
     "options",
+    "accelerometer",
 }
 DOOR = BASE | {"rig", "files"}
 DATA = BASE | {"parallel", "threads", "clock", "states", "equation"}
@@ -35,7 +36,8 @@ ALLOWED = {
     "numeric": set(),
     "source": {"errors"},
     "inputs": {"errors"},
-    "record": {"errors", "text", "source", "inputs", "shown"},
+    "accelerometer": {"numeric", "source", "text"},
+    "record": {"errors", "text", "source", "inputs", "shown", "accelerometer"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
     "threads": set(),

@@ -85,6 +85,8 @@ class Fitted:
         Names and versions of what fitted it.
     gains : tuple of (str, float)
         Declared relative uncertainty of the gain of each channel, which is in the intervals.
+    mean_known : bool
+        Whether the mean angle was measured; otherwise the equation holds about the mean position of the runs.
     """
 
     moment_rms: float
@@ -100,6 +102,7 @@ class Fitted:
     data: str = ""
     versions: tuple[tuple[str, str], ...] = ()
     gains: tuple[tuple[str, float], ...] = ()
+    mean_known: bool = True
 
     @property
     def misfit(self) -> float:

@@ -133,6 +133,7 @@ class FittedRecord(_Part):
     data: Text = ""
     versions: dict[Text, Text] = {}
     gains: dict[Text, Size] = {}
+    mean_known: bool = True
 
 
 class ModelRecord(_Part):
@@ -153,6 +154,8 @@ def to_record(model: Any) -> dict[str, Any]:
     """Return a model as plain JSON data, schema 2."""
     fitted = asdict(model.fitted)
     del fitted["gains"]  # written where there are some
+    if fitted["mean_known"]:
+        del fitted["mean_known"]
     for name in MAY_BE_UNKNOWN:
         if not math.isfinite(fitted[name]):
             fitted[name] = None  # JSON has no NaN

@@ -18,7 +18,7 @@ from sindyjoint.files.readers import read_table, sha256_of
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.record import Campaign, Joint, Motion, Run
+from sindyjoint.record import Campaign, Joint, Motion, Run, measured_run
 from sindyjoint.source import LongRecord, Source
 
 CHANNEL_KEYS = tuple(key for keys in KEYS.values() for name, (key, _) in keys.items() if name != "inertia")
@@ -173,12 +173,10 @@ class _RunLoader:
         measured = {key.removeprefix(INPUT): each for key, each in signals.items() if key.startswith(INPUT)}
         inputs = self.inputs.values(table, measured, rate, entry)
         try:
-            run = Run(
+            run = measured_run(
                 str(PurePosixPath(table.file).with_suffix("")) if table.name is None else table.name,
-                signals["moment"],
-                signals["angle"],
+                signals,
                 rate,
-                rate=signals.get("rate"),
                 valid=signals.get("valid"),
                 frequency=frequency,
                 level=None if table.level is None else str(table.level),

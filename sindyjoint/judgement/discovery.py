@@ -189,6 +189,7 @@ def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
         rate=unknown,
         frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
         simulated=campaign.simulated,
+        mean_known=campaign.mean_known,
     )
     return Discovery(
         model=JointModel(campaign.joint, (), (), fitted),

@@ -212,5 +212,6 @@ def campaign_model(
         rate=model.fitted.rate,
         frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
         simulated=campaign.simulated,
+        mean_known=campaign.mean_known,
     )
     return replace(model, joint=campaign.joint, fitted=fitted)

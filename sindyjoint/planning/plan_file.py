@@ -176,7 +176,7 @@ def play(
             law, (run.frequency,), (1.0,), "displacement" if run.drive == "angle" else "moment",
             sensors.sample_rate, run.duration, angle_limit=1.0,
         )  # fmt: skip
-        moment, angle = test.ideal(run.frequency, run.level)
+        moment, angle, _ = test.ideal(run.frequency, run.level)
         noise = sensors.of(moment, angle)
         shares = [
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)
