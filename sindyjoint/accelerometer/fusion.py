@@ -161,13 +161,11 @@ def _with_measured_noise(
     fusion: Fusion, angle: Array, path: Array, sample_rate: float, declared: SensorNoise
 ) -> Fusion:
     noise, angle_noise, drift = sensor_noise(angle, fusion.acceleration, path, sample_rate)
+    least = LEAST_NOISE * float(np.std(fusion.acceleration))
     return replace(
         fusion,
-        # The rough one is too large where samples are few, never too small.
-        noise=max(
-            declared.acceleration or min(noise, fusion.noise),
-            LEAST_NOISE * float(np.std(fusion.acceleration)),
-        ),
+        # The rough one is too large where samples are few, never too small; a strong drift hides the other.
+        noise=max(declared.acceleration or float(np.clip(noise, 0.5 * fusion.noise, fusion.noise)), least),
         angle_noise=max(declared.angle or angle_noise, LEAST_NOISE * float(np.std(angle))),
         drift=drift,
     )

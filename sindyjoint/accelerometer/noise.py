@@ -62,9 +62,14 @@ def sensor_noise(
 
 
 def rough_noise(signal: Array) -> float:
-    """Return the RMS of the white noise of a channel, by the median of its third differences, which ignores steps."""
+    """Return the RMS of the white noise of a channel, at least that: by differences, or where its spectrum ends.
+
+    The median of third differences ignores steps, that of the top third of the band lines.
+    """
     third = np.diff(signal, 3)
-    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0))
+    power = np.abs(np.fft.rfft((signal - np.mean(signal)) * np.hanning(signal.size))) ** 2
+    top = power[2 * power.size // 3 :] / np.sum(np.hanning(signal.size) ** 2)
+    return float(min(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0), np.sqrt(np.median(top) / np.log(2))))
 
 
 def moving_size(
@@ -112,12 +117,12 @@ def disagreement(
     both = [np.diff(signal, 2) * sample_rate**2 for signal in (path, angle)]
     seen, told = (np.fft.rfft((signal - np.mean(signal)) * window) for signal in both)
     angular = 2 * np.pi * np.fft.rfftfreq(window.size, 1 / sample_rate)
-    noise = np.sqrt(noise**2 + angular**4 * angle_noise**2)
-    stands = np.minimum(np.abs(told), np.abs(seen)) ** 2 * scale > LINE * noise**2
+    of_both = np.sqrt(noise**2 + angular**4 * angle_noise**2)
+    stands = np.minimum(np.abs(told), np.abs(seen)) ** 2 * scale > LINE * of_both**2
     stands &= np.arange(seen.size) >= 3
     if np.count_nonzero(stands) < 2:
         return None
-    x, y, weight = told[stands], seen[stands], 1 / noise[stands]
+    x, y, weight = told[stands], seen[stands], 1 / of_both[stands]
     columns = np.column_stack([x, -1j * angular[stands] * x]) * weight[:, None]
     real = np.concatenate([columns.real, columns.imag])
     target = np.concatenate([(y * weight).real, (y * weight).imag])
@@ -125,5 +130,6 @@ def disagreement(
     found: Array = np.linalg.lstsq(real / norms, target, rcond=None)[0] / norms
     g, h = float(found[0]), float(found[1])
     spread = np.sum((target - real @ found) ** 2) / max(target.size - 2, 1)
-    errors = np.sqrt(spread * np.diag(np.linalg.inv((real / norms).T @ (real / norms)))) / norms
+    inverse = np.linalg.inv((real / norms).T @ (real / norms))
+    errors = np.asarray(np.sqrt(spread * np.diag(inverse)) / norms)
     return g, float(errors[0]), h / g, float(errors[1] / abs(g))
