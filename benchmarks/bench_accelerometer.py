@@ -38,7 +38,9 @@ def one(seed: int, case: str) -> dict:
         **{c: getattr(INTER_PANEL, c) * float(np.exp(rng.uniform(-0.3, 0.3))) for c in COEFFICIENTS},
     )
     found = discover(
-        virtual_campaign(joint, frequencies=[3, 4.5, 6], duration=6.0, random_state=rng, **CASES[case])
+        virtual_campaign(
+            joint, frequencies=[3, 4.5, 6], levels=[0.85, 0.5], duration=4.0, random_state=rng, **CASES[case]
+        )
     )
     record: dict = {"seed": seed, "case": case, "verdict": found.verdict.verdict}
     record["findings"] = [f.id for f in found.soundness.findings]

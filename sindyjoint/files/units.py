@@ -156,7 +156,7 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
     if gain is None and unit in usual:
         return usual[unit]
     if expected in ACCELERATIONS:
-        unit, gain = _GRAVITY.sub("g_0", unit), gain and _GRAVITY.sub("g_0", gain)
+        unit, gain = _GRAVITY.sub("standard_gravity", unit), gain and _GRAVITY.sub("standard_gravity", gain)
     number, total = 1.0, _parse_unit(unit, where)
     if gain is not None:
         number, gain_unit = split_quantity(gain, f"{where} gain", expected)
