@@ -27,9 +27,13 @@ Use = Literal["identify", "validate"]
 MINIMUM_SAMPLES = 32
 # Channels of a run with an accelerometer, beside which its angle is that of all sensors.
 MEASURED_ANGLE, MEASURED_RATE = "measured angle", "measured rate"
+WITHOUT_TIME = (
+    "the samples have no time: candidates are terms and elements without rate; inertia, damping, frequency and delay "
+    "are not judged"
+)
 
 
-def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
+def checked_signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
     """Return a read-only float64 copy of a one-dimensional finite signal."""
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1:
@@ -120,7 +124,10 @@ class Run:
     inputs : mapping of str to array_like, shape (n,), or float
         What else the law may depend on, SI, at the same instants; a number stands for all of them.
     fusion : Fusion, optional
-        The sensors of a run with an accelerometer, whose angle is that of all of them; see :meth:`of_accelerometer`.
+        The sensors of a run with an accelerometer, whose angle is that of all of them.
+    quasi_static : bool
+        Whether the samples lie at even steps of the travelled path, which then takes the place of time:
+        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.quasi_static`.
 
     Raises
     ------
@@ -144,48 +151,7 @@ class Run:
     file_units: tuple[FileUnit, ...] = ()
     inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     fusion: Fusion | None = None
-
-    @classmethod
-    def of_accelerometer(
-        cls,
-        name: str,
-        moment: ArrayLike,
-        acceleration: ArrayLike,
-        sample_rate: float,
-        *,
-        angle: ArrayLike | None = None,
-        rate: ArrayLike | None = None,
-        **options: Any,
-    ) -> Run:
-        """Return a run whose angle comes from an accelerometer, alone or beside other motion sensors.
-
-        Parameters
-        ----------
-        name : str
-        moment, acceleration : array_like, shape (n,)
-            N·m and rad/s² (N, m/s²).
-        sample_rate : float
-            Hz.
-        angle, rate : array_like, shape (n,), optional
-            Where they were measured, too, rad and rad/s (m, m/s).
-        **options
-            Further fields of the run.
-        """
-        given = {"moment": moment, "acceleration": acceleration, "angle": angle, "rate": rate}
-        signals = {key: _signal(key, values, name) for key, values in given.items() if values is not None}
-        sizes = {key: values.size for key, values in signals.items()}
-        if len(set(sizes.values())) > 1 or min(sizes.values()) < MINIMUM_SAMPLES:
-            listed = ", ".join(f"{key} has {size} samples" for key, size in sizes.items())
-            raise InputError(
-                f"run {name!r}: {listed}; expected equal lengths of at least {MINIMUM_SAMPLES} samples"
-            )
-        moment, found, fusion = fuse(
-            sample_rate=sample_rate,
-            frequency=options.get("frequency"),
-            declared=options.get("noise"),
-            **signals,
-        )
-        return cls(name, moment, found, sample_rate, fusion=fusion, **options)
+    quasi_static: bool = False
 
     def with_channels(self, signals: Mapping[str, Any]) -> Run:
         """Return the run with other values of its :attr:`channels`, the angle of several sensors fused anew."""
@@ -212,7 +178,7 @@ class Run:
         for name in ("moment", "angle", "rate"):
             values = getattr(self, name)
             if values is not None:
-                object.__setattr__(self, name, _signal(name, values, self.name))
+                object.__setattr__(self, name, checked_signal(name, values, self.name))
         n = self.angle.size
         for name in ("moment", "rate"):
             values = getattr(self, name)
@@ -229,6 +195,10 @@ class Run:
             )
         if self.use not in ("identify", "validate"):
             raise InputError(f"run {self.name!r}: use is {self.use!r}; expected 'identify' or 'validate'")
+        if self.quasi_static and (self.frequency is not None or self.rate is not None):
+            raise InputError(
+                f"run {self.name!r}: samples without time have neither a frequency nor a measured rate; leave both out"
+            )
         if self.frequency is not None:
             self._check_frequency()
         if self.valid is not None:
@@ -283,18 +253,6 @@ class Run:
         return self.n_samples / self.sample_rate
 
 
-def measured_run(
-    name: str, signals: Mapping[str, NDArray[np.float64]], sample_rate: float, **options: Any
-) -> Run:
-    """Return a run of moment, angle, rate and acceleration by name, SI, as far as measured, and its other fields."""
-    known: dict[str, Any] = {
-        key: signals[key] for key in ("moment", "angle", "rate", "acceleration") if key in signals
-    }
-    if "acceleration" in known:
-        return Run.of_accelerometer(name, sample_rate=sample_rate, **known, **options)
-    return Run(name, sample_rate=sample_rate, **known, **options)
-
-
 def _some(runs: tuple[Run, ...]) -> list[str]:
     return [run.name for run in runs[:4]] + ["..."] * (len(runs) > 4)
 
@@ -337,6 +295,13 @@ class Campaign(Shown):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run another name")
+        if len({run.quasi_static for run in self.runs}) > 1:
+            raise InputError(
+                "some runs have time and some have none; expected all of one kind: make two campaigns of them"
+            )
+        if self.quasi_static and self.joint.inertia is None:
+            # Nothing accelerates: no test of this kind identifies an inertia.
+            object.__setattr__(self, "joint", replace(self.joint, inertia=0.0))
         object.__setattr__(self, "inputs", tuple(self.inputs))
         check_inputs(self.inputs, self.runs)
         for name, value in self.gain_uncertainty.items():
@@ -345,6 +310,11 @@ class Campaign(Shown):
                     f"gain_uncertainty of {name!r} is {value!r}; expected a share between 0 and 1, of moment, angle "
                     "or rate"
                 )
+
+    @property
+    def quasi_static(self) -> bool:
+        """Whether the samples have an order and no time."""
+        return self.runs[0].quasi_static
 
     @property
     def identification_runs(self) -> tuple[Run, ...]:
@@ -359,9 +329,10 @@ class Campaign(Shown):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What every report on the campaign says first."""
-        said = ["the campaign is simulated (a virtual test), not measured"] * self.simulated
-        open_means = unknown_means({run.name: run.fusion for run in self.runs}, quantities(self.joint.motion))
-        return (*said, *self.notes, *open_means)
+        simulated = "the campaign is simulated (a virtual test), not measured"
+        said = (*[simulated] * self.simulated, *[WITHOUT_TIME] * self.quasi_static, *self.notes)
+        runs = {run.name: run.fusion for run in self.runs}
+        return (*said, *unknown_means(runs, quantities(self.joint.motion)))
 
     @property
     def mean_known(self) -> bool:

@@ -8,6 +8,7 @@ import os
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -113,6 +114,14 @@ class Folder:
         lines = (self.path / "run.csv").read_text(encoding="utf-8").split("\n")
         lines[number - 1] = text
         (self.path / "run.csv").write_text("\n".join(lines), encoding="utf-8")
+
+
+@pytest.fixture
+def heard():
+    """Hear Ctrl-C, here and in processes begun here, also where tests run in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

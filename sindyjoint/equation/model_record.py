@@ -134,6 +134,7 @@ class FittedRecord(_Part):
     versions: dict[Text, Text] = {}
     gains: dict[Text, Size] = {}
     mean_known: bool = True
+    quasi_static: bool = False
 
 
 class ModelRecord(_Part):
@@ -156,6 +157,8 @@ def to_record(model: Any) -> dict[str, Any]:
     del fitted["gains"]  # written where there are some
     if fitted["mean_known"]:
         del fitted["mean_known"]
+    if not model.fitted.quasi_static:
+        del fitted["quasi_static"]  # likewise
     for name in MAY_BE_UNKNOWN:
         if not math.isfinite(fitted[name]):
             fitted[name] = None  # JSON has no NaN

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, UnitError
-from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable
+from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import (
     advanced,
@@ -77,7 +77,12 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
             raise InputError(f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion")
     if (channels.time is None) == (channels.rate is None):
         given = "neither" if channels.time is None else "both"
-        raise InputError(f"{where}: expected time (a column) or rate (such as '1 kHz'), not {given}")
+        raise InputError(
+            f"{where}: expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz'), not "
+            f"{given}"
+        )
+    if channels.time == "none":
+        _refuse_timed(channels, motion, where)
     if channels.skew is not None and channels.skew_removed is not None:
         raise InputError(f"{where} skew: skew_removed states that it is removed already; give one of the two")
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
@@ -94,8 +99,17 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
             raise InputError(f"{where}: key {key!r} is missing{in_rig_instead}{instead}")
         if quantity == "angle" and channel is not None and channel.constant is not None:
             raise InputError(f"{where} {key}: cannot be a constant; expected a joint that moves")
+    if channels.acceleration is not None and channels.time == "none":
+        raise InputError(f"{where} acceleration: samples without time have none; leave it out")
     if channels.acceleration is not None and channels.acceleration.column is None:
         raise InputError(f"{where} acceleration: expected a column with its unit")
+
+
+def _refuse_timed(channels: Channels, motion: Motion, where: str) -> None:
+    """Refuse keys that have no meaning for samples without time."""
+    for key in (KEYS[motion]["rate"][0], "skew", "skew_removed", "resample"):
+        if getattr(channels, key):
+            raise InputError(f"{where} {key}: time = 'none' says that the samples have no time; leave it out")
 
 
 @dataclass(frozen=True)
@@ -128,7 +142,8 @@ class RunReader:
     def read(self) -> tuple[dict[str, Any], float]:
         """Return moment, angle, rate and acceleration, as far as measured, SI, shape (n,), and the sampling rate, Hz.
 
-        Where the recorder lost samples, ``"valid"`` is False and the channels are interpolated.
+        Without time that is zero. Where the recorder lost samples, ``"valid"`` is False and the channels are
+        interpolated.
 
         Raises
         ------
@@ -162,7 +177,7 @@ class RunReader:
     def stated_units(self) -> tuple[ColumnUnit, ...]:
         """Return the units that the file states for its columns otherwise than they are declared."""
         wanted: list[tuple[str, Column, str]] = []
-        if self.channels.time is not None:
+        if isinstance(self.channels.time, TimeChannel):
             wanted.append(("time", self.channels.time.column, self.channels.time.unit))
         for quantity in MEASURED:
             channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
@@ -190,7 +205,8 @@ class RunReader:
 
     def _columns(self) -> dict[Column, Array]:
         """Return all columns that this run needs, read in one go."""
-        wanted: list[Column] = [] if self.channels.time is None else [self.channels.time.column]
+        axis = self.channels.time
+        wanted: list[Column] = [axis.column] if isinstance(axis, TimeChannel) else []
         for quantity in MEASURED:
             channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
             if channel is not None and channel.column is not None:
@@ -237,9 +253,9 @@ class RunReader:
         known = KEYS[self.motion]
         sizes = {known[name][0] if name in known else name: values.size for name, values in signals.items()}
         axis = self.channels.time
-        if axis is None:
+        if not isinstance(axis, TimeChannel):
             self._refuse_lengths(sizes)
-            return signals, self._declared_rate()
+            return signals, 0.0 if axis == "none" else self._declared_rate()
         where = f"{self.table.path}: column {axis.column!r}"
         factor = conversion(axis.unit, "s", f"{self.manifest}: [channels] time")
         time = _scaled(columns[axis.column], factor, 0.0, where)

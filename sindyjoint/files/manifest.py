@@ -106,8 +106,10 @@ class TimeChannel(StrictTable):
 class Channels(StrictTable):
     """Which column holds which quantity."""
 
-    time: TimeChannel | None = Field(
-        default=None, description="Column of time stamps, also clock times and dates; or give rate."
+    time: TimeChannel | Literal["none"] | None = Field(
+        default=None,
+        description="Column of time stamps, also clock times and dates; or give rate. 'none': quasi-static samples, in "
+        "their order.",
     )
     rate: float | str | None = Field(
         default=None, description="Sampling rate instead of a time column: '1 kHz', or Hz."

@@ -153,6 +153,7 @@ class Discovery(Shown):
                 "missing": list(self.verdict.missing),
                 "extra": list(self.verdict.extra),
                 "reason": self.verdict.reason,
+                "dependences": [{"term": term, "input": name} for term, name in self.verdict.dependences],
             },
             "fit": {
                 "moment_rms": fitted.moment_rms,
@@ -190,6 +191,7 @@ def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
         frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
         simulated=campaign.simulated,
         mean_known=campaign.mean_known,
+        quasi_static=campaign.quasi_static,
     )
     return Discovery(
         model=JointModel(campaign.joint, (), (), fitted),

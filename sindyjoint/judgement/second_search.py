@@ -213,5 +213,6 @@ def campaign_model(
         frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
         simulated=campaign.simulated,
         mean_known=campaign.mean_known,
+        quasi_static=campaign.quasi_static,
     )
     return replace(model, joint=campaign.joint, fitted=fitted)

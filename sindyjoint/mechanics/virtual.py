@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.measured import measured_run
 from sindyjoint.mechanics.excitation import Excitation, harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
-from sindyjoint.record import Campaign, Joint, Run, measured_run
+from sindyjoint.record import Campaign, Joint, Run
 
 Array = NDArray[np.float64]
 Drive = Literal["moment", "rig", "displacement"]

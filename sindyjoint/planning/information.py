@@ -126,7 +126,7 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     """
     frequency, rate = run.frequency, sensors.sample_rate
     points = max(POINTS, round(rate / frequency))
-    moved = motion(model_law(model), run.drive, frequency, run.level, points)
+    moved = motion(model_law(model), run.drive, frequency, run.level, points, run.waveform)
     # The first period is left out as start-up.
     periods = int(run.duration * frequency + 1e-9) - 1
     if periods < STATES.fewest_periods:
@@ -269,18 +269,24 @@ def _inverse(bread: Array) -> tuple[Array, NDArray[np.bool_]]:
     return np.linalg.inv(scaled) / scale[:, :, None] / scale[:, None, :], singular
 
 
-def chosen_terms(information: Information, coefficients: Array) -> NDArray[np.bool_]:
-    """Return which terms a discovery of the runs is expected to take, shape (joints, p).
+def margins(information: Information, coefficients: Array) -> Array:
+    """Return by how much each term passes what a discovery of the runs asks of it, shape (joints, p).
 
-    Those that are significant, and carry alone at least the least share of the moment's RMS that a discovery asks for:
+    From one on it is taken: it is significant, and carries alone a least share of the moment's RMS, which is
     |c| / √(B⁻¹)_kk over √(cᵀBc).
     """
     bread = information.bread.sum(axis=0)
     inverse, singular = _inverse(bread)
     moment = np.sqrt(np.maximum(np.einsum("jk,jkl,jl->j", coefficients, bread, coefficients), 1e-300))
     alone = np.abs(coefficients) / np.sqrt(np.einsum("jkk->jk", inverse)) / moment[:, None]
-    significant = half_widths(information) * DISCOVERY.term_significance < 1.96 * np.abs(coefficients)
-    return np.asarray(significant & (alone >= DISCOVERY.least_share) & ~singular[:, None])
+    asked = np.maximum(half_widths(information) * DISCOVERY.term_significance, 1e-300)
+    found = np.minimum(1.96 * np.abs(coefficients) / asked, alone / DISCOVERY.least_share)
+    return np.asarray(np.where(singular[:, None], 0.0, found))
+
+
+def chosen_terms(information: Information, coefficients: Array) -> NDArray[np.bool_]:
+    """Return which terms a discovery of the runs is expected to take, shape (joints, p)."""
+    return np.asarray(margins(information, coefficients) >= 1.0)
 
 
 def changes_over_band(information: Information, frequencies: Sequence[float]) -> Array:

@@ -15,9 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.mechanics.excitation import harmonic
+from sindyjoint.mechanics.actuator import SINE, tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
+from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
@@ -33,7 +34,7 @@ class _RunEntry(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     drive: Literal["moment", "angle"]
-    waveform: Literal["sine"] = "sine"
+    waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle"] = "sine"
     frequency: str
     level: str
     duration: str
@@ -140,7 +141,21 @@ def _parse(text: str, channel: str, where: str) -> tuple[float, str]:
 def drive_signal(run: PlannedRun, sample_rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return time (s) and what is prescribed (N·m or rad), each of shape (n,)."""
     time = np.arange(round(run.duration * sample_rate)) / sample_rate
-    return time, harmonic(run.level, run.frequency)(time)
+    return time, tones(run.waveform, run.level, run.frequency)(time)
+
+
+def _sum_of_tones(law: Law, run: PlannedRun, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return moment and angle under a waveform of several tones; a prescribed one turns round between samples."""
+    count = round(run.duration * rate)
+    if run.drive == "moment":
+        moved = simulate(law, tones(run.waveform, run.level, run.frequency), (count + 2) / rate, rate)
+        return moved.moment[:count], moved.angle[:count]
+    tone, time = tones(run.waveform, run.level, run.frequency, 0.1), np.arange(count) / rate
+    angle = tone(time)
+    moment, _ = transfer_moment(
+        law, angle, tone.derivative(time), rate, acceleration=tone.derivative(time, 2)
+    )
+    return moment, angle
 
 
 def run_name(number: int, run: PlannedRun) -> str:
@@ -176,7 +191,10 @@ def play(
             law, (run.frequency,), (1.0,), "displacement" if run.drive == "angle" else "moment",
             sensors.sample_rate, run.duration, angle_limit=1.0,
         )  # fmt: skip
-        moment, angle, _ = test.ideal(run.frequency, run.level)
+        if run.waveform == SINE:
+            moment, angle, _ = test.ideal(run.frequency, run.level)
+        else:
+            moment, angle = _sum_of_tones(law, run, sensors.sample_rate)
         noise = sensors.of(moment, angle)
         shares = [
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)

@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.excitation import harmonic
+from sindyjoint.mechanics.actuator import SINE, Actuator, Drive, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 
 Array = NDArray[np.float64]
-Drive = Literal["moment", "angle"]
-
-SINE = "sine"
 POINTS = 400  # samples per period, at least
 PERIODS, MOST_PERIODS = 3, 48
 STEPS = 16  # of the bisection for the highest level
@@ -27,39 +24,6 @@ GROWTH = 1.5
 SMALLEST = 1e-9
 CURVE = 12  # levels at which the middle joint is simulated
 RTOL = 1e-6
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """What drives the joint, and how far it can go.
-
-    Parameters
-    ----------
-    drive : {"moment", "angle"}
-        What it prescribes.
-    band : (float, float)
-        Hz.
-    moment, angle, rate : float
-        Largest moment (N·m), angle (rad) and rate (rad/s) on either side of zero.
-    """
-
-    drive: Drive = "moment"
-    band: tuple[float, float] = (2.0, 8.0)
-    moment: float = inf
-    angle: float = inf
-    rate: float = inf
-
-    def __post_init__(self) -> None:
-        if self.drive not in ("moment", "angle"):
-            raise InputError(f"drive is {self.drive!r}; expected 'moment' or 'angle'")
-        low, high = self.band
-        if not 0 < low <= high < inf:
-            raise InputError(f"band is {low:g} to {high:g} Hz; expected two ascending positive frequencies")
-        for name in ("moment", "angle", "rate"):
-            if not getattr(self, name) > 0:
-                raise InputError(
-                    f"limit of the {name} is {getattr(self, name)!r}; expected a positive number"
-                )
 
 
 @dataclass(frozen=True)
@@ -106,7 +70,9 @@ class Motion:
     period: int
 
 
-def motion(law: Law, drive: Drive, frequency: float, level: float, points: int = POINTS) -> Motion:
+def motion(
+    law: Law, drive: Drive, frequency: float, level: float, points: int = POINTS, waveform: str = SINE
+) -> Motion:
     """Return how a joint moves from rest until it repeats.
 
     Raises
@@ -117,7 +83,7 @@ def motion(law: Law, drive: Drive, frequency: float, level: float, points: int =
     rate = points * frequency
     if drive == "angle":
         # As a virtual test prescribes it; reversals fall between samples.
-        tone = harmonic(level, frequency, 0.1)
+        tone = tones(waveform, level, frequency, 0.1)
         time = np.arange(2 * points) / rate
         angle, speed, second = tone(time), tone.derivative(time), tone.derivative(time, 2)
         _check_softening(law, angle)
@@ -125,7 +91,7 @@ def motion(law: Law, drive: Drive, frequency: float, level: float, points: int =
         return Motion(angle, speed, second, moment, points)
     periods = PERIODS
     while periods <= MOST_PERIODS:
-        moved = simulate(law, harmonic(level, frequency), periods / frequency, rate, rtol=RTOL)
+        moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=RTOL)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
         if np.linalg.norm(last - before) <= POLICY.settled * np.linalg.norm(last):
             return Motion(moved.angle, moved.rate, moved.acceleration, moved.moment, points)

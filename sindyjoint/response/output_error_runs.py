@@ -21,6 +21,7 @@ from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import (
     Drive,
+    along_motion,
     angle_limits,
     choose_drive,
     measured_drive,
@@ -272,7 +273,7 @@ def record_of(
         used=states.moving[skip:] if drive == "motion" else None,
         inner=None
         if drive != "moment" or test.moments
-        else transfer_moment(law, states.angle, states.rate, run.sample_rate)[1][:, 0],
+        else along_motion(law, states, run.sample_rate)[1][:, 0],
         cycle=Cycle.of(states, skip) if steady else None,
         columns=term_columns(model, states) if drive == "motion" else None,
         added=None

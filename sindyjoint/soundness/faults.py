@@ -62,6 +62,11 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from find_unit_mismatches(campaign, words)
     yield from find_dead(raw, words)
     yield from find_sizes(raw, words)
+    if campaign.quasi_static:
+        yield from find_scaled_copies(raw, words)
+        for profile in raw:
+            yield from find_saturation(profile, words)
+        return
     for run in campaign.runs:
         yield from find_lost(run)
     yield from find_repeated_blocks(raw, words)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.accelerometer import Fusion
 
-Method = Literal["periodic", "broadband"]
+Method = Literal["periodic", "broadband", "path"]
 Array = NDArray[np.float64]
 
 
@@ -90,7 +90,7 @@ class ForceStates:
         Angle, rate and acceleration estimated from each block separately. Their scatter carries the noise of the angle
         channel into standard errors. ``None`` where blocks share one estimate.
     noise : NoiseFloor
-    method : {"periodic", "broadband"}
+    method : {"periodic", "broadband", "path"}
     bandwidth : float
         Highest frequency kept in the angle, Hz.
     dropped : float

@@ -20,6 +20,7 @@ from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.judgement.discovery import Discovery
@@ -332,6 +333,7 @@ def _libraries(
     result = []
     for name in libraries:
         catalogue = as_catalogue([part.strip() for part in name.split("+")])
+        catalogue = rate_free(catalogue) if found.campaign.quasi_static else catalogue
         forbidden = [term for term in (*options.get("forbidden", ()), *NEVER_VISIBLE) if term in catalogue]
         regressor = JointRegressor(
             catalogue,

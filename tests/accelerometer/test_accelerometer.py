@@ -8,7 +8,8 @@ from sindyjoint.accelerometer.fusion import averaged
 from sindyjoint.accelerometer.noise import sensor_noise
 from sindyjoint.accelerometer.smoother import integrated_twice
 from sindyjoint.errors import InputError
-from sindyjoint.record import MEASURED_ANGLE, Campaign, Joint, Run
+from sindyjoint.measured import measured_run
+from sindyjoint.record import MEASURED_ANGLE, Campaign, Joint
 from sindyjoint.soundness.detectors.accelerometer import find_disagreement
 from sindyjoint.soundness.profile import profile_of
 from sindyjoint.soundness.words import ROTATION
@@ -32,6 +33,11 @@ def motion(parts=((1, 0.01, 0.0), (2, 1e-4, 0.4), (3, 5e-4, 1.0))):
             for (order, size, _), p in zip(parts, phase, strict=True)
         ),
     )
+
+
+def run_of(moment, acceleration, angle=None, frequency=FREQUENCY):
+    signals = {"moment": moment, "acceleration": acceleration} | ({} if angle is None else {"angle": angle})
+    return measured_run("r", signals, RATE, frequency=frequency)
 
 
 def noisy(signal, share, seed):
@@ -83,9 +89,7 @@ def test_without_noise_the_fused_angle_is_the_measured_one():
 
 def test_a_known_mean_angle_stays():
     angle, _, acceleration = motion()
-    _, found, fusion = fuse(
-        angle, acceleration, RATE, angle=noisy(angle, 0.01, 1) + 0.004, frequency=FREQUENCY
-    )
+    _, found, fusion = fuse(angle, acceleration, RATE, angle=noisy(angle, 0.01, 1) + 0.004)
     assert fusion.mean_known
     assert np.mean(found) == pytest.approx(0.004, rel=1e-2)
 
@@ -130,11 +134,7 @@ def test_a_drift_of_the_displacement_sensor_does_no_harm():
 def test_states_have_the_noise_of_the_sensors():
     angle, _, acceleration = motion()
     quiet, loud = (
-        force_states(
-            Run.of_accelerometer(
-                "r", noisy(60 * angle, 0.01, 1), noisy(acceleration, share, 2), RATE, frequency=FREQUENCY
-            )
-        )
+        force_states(run_of(noisy(60 * angle, 0.01, 1), noisy(acceleration, share, 2)))
         for share in (0.01, 0.05)
     )
     assert loud.noise.acceleration == pytest.approx(5 * quiet.noise.acceleration, rel=0.5)
@@ -148,7 +148,7 @@ def test_a_run_that_does_not_repeat(beside):
     angle = 0.01 * np.sin(phase)
     acceleration = 0.01 * (-(rate**2) * np.sin(phase) + 3 * np.pi * np.cos(phase))
     shown = noisy(angle, 0.01, 3) if beside else None
-    run = Run.of_accelerometer("sweep", 60 * angle, noisy(acceleration, 0.01, 4), RATE, angle=shown)
+    run = run_of(60 * angle, noisy(acceleration, 0.01, 4), shown, None)
     states = force_states(run)
     assert states.method == "broadband"
     kept = np.round(states.time * RATE).astype(int)
@@ -170,9 +170,7 @@ def test_a_running_mean_over_a_period_leaves_no_harmonic_and_follows_what_is_slo
 def test_gain_and_delay_between_the_sensors_are_found(gain, delay):
     angle, _, acceleration = motion()
     late = np.interp(TIME - delay, TIME, acceleration)
-    run = Run.of_accelerometer(
-        "r", 60 * angle, noisy(gain * late, 0.01, 1), RATE, angle=noisy(angle, 0.01, 2), frequency=FREQUENCY
-    )
+    run = run_of(60 * angle, noisy(gain * late, 0.01, 1), angle=noisy(angle, 0.01, 2))
     fusion = run.fusion
     found = disagreement(fusion.angle, fusion.acceleration, RATE, fusion.angle_noise, fusion.noise)
     assert found[0] == pytest.approx(gain, abs=5e-3)
@@ -188,9 +186,7 @@ def test_a_repaired_channel_is_fused_anew():
     angle, _, acceleration = motion()
     spiked = noisy(acceleration, 0.01, 1)
     spiked[4000] += 300 * np.std(acceleration)
-    run = Run.of_accelerometer(
-        "r", 60 * angle, spiked, RATE, angle=noisy(angle, 0.01, 2), frequency=FREQUENCY
-    )
+    run = run_of(60 * angle, spiked, angle=noisy(angle, 0.01, 2))
     mended = run.with_channels({"acceleration": noisy(acceleration, 0.01, 1)})
     assert error(mended.angle, angle) < error(run.angle, angle)
     assert set(mended.channels) == {"moment", "angle", "acceleration", MEASURED_ANGLE}
@@ -198,7 +194,7 @@ def test_a_repaired_channel_is_fused_anew():
 
 def test_what_is_not_known_is_said():
     angle, _, acceleration = motion()
-    run = Run.of_accelerometer("r", 60 * angle + 0.3, acceleration, RATE, frequency=FREQUENCY)
+    run = run_of(60 * angle + 0.3, acceleration)
     campaign = Campaign(Joint(), (run,))
     assert not campaign.mean_known
     (line,) = campaign.warnings
@@ -214,4 +210,4 @@ def test_what_is_not_known_is_said():
 
 def test_channels_of_different_lengths_are_refused():
     with pytest.raises(InputError, match="moment has 100 samples, acceleration has 99 samples"):
-        Run.of_accelerometer("r", np.ones(100), np.ones(99), RATE)
+        run_of(np.ones(100), np.ones(99))

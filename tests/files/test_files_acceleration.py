@@ -70,7 +70,8 @@ def test_beside_an_angle_the_mean_is_known_and_the_delay_removed(read):
     angle = 'angle = { column = "a", unit = "rad" }\n'
     late = -(ANGULAR**2) * 0.01 * np.sin(ANGULAR * (TIME - 3e-3))
     run = read(
-        angle + 'acceleration = { column = "acc", unit = "rad/s^2", delay = "3 ms", noise = "0.1 rad/s^2" }', late
+        angle + 'acceleration = { column = "acc", unit = "rad/s^2", delay = "3 ms", noise = "0.1 rad/s^2" }',
+        late,
     ).runs[0]
     assert run.fusion.mean_known and run.fusion.noise == pytest.approx(0.1)
     assert run.angle == pytest.approx(ANGLE[2 : 2 + run.n_samples], abs=2e-5)
@@ -83,7 +84,11 @@ def test_beside_an_angle_the_mean_is_known_and_the_delay_removed(read):
         ("", InputError, "key 'angle' is missing, or acceleration in its place"),
         ('acceleration = { constant = "0 rad/s^2" }', InputError, "acceleration: expected a column"),
         ('acceleration = { column = "acc", unit = "g" }', UnitError, "gain = '5 rad/m'"),
-        ('acceleration = { column = "acc", unit = "rad/s^2", delay = "3 s" }', InputError, "more than a quarter"),
+        (
+            'acceleration = { column = "acc", unit = "rad/s^2", delay = "3 s" }',
+            InputError,
+            "more than a quarter",
+        ),
         ('acceleration = { column = "acc", unit = "mm" }', UnitError, "an angular acceleration"),
     ],
 )
@@ -106,7 +111,11 @@ def test_what_is_written_reads_back(read, tmp_path, beside):
 def test_from_arrays_and_frames():
     alone = Campaign.from_arrays(moment=MOMENT, acceleration=ACCELERATION, rate=RATE)
     both = Campaign.from_arrays(
-        force=MOMENT, displacement=ANGLE, acceleration=ACCELERATION / GRAVITY, rate=RATE, units={"acceleration": "g"}
+        force=MOMENT,
+        displacement=ANGLE,
+        acceleration=ACCELERATION / GRAVITY,
+        rate=RATE,
+        units={"acceleration": "g"},
     )
     assert alone.joint.motion == "rotation" and both.joint.motion == "translation"
     for campaign in (alone, both):
@@ -117,12 +126,17 @@ def test_from_arrays_and_frames():
     # Beside an angle it is used where it is named.
     frame["angle [rad]"] = ANGLE
     assert Campaign.from_frames({"r": frame}).runs[0].fusion is None
-    assert Campaign.from_frames({"r": frame}, columns={"acceleration": "acc [rad/s^2]"}).runs[0].fusion is not None
+    assert (
+        Campaign.from_frames({"r": frame}, columns={"acceleration": "acc [rad/s^2]"}).runs[0].fusion
+        is not None
+    )
 
 
 def test_init_takes_an_acceleration_where_there_is_no_angle(tmp_path):
     rows = np.column_stack([TIME, MOMENT, ACCELERATION])
-    np.savetxt(tmp_path / "4Hz.csv", rows, delimiter=",", header="time [s],moment [N*m],acc [rad/s^2]", comments="")
+    np.savetxt(
+        tmp_path / "4Hz.csv", rows, delimiter=",", header="time [s],moment [N*m],acc [rad/s^2]", comments=""
+    )
     draft = init(tmp_path).draft
     assert draft.channels["acceleration"] == '{ column = "acc [rad/s^2]", unit = "rad/s^2" }'
     assert "angle" not in draft.channels and draft.runs[0].frequency == pytest.approx(4)

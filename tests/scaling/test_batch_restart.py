@@ -106,7 +106,7 @@ def test_every_way_of_running_writes_the_same_bytes_though_a_worker_dies(done, j
     assert result.to_dict() == done[1].to_dict()
 
 
-def test_an_interruption_loses_the_campaign_in_hand_at_most(joints, tmp_path):
+def test_an_interruption_loses_the_campaign_in_hand_at_most(heard, joints, tmp_path):
     out = tmp_path / "out"
     command = [
         sys.executable,
