@@ -28,7 +28,6 @@ QUANTITIES = {
     "rad/s": "an angular rate, such as 'rad/s' or 'deg/s'",
     "m/s": "a velocity, such as 'm/s' or 'mm/s'",
     "rad/s**2": "an angular acceleration, such as 'rad/s^2'; of one in 'g' give gain = '5 rad/m', one over the radius",
-    "m/s**2": "an acceleration, such as 'm/s^2' or 'g'",
     "kg*m**2": "a moment of inertia, such as 'kg*m^2'",
     "kg": "a mass, such as 'kg'",
     "N*m**2": "a bending stiffness, such as 'N*m^2'",
