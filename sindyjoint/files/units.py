@@ -37,7 +37,7 @@ QUANTITIES = {
     "Pa": "a modulus, such as 'GPa'",
     "kg/m**3": "a density, such as 'kg/m^3'",
     "kg/m": "a mass per length, such as 'kg/m'",
-    "m/s**2": "an acceleration, such as 'm/s^2' or 'g_0'",
+    "m/s**2": "an acceleration, such as 'm/s^2' or 'g'",
 }
 
 # A quantity as a manifest writes it, by SI unit, where "5" of the unit would be no usual one.
