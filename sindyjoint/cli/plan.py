@@ -141,7 +141,7 @@ def plan(
             **given(
                 waveforms=tuple(waveforms) if waveforms else None,
                 share=None if share is None else _share(share, "--share"),
-                band=None if band is None else _span(band, "Hz", "--band"),
+                band=None if band is None else span(band, "Hz", "--band"),
                 sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
                 time=None if time is None else parse_quantity(time, "s", "--time"),
                 run_time=None if run_time is None else parse_quantity(run_time, "s", "--run-time"),
@@ -184,7 +184,7 @@ def _goal(text: str) -> str | dict[str, float]:
     return goals
 
 
-def _span(text: str, unit: str, where: str) -> tuple[float, float]:
+def span(text: str, unit: str, where: str) -> tuple[float, float]:
     """Return the ends of ``2..8 Hz`` in SI; the unit behind the second end is that of both."""
     from sindyjoint.errors import InputError
     from sindyjoint.files.units import conversion, split_quantity
@@ -233,4 +233,4 @@ def _ranges(texts: list[str]) -> dict[str, tuple[float, float]]:
 
     catalogue = load_catalogue("extended")
     pairs = [_parted(text, None, "--range") for text in texts]
-    return {name: _span(value, catalogue[name].unit, f"--range {name}") for name, value in pairs}
+    return {name: span(value, catalogue[name].unit, f"--range {name}") for name, value in pairs}

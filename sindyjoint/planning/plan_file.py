@@ -203,7 +203,7 @@ def play(
             sensors.sample_rate, run.duration, angle_limit=1.0,
         )  # fmt: skip
         if run.waveform == SINE:
-            moment, angle = test.ideal(run.frequency, run.level)
+            moment, angle, _ = test.ideal(run.frequency, run.level)
         else:
             moment, angle = _sum_of_tones(law, run, sensors.sample_rate)
         noise = sensors.analogue(moment, angle)
