@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.compare import compare
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
     from sindyjoint.workflows.discover import discover
+    from sindyjoint.workflows.discover_rig import discover_rig
     from sindyjoint.workflows.init import init
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
@@ -38,6 +39,7 @@ __all__ = [
     "diagnose",
     "diagnose_structure",
     "discover",
+    "discover_rig",
     "init",
     "load_campaign",
     "plan",
@@ -60,6 +62,7 @@ _HOMES = {
     "diagnose": "workflows.diagnose",
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
+    "discover_rig": "workflows.discover_rig",
     "init": "workflows.init",
     "plan": "workflows.plan",
     "simulate": "workflows.simulate",
