@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.changed import changed
     from sindyjoint.workflows.check import check
     from sindyjoint.workflows.compare import compare
+    from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
     from sindyjoint.workflows.discover import discover
     from sindyjoint.workflows.discover_rig import discover_rig
@@ -36,6 +37,7 @@ __all__ = [
     "changed",
     "check",
     "compare",
+    "curves",
     "diagnose",
     "diagnose_structure",
     "discover",
@@ -59,6 +61,7 @@ _HOMES = {
     "changed": "workflows.changed",
     "check": "workflows.check",
     "compare": "workflows.compare",
+    "curves": "workflows.curves",
     "diagnose": "workflows.diagnose",
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",

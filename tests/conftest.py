@@ -8,6 +8,7 @@ import os
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -116,10 +117,28 @@ class Folder:
 
 
 @pytest.fixture
+def heard():
+    """Hear Ctrl-C, here and in processes begun here, also where tests run in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
 def folder(tmp_path: Path) -> Folder:
     made = tmp_path / "campaign"
     made.mkdir()
     return Folder(made)
+
+
+@pytest.fixture
+def model_file(tmp_path: Path) -> Path:
+    """Return the file of the paper's model."""
+    from tests.made_models import paper_model
+
+    path = tmp_path / "model.json"
+    path.write_text(paper_model().to_json())
+    return path
 
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -12,6 +12,7 @@ BASE = {
     "errors",
     "inputs",
     "source",
+    "quasi_static",
     "record",
     "text",
     "policy",
@@ -20,6 +21,8 @@ BASE = {
     "checksums",
     "shown",
     "options",
+    "accelerometer",
+    "measured",
 }
 DOOR = BASE | {"rig", "files"}
 DATA = BASE | {"parallel", "threads", "clock", "states", "equation"}
@@ -35,7 +38,10 @@ ALLOWED = {
     "numeric": set(),
     "source": {"errors"},
     "inputs": {"errors"},
-    "record": {"errors", "text", "source", "inputs", "shown"},
+    "accelerometer": {"numeric", "source", "text"},
+    "quasi_static": {"errors"},
+    "record": {"errors", "text", "source", "inputs", "quasi_static", "shown", "accelerometer"},
+    "measured": {"errors", "source", "inputs", "quasi_static", "accelerometer", "record"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
     "threads": set(),
@@ -51,7 +57,7 @@ ALLOWED = {
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "bias": RESPONDS,
-    "substructure": DATA | DOOR | {"mechanics"},
+    "substructure": RESPONDS,
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "planning": (RESPONDS | {"bias", "paper", "shown"}),

@@ -26,6 +26,11 @@ class _Drive(StrEnum):
     displacement = "displacement"
 
 
+class _Accelerometer(StrEnum):
+    instead = "instead"
+    beside = "beside"
+
+
 class _Format(StrEnum):
     csv = "csv"
     tsv = "tsv"
@@ -112,6 +117,14 @@ def simulate(
     raw: Annotated[
         bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
     ] = default_of(TEST, "raw_channels"),
+    accelerometer: Annotated[
+        _Accelerometer | None,
+        typer.Option(help="Measure the acceleration instead of the angle, or beside it."),
+    ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(help="Drift of the angle's sensor over a run, as a fraction of the angle's RMS."),
+    ] = default_of(PLAN, "angle_drift"),
     format: Annotated[_Format, typer.Option(help="Format of the run files.")] = FORMAT,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     force: ForceOption = False,
@@ -175,6 +188,8 @@ def simulate(
         duration=duration,
         settling=settling,
         skew=skew,
+        accelerometer="" if accelerometer is None else accelerometer.value,
+        angle_drift=drift,
     )
     with Progress(quiet, verbose) as progress:
         count = len(test.frequencies) * len(test.levels) if listed is None else len(listed.runs)

@@ -10,7 +10,7 @@ import numpy as np
 
 from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis.advice import advise
-from sindyjoint.diagnosis.loop import Progress, add_effects
+from sindyjoint.diagnosis.loop import Progress, add_effects, other_members
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Say, Start
 from sindyjoint.diagnosis.result import Diagnosis, Step
@@ -61,25 +61,28 @@ def explain_gap(
     say: Say,
     advised: bool = True,
     without_advice: Callable[[Diagnosis], None] = lambda d: None,
+    refined: Callable[[P], tuple[P, tuple[str, ...]]] = lambda p: (p, ()),
 ) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given found a zero error, it is made again from the joint's own zero, and
     where something is left unexplained, from the best other start that the problem knows; the best end is used. Unless
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
-    before that begins.
+    before that begins. ``refined`` may give the last problem other numbers, and notes on that.
     """
     say("the gap")
     straight, steps = first.corrected()
     clock = ProcessorTime()
     with clock:
         best, note = _best_search(first, straight, steps, most, say, clock)
-    last = best.progress.problem.finished()
+    last, notes = refined(best.progress.problem.finished())
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
     final = best.gaps.final
     if last is not best.progress.problem:
-        # The figures belong to the model that is handed on.
+        # Figures and numbers belong to the model that is handed on.
         final = last.gap
+        numbers = {each.name: dict(each.parameters) for each in last.found}
+        steps = tuple(replace(s, parameters=numbers.get(s.effect, s.parameters)) for s in steps)
         steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
     found = {
         "verdict": best.verdict,
@@ -94,7 +97,7 @@ def explain_gap(
         "advice": (),
     }
     result = last.diagnosis(first, found)
-    result = replace(result, warnings=(*filter(None, note), *result.warnings))
+    result = replace(result, warnings=(*filter(None, note), *result.warnings, *notes))
     if not advised:
         return result
     if any(len(step.members) > 1 for step in steps):
@@ -139,11 +142,20 @@ def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTim
     initial, straight = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
     progress = add_effects(Progress(straight, before, start.steps), most + start.free, say, clock)
-    final = progress.steps[-1].gap_after if progress.steps else straight.gap
-    gaps = Gaps(initial, final, first.noise_floor, progress.problem.uncertainty())
-    residual = progress.problem.residual(start.before or straight)
+    end = _judged(first, start, progress)
+    if end.verdict != "partly_named":
+        return end
+    # The data hardly tell the members of a class apart; the one that they leave least of is the best of them.
+    others = (_judged(first, start, other) for other in other_members(progress))
+    return min((end, *others), key=lambda each: each.cost(first.policy))
+
+
+def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:
+    final = progress.steps[-1].gap_after if progress.steps else start.problem.gap
+    gaps = Gaps(first.initial_gap, final, progress.problem.floor(), progress.problem.uncertainty())
+    residual = progress.problem.residual(start.before or start.problem)
     verdict, reason = judge(progress.steps, residual, gaps, first.policy)
-    return Explained(start.before or straight, progress, residual, gaps, verdict, reason, start.words)
+    return Explained(start.before or start.problem, progress, residual, gaps, verdict, reason, start.words)
 
 
 def _compare_starts(given: Explained[P], best: Explained[P]) -> str:

@@ -15,6 +15,7 @@ from sindyjoint.reporting.results.campaign import CampaignView
 from sindyjoint.reporting.results.changed import ChangeView
 from sindyjoint.reporting.results.check import CheckView, wrap_findings
 from sindyjoint.reporting.results.comparison import ComparisonView
+from sindyjoint.reporting.results.curves import JointCurvesView, StructureCurvesView
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.results.plan import PlanView
@@ -37,6 +38,8 @@ VIEWS: tuple[View[Any, Any], ...] = (
     DiagnosisView(),
     BatchView(),
     RigView(),
+    JointCurvesView(),
+    StructureCurvesView(),
     ReproductionView(),
     ComparisonView(),
     ChangeView(),

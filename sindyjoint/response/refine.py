@@ -120,8 +120,10 @@ def refine(
         )
     if not (model.terms or model.elements):
         raise InputError("the model has no terms: there is nothing to refine; run discover first")
-    if any(term.inputs for term in model.terms):
-        reason = "not refined: the response of a law that depends on inputs is not fitted"
+    reason = "not refined: the response of a law that depends on inputs is not fitted"
+    if campaign.quasi_static:
+        reason = "not refined: the samples have no time, so that no response can be simulated"
+    if campaign.quasi_static or any(term.inputs for term in model.terms):
         return Refinement(model, False, reason, {}, {}, {}, ())
     states = campaign_states(campaign) if states is None else states
     kinds = tuple(dict.fromkeys(nuisance))

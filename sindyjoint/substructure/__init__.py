@@ -1,1 +1,1 @@
-"""The states of joints inside a structure, from the sensors of the structure."""
+"""Joint states from the sensors of a structure, and response curves by harmonic balance."""

@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.admissible import off_its_ends, off_the_ends
 from sindyjoint.diagnosis.campaign.candidates import fit_effects
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -44,13 +44,14 @@ def add_effect(
         others, again = _retested(work, [*others, best], others, candidates)
         for index, delay in enumerate(shifts):
             work, shifts[index] = _realigned(work, others, delay)
-    repaired = refit(work.rows, work.model, others, work.policy)
+    folded = all(run.folded for run in work.rows)
+    # Under weights of the model before, whose error the effect was, its terms do not stand out of their errors.
+    repaired = refit(work.rows, work.model, others, work.policy if folded else keeping(work.policy))
     work = work.again(repaired.model, repaired.effects)
-    if not all(run.folded for run in work.rows):
+    if not folded:
         # The rows are weighted anew by the residual, and with them the nonlinear parameters.
         effects = _refitted(replace(work, model=repaired.model), repaired.effects)
-        later = refit(work.rows, repaired.model, effects, work.policy)
-        repaired = replace(later, dropped=(*repaired.dropped, *later.dropped))
+        repaired = refit(work.rows, repaired.model, effects, work.policy)
     work = replace(work, model=repaired.model)
     return work, replace(repaired, effects=(*shifts, *repaired.effects)), again
 
