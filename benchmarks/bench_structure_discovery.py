@@ -34,8 +34,8 @@ STATIONS = {
                   "d": ("upper beam", 0.35), "e": ("upper beam", 0.5)},
     "four-panel-wing": {f"{panel} {at}": (f"panel {panel}", at) for panel in range(1, 5) for at in (0.45, 1.0)},
 }  # fmt: skip
-SINES = {"pulse-rig": (3.0, 3.6, 5.2, 6.0), "four-panel-wing": (1.0, 1.6, 2.6, 4.4)}
-BANDS = {"pulse-rig": (2.0, 12.0), "four-panel-wing": (0.5, 8.0)}
+SINES = {"pulse-rig": (3.0, 3.6, 5.2, 6.0), "four-panel-wing": (1.2, 4.4, 5.4, 6.4)}
+BANDS = {"pulse-rig": (2.0, 12.0), "four-panel-wing": (1.0, 9.0)}
 LEVELS = (1.0, 0.87, 0.75)
 LARGEST = 0.6  # of the softening limit
 NAMES = ("k1", "k2", "k3", "c1", "M_F")

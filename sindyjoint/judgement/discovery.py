@@ -192,6 +192,7 @@ def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
         rate=unknown,
         frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
         simulated=campaign.simulated,
+        mean_known=campaign.mean_known,
         quasi_static=campaign.quasi_static,
     )
     return Discovery(
