@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Generic
@@ -73,7 +73,7 @@ class Round(Generic[P]):
 
 def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | None = None) -> Progress[P]:
     """Add effects until the gap is noise, nothing explains it, or the count is reached, or the time on the clock."""
-    here, refused = start, frozenset[str]()
+    here, refused, been = start, frozenset[str](), [start]
     # Where a pair was begun: the first of it may win nothing until the second is there.
     begun: Progress[P] | None = None
     while True:
@@ -97,7 +97,24 @@ def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | 
         else:
             begun = None
         here = later
-    return without_begun_pair(here, begun)
+        been.append(here)
+    kept = without_begun_pair(here, begun)
+    return without_idle_end(been[: been.index(kept) + 1])
+
+
+def without_idle_end(been: Sequence[Progress[P]]) -> Progress[P]:
+    """Return the last progress less the effects at its end that hardly help, where a remainder is left in any case.
+
+    Beside what nothing explains such an effect stands in for a part of it.
+    """
+    *earlier, here = been
+    policy = here.problem.policy
+    if not earlier or not here.gap.moment > policy.within_floors * here.problem.floor().moment:
+        return here
+    pairs = zip(_figures(here.gap)[::2], _figures(earlier[-1].gap)[::2], strict=True)
+    if any(not later > (1 - policy.least_help) * before for later, before in pairs if np.isfinite(before)):
+        return here
+    return without_idle_end(earlier)
 
 
 def without_begun_pair(here: Progress[P], begun: Progress[P] | None) -> Progress[P]:
@@ -172,6 +189,8 @@ def _figures(gap: Gap) -> tuple[float, float, float]:
 def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: Gap) -> Progress[P]:
     """Return the progress with a step more; earlier ones under the names that they have beside it, or gone."""
     problem, rankings = added.problem, dict(here.rankings)
+    # What made another effect needless was ranked again, in its place.
+    ranking = added.again.get(ranking.fitted[0].name) or ranking
     steps = []
     for step in here.steps:
         again = added.again.get(step.effect)
@@ -186,6 +205,31 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     now = {f.name: f.parameters for f in problem.found}
     told = tuple(replace(s, parameters=now.get(s.effect, s.parameters)) for s in steps)
     return Progress(problem, after, told, rankings)
+
+
+def other_members(here: Progress[P]) -> Iterator[Progress[P]]:
+    """Yield the progress with the last effect replaced by another member of its class."""
+    last = here.steps[-1] if here.steps else None
+    ranking = here.rankings.get(last.effect) if last else None
+    if last is None or ranking is None:
+        return
+    for member in ranking.members:
+        if member.name == last.effect or here.problem.complaint(member):
+            continue
+        problem = here.problem.replaced(last.effect, member)
+        if problem is None or problem.complaint():
+            continue
+        order = sorted(range(len(ranking.fitted)), key=lambda i: ranking.fitted[i].name != member.name)
+        led = replace(
+            ranking,
+            fitted=tuple(ranking.fitted[i] for i in order),
+            probabilities=tuple(ranking.probabilities[i] for i in order),
+            members=tuple(sorted(ranking.members, key=lambda each: each.name != member.name)),
+        )
+        now = {f.name: f.parameters for f in problem.found}
+        step = replace(_step(problem, led, last.gap_before, problem.gap), parameters=now[member.name])
+        rankings = {name: each for name, each in here.rankings.items() if name != last.effect}
+        yield Progress(problem, problem.gap, (*here.steps[:-1], step), {**rankings, member.name: led})
 
 
 def _step(problem: P, ranking: Ranking[Any], before: Gap, after: Gap) -> Step:

@@ -113,6 +113,14 @@ class Problem(Protocol):
     def noise_floor(self) -> Gap:
         """What does not repeat."""
 
+    def replaced(self, name: str, other: Any) -> Self | None:
+        """Return the problem with one of its effects replaced by another one; None where that is not possible."""
+        return None
+
+    def floor(self) -> Gap:
+        """Return what noise leaves of the law: where its motion is measured, more than the noise of the channels."""
+        return self.noise_floor
+
     def uncertainty(self) -> Gap:
         """Return the gaps that noise alone leaves, beside the floor: numbers come from noisy data, and so do drives."""
         return Gap(0.0, 0.0)

@@ -247,7 +247,8 @@ class Diagnosis(Shown):
     search : AdviceSearch
         How far runs to advise were sought.
     uncertainty : Gap
-        What noise leaves of the numbers of the law, and of its drive, beside the floor; zero where not asked for.
+        What noise leaves of the numbers of the law, and of its drive, and the processing of its motion, beside the
+        floor; zero where not asked for.
     """
 
     verdict: str

@@ -62,7 +62,8 @@ class Gaps:
         Of the model as it was given, of the model with its effects, and of what does not repeat; NaN where a figure
         could not be had.
     uncertainty : Gap
-        What noise leaves of the law's own numbers, and of its drive, beside the floor.
+        What noise leaves of the law's own numbers and of its drive, and the processing of its motion, beside the
+        floor.
     """
 
     initial: Gap

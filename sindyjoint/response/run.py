@@ -103,6 +103,9 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
+        if self.states.method == "path":
+            # At a reversal a mean over both branches is no moment of either.
+            return self.moment_nrmse
         return rms(simulated - self.measured_response) / self.response_scale
 
     @property
@@ -167,7 +170,7 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
     the motion, and where an input moves the law within the run.
     """
-    if not law.inertia > 0 or isinstance(law, LawInRun):
+    if not law.inertia > 0 or isinstance(law, LawInRun) or states.method == "path":
         return "motion"
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
@@ -180,12 +183,14 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
 
 
 def prescribed(states: ForceStates, spurious: bool = False) -> bool:
-    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment.
+    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment; or a path.
 
     A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness. Of dozens of
     harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
     They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone.
     """
+    if states.method == "path":
+        return True
     if states.method != "periodic" or states.frequency is None:
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
@@ -253,20 +258,16 @@ def simulate_run(
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
-        moment, inner = transfer_moment(
-            law,
-            states.angle,
-            states.rate,
-            run.sample_rate,
-            acceleration=states.acceleration,
-            substeps=substeps,
-        )
+        moment, inner = along_motion(law, states, run.sample_rate, substeps)
         if isinstance(law, LawInRun):
             moment = moment + law.added
         if drive != "motion":
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
+            elif states.method != "periodic" and not states.repeated:
+                # Elsewhere they settle in a period that is not compared.
+                options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, span, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:
@@ -286,6 +287,22 @@ def simulate_run(
         inertia=law.inertia,
         failure=failure,
     )
+
+
+def along_motion(
+    law: Law, states: ForceStates, sample_rate: float, substeps: int = SUBSTEPS
+) -> tuple[Array, Array]:
+    """Return moment and internal states of a law along measured states, from the start of the record on."""
+    before = (np.empty(0), np.empty(0)) if states.lead is None else states.lead
+    size = before[0].size
+    angle, rate = (
+        np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
+    )
+    acceleration = np.concatenate([np.zeros(size), states.acceleration])
+    moment, inner = transfer_moment(
+        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps
+    )
+    return moment[size:], inner[:, size:]
 
 
 def settling(states: ForceStates) -> int:

@@ -22,6 +22,7 @@ from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+    from sindyjoint.mechanics.actuator import Actuator
     from sindyjoint.mechanics.rigs import Rig
 
 
@@ -54,6 +56,7 @@ def diagnose(
     max_effects: int = CAMPAIGN.most_effects,
     hold_out: Sequence[str] = (),
     advise: bool = True,
+    actuator: Actuator | None = None,
     before_advice: Callable[[Diagnosis], None] | None = None,
     refine: bool = False,
     random_state: Any = None,
@@ -91,6 +94,9 @@ def diagnose(
     advise : bool
         Whether runs are sought that would tell rivals apart; ``policy.advice_work`` and ``policy.advice_seconds`` end
         that early.
+    actuator : Actuator, optional
+        What makes further runs: those that it can make are advised. Default: any prescribed angle up to the largest
+        tested one, and moments where these drove.
     before_advice : callable, optional
         Called with the diagnosis, complete but for advice, before runs are sought; an interruption of that search then
         takes nothing with it.
@@ -129,6 +135,10 @@ def diagnose(
             say("simulating a virtual test with something hidden in it")
             campaign, hidden = hidden_campaign(random_state)
         campaign = kept_out(the_campaign(campaign, random_state), hold_out)
+        if campaign.quasi_static:
+            if align or refine:
+                raise InputError(f"align: {NO_DELAY}" if align else f"refine: {NO_RESPONSE}")
+            model = model if model is None else without_rate(model)[0]
         say("checking the data")
         checked = check_campaign(campaign, accept)
         if checked.stopping:
@@ -139,7 +149,7 @@ def diagnose(
         if delay is not None:
             usable = without_delay(usable, delay)
         usable, lags = _followed(usable, model)
-        problem = CampaignProblem.build(usable, model, base, known, policy)
+        problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
 
         def limited(result: Diagnosis) -> Diagnosis:
             noted = replace(result, warnings=(*result.warnings, *lag_notes(lags)))
@@ -168,7 +178,7 @@ def diagnose(
 
 def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
     """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
-    if not campaign.inputs:
+    if not campaign.inputs or campaign.quasi_static:
         return campaign, ()
     if model is not None:
         campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})

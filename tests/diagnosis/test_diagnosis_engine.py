@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis.strategies import booleans, floats, just, one_of, tuples
 
-from sindyjoint.diagnosis.loop import Outcome, Progress, add_effects, try_effect
+from sindyjoint.diagnosis.loop import Outcome, Progress, add_effects, other_members, try_effect
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
 from sindyjoint.diagnosis.problem import Added, Proposal
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
@@ -40,6 +40,14 @@ class Made:
     dropped: tuple = ()
     policy: object = CAMPAIGN
     impossible: tuple = ()
+    noise: float = 0.0001
+
+    def floor(self):
+        return Gap(self.noise, self.noise)
+
+    def replaced(self, name, other):
+        found = (*(f for f in self.found if f.name != name), other)
+        return replace(self, found=found, gap=other.gap)
 
     def propose(self, refused, pairs, say):
         open_ones = [c for c in self.candidates if c.name not in refused and c not in self.found]
@@ -138,7 +146,7 @@ def test_the_limits_of_the_policy_decide():
     assert added(candidates=(one,), policy=replace(CAMPAIGN, belief=1.1)) == []
     weak = replace(one, gap=Gap(0.99, 1.0, 1.0))
     assert added(candidates=(weak,)) == []
-    assert added(candidates=(weak,), policy=replace(CAMPAIGN, least_gain=0.005)) == ["one"]
+    assert added(candidates=(weak,), policy=replace(CAMPAIGN, least_gain=0.005), noise=1.0) == ["one"]
 
 
 def test_what_remains_is_a_share_of_the_mean_square_or_of_the_rms():
@@ -286,3 +294,27 @@ def test_the_shipped_laws_name_special_cases_that_are_there():
     for name, specials in nested.items():
         fewest = min(v.degrees for v in effects[name].variants)
         assert all(fewest > v.degrees for special in specials for v in effects[special].variants)
+
+
+def test_beside_a_remainder_an_effect_at_the_end_that_hardly_helps_is_no_name():
+    great = Effect("great", 900.0, Gap(0.5, 0.5, 0.5))
+    idle = Effect("idle", 500.0, Gap(0.48, 0.47, 0.4))
+    useful = Effect("useful", 400.0, Gap(0.48, 0.3, 0.4))
+    assert added(candidates=(great, idle)) == ["great"]
+    assert added(candidates=(great, useful)) == ["great", "useful"]
+    # Where no remainder is left it has explained the last of the gap.
+    assert added(candidates=(great, idle), noise=0.4) == ["great", "idle"]
+
+
+def test_the_members_of_the_last_class_are_tried_in_its_place():
+    first = Effect("first", 500.0, Gap(0.5, 0.5, 0.5))
+    alike = Effect("alike", 499.0, Gap(0.3, 0.4, 0.4))
+    problem = Made(candidates=(first, alike), impossible=("none",))
+    here = try_effect(Progress(problem, problem.gap), frozenset(), 1, lambda words: None).progress
+    assert set(here.steps[-1].members) == {"first", "alike"}
+    (other,) = other_members(here)
+    assert other.steps[-1].effect == "alike" and other.steps[-1].members == ("alike", "first")
+    assert other.gap.moment == other.steps[-1].gap_after.moment == 0.3
+    assert other.steps[-1].probability < 0.5 and set(other.rankings) == {"alike"}
+    refused = replace(here, problem=replace(here.problem, impossible=("alike",)))
+    assert not list(other_members(refused))

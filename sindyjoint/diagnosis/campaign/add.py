@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.admissible import off_its_ends, off_the_ends
 from sindyjoint.diagnosis.campaign.candidates import fit_effects
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -42,15 +42,17 @@ def add_effect(
         others, again = _retested(work, others, others, candidates)
     else:
         others, again = _retested(work, [*others, best], others, candidates)
+        others, again = _ranked_again(work, others, best, candidates, again)
         for index, delay in enumerate(shifts):
             work, shifts[index] = _realigned(work, others, delay)
-    repaired = refit(work.rows, work.model, others, work.policy)
+    folded = all(run.folded for run in work.rows)
+    # Under weights of the model before, whose error the effect was, its terms do not stand out of their errors.
+    repaired = refit(work.rows, work.model, others, work.policy if folded else keeping(work.policy))
     work = work.again(repaired.model, repaired.effects)
-    if not all(run.folded for run in work.rows):
+    if not folded:
         # The rows are weighted anew by the residual, and with them the nonlinear parameters.
         effects = _refitted(replace(work, model=repaired.model), repaired.effects)
-        later = refit(work.rows, repaired.model, effects, work.policy)
-        repaired = replace(later, dropped=(*repaired.dropped, *later.dropped))
+        repaired = refit(work.rows, repaired.model, effects, work.policy)
     work = replace(work, model=repaired.model)
     return work, replace(repaired, effects=(*shifts, *repaired.effects)), again
 
@@ -121,3 +123,18 @@ def _retested(
             moving = [best if f is each else f for f in moving]
             again[name] = ranking
     return moving, again
+
+
+def _ranked_again(
+    work: Work, moving: list[FittedEffect], best: FittedEffect, candidates: Sequence[Effect], again: Retested
+) -> tuple[list[FittedEffect], Retested]:
+    """Rank the effect that was added among all candidates where it made an earlier one needless."""
+    if None not in again.values():
+        return moving, again
+    others = [f for f in moving if f.name != best.name]
+    problem, taken = work.regression(others), {f.name for f in others}
+    trial = [e for e in candidates if e.id not in taken and e.enters != "time shift"]
+    ranking = off_the_ends(problem, rank_effects(problem, fit_effects(problem, trial)))
+    if 1 - ranking.nothing < work.policy.belief:
+        return moving, again
+    return [*others, ranking.fitted[0]], {**again, best.name: ranking}

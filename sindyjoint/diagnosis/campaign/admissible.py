@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, evidence_scale, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, all_columns
+from sindyjoint.diagnosis.campaign.repair import FRICTION, Repaired, all_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -18,7 +18,6 @@ from sindyjoint.diagnosis.ranking import Ranking, weights_of
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.text import spelled
 
-FRICTION = "friction"
 YIELD = "theta_y"  # what the angle at which a slider yields is called in the catalogue
 SLOW = 0.05  # of the largest rate: below it a sign is noise
 
@@ -89,18 +88,20 @@ def _inner_bounds(fitted: FittedEffect, reference: Reference, policy: DiagnosisP
 
 
 def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun]) -> str:
-    """Return whether a slider sticks in most half-cycles of the measured motion: it is then a spring, and no slider.
+    """Return whether a slider sticks along most of the way of the measured motion: it is then a spring, and no slider.
 
-    Of sliders with a sharp limit: smooth hysteresis dissipates long before it yields.
+    Of sliders with a sharp limit: smooth hysteresis dissipates long before it yields. Half-cycles count by their
+    stroke: between pulls a motion that hardly moves turns round many times.
     """
     if YIELD not in fitted.variant.names or all(state.limit is None for state in fitted.variant.states):
         return ""
     limit = fitted.values[fitted.variant.names.index(YIELD)]
-    strokes = [np.abs(np.diff(_reversals(run))) for run in runs]
-    half = np.concatenate(strokes) / 2 if strokes else np.empty(0)
-    if half.size and np.median(half) < limit:
-        share = 100 * np.mean(half < limit)
-        return f"{spelled(fitted.name)} would not yield in {share:.0f} % of the half-cycles: that is a spring"
+    strokes = np.concatenate([np.abs(np.diff(_reversals(run))) for run in runs] or [np.empty(0)])
+    stuck = float(strokes[strokes / 2 < limit].sum() / max(strokes.sum(), 1e-300))
+    if stuck > 0.5:
+        return (
+            f"{spelled(fitted.name)} would not yield along {100 * stuck:.0f} % of the way: that is a spring"
+        )
     return ""
 
 

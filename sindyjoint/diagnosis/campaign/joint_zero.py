@@ -47,7 +47,7 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
         return None
     if not others and last.gap.moment <= straight.policy.within_floors * last.noise_floor.moment:
         return None
-    middle, gain = _best_zero(straight, constant, centred)
+    middle, gain = _best_zero(straight, last.work.rows, constant, centred)
     if not middle or gain < straight.policy.needless_gain * straight.policy.temper:
         return None
     later = _counted_from(straight, middle)
@@ -74,18 +74,23 @@ def _has_middle(effect: Effect) -> bool:
     )
 
 
-def _best_zero(straight: Problem, constant: Effect, candidates: Sequence[Effect]) -> tuple[float, float]:
-    """Return the zero at which one candidate explains most, and how much more than without a shift."""
+def _best_zero(
+    straight: Problem, rows: Sequence[GapRun], constant: Effect, candidates: Sequence[Effect]
+) -> tuple[float, float]:
+    """Return the zero at which one candidate explains most, and how much more than without a shift.
+
+    By rows that are weighted by what the search has left: beside the error of the first model a zero is not seen.
+    """
     work = straight.work
     always = FittedEffect(constant, constant.variants[0], np.empty(0), np.ones(1), 0.0)
-    largest = max(float(np.abs(run.angle).max()) for run in work.rows)
+    largest = max(float(np.abs(run.angle).max()) for run in rows)
 
     def gain(zero: float, effects: Sequence[Effect]) -> float:
-        rows = [_shifted(run, zero) for run in work.rows]
-        problem = GapRegression.build(rows, work.model, [always], work.policy)
+        shifted = [_shifted(run, zero) for run in rows]
+        problem = GapRegression.build(shifted, work.model, [always], work.policy)
         return max(fit_effect(problem, effect).gain for effect in effects)
 
-    begin, spacing = rest_angle(work.rows, work.model), REACH * largest / (POINTS // 2)
+    begin, spacing = rest_angle(rows, work.model), REACH * largest / (POINTS // 2)
     places = [begin + spacing * k for k in range(-(POINTS // 2), POINTS // 2 + 1)]
     gains = {(place, e.id): gain(place, [e]) for place in places for e in candidates}
     best, name = max(gains, key=lambda each: gains[each])
@@ -118,6 +123,7 @@ def _counted_from(straight: Problem, zero: float) -> Problem:
         work=later,
         repaired=Repaired(model, ()),
         zero=straight.zero + zero,
+        candidates=tuple(each for each in straight.candidates if each.id != ZERO),
         states=tuple(_counted(s, zero) for s in straight.states),
     )
 

@@ -20,11 +20,11 @@ from sindyjoint.diagnosis.campaign.admissible import (
 from sindyjoint.diagnosis.campaign.candidates import fit_effects
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
-from sindyjoint.diagnosis.campaign.joint_zero import zero_start
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
-from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, response_error
+from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
@@ -55,6 +55,7 @@ from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.soundness.identifiability import identifiability_notes
@@ -89,6 +90,8 @@ class CampaignProblem(Problem):
         The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
     notes : tuple of str
         On the form of its elements.
+    actuator : Actuator, optional
+        That makes further runs.
     """
 
     work: Work
@@ -100,6 +103,7 @@ class CampaignProblem(Problem):
     zero: float = 0.0
     refined: JointModel | None = None
     notes: tuple[str, ...] = ()
+    actuator: Actuator | None = None
 
     @classmethod
     def build(
@@ -109,6 +113,7 @@ class CampaignProblem(Problem):
         base: Any,
         effects: Sequence[Effect],
         policy: DiagnosisPolicy,
+        actuator: Actuator | None = None,
     ) -> CampaignProblem:
         """Return the problem of a campaign, and of a model or the terms of a library fitted to it."""
         share = policy.rate_share
@@ -124,6 +129,7 @@ class CampaignProblem(Problem):
             # In segments, drifts of the channels are effects like others.
             drift=find_drift(whole, states, policy) if len(parts) == len(states) else None,
             may_start_anew=model is None and base is None,
+            actuator=actuator,
         )
 
     @property
@@ -167,13 +173,23 @@ class CampaignProblem(Problem):
         """Noise of the runs of which the gap is told; NaN where it is not known."""
         return noise_floor(self.work)
 
+    @cached_property
+    def _motion_errors(self) -> tuple[float, float]:
+        return motion_errors(self.work, self.repaired.model, self.found)
+
+    def floor(self) -> Gap:
+        """Return the noise floor with what noise of the motion adds by the slopes of the law."""
+        known = self.noise_floor
+        return replace(known, moment=float(np.hypot(known.moment, self._motion_errors[0])))
+
     def uncertainty(self) -> Gap:
-        """Return the gaps that noise leaves by the numbers of the law; of the response where it is in question."""
+        """Return the gaps that the true law leaves by its numbers, its drive and the processing of its motion."""
         model, effects, floor = self.repaired.model, self.found, self.noise_floor.response
         response = 0.0
         if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor:
             response = response_error(self.work, model, effects)
-        return Gap(left_out_error(self.work, model, effects), response)
+        moment = np.hypot(left_out_error(self.work, model, effects), self._motion_errors[1])
+        return Gap(float(moment), response)
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:
         """Return the problem with a drifting channel put right, and the step that this is."""
@@ -192,7 +208,11 @@ class CampaignProblem(Problem):
         return straight, (_drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
-        """Return the candidates in order of probability, a clearly better pair before the best single effect."""
+        """Return the candidates in order of probability, a clearly better pair before the best single effect.
+
+        Of a displacement counted from the joint's own zero the moment may have a zero error, too: where nothing else is
+        believed, that one is tried without the errors of columns found before, which are those of laws.
+        """
         taken = {*refused, *(each.name for each in self.found)}
         candidates = [effect for effect in self.candidates if effect.id not in taken]
         say(f"trying {len(candidates)} effects")
@@ -208,7 +228,11 @@ class CampaignProblem(Problem):
             beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
             if beside.fitted[0].name == first.name:
                 return Proposal(off_the_ends(both, beside), paired=True)
-        return Proposal(off_the_ends(problem, rank_effects(problem, fitted)))
+        ranking = off_the_ends(problem, rank_effects(problem, fitted))
+        if 1 - ranking.nothing < self.policy.belief and self.zero:
+            constant = [each for each in fitted if each.name == CONSTANT]
+            ranking = rank_effects(replace(problem, inherited=0.0), constant) if constant else ranking
+        return Proposal(ranking)
 
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
@@ -224,6 +248,14 @@ class CampaignProblem(Problem):
         """Return the problem with an effect more, everything fitted together."""
         work, repaired, again = add_effect(self.work, self.found, best, self.candidates)
         return Added(replace(self, work=work, repaired=repaired), again)
+
+    def replaced(self, name: str, other: FittedEffect) -> Self | None:
+        """Return the problem with one of its effects replaced by another one, everything fitted together."""
+        others = [f for f in self.found if f.name != name]
+        if other.shifts or len(others) == len(self.found):
+            return None
+        work, repaired, _ = add_effect(self.work, others, other, ())
+        return replace(self, work=work, repaired=repaired)
 
     def units(self, fitted: FittedEffect) -> dict[str, str]:
         """Return the units of an effect's parameters."""
@@ -315,6 +347,7 @@ class CampaignProblem(Problem):
             float(np.nan_to_num(first.noise_floor.moment)) ** 2,
             processing_error(first.work),
             total - self.gap.moment**2,
+            measured=first.work.campaign.quasi_static,
         )
 
     def places(self) -> tuple[Place, ...]:
@@ -326,7 +359,8 @@ class CampaignProblem(Problem):
         self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
     ) -> tuple[Advice, ...]:
         """Return the runs that would tell the members of a class apart."""
-        return separating_runs(self.work, self.found, step, [f.effect for f in ranking.members[1:]], effort)
+        rivals = [f.effect for f in ranking.members[1:]]
+        return separating_runs(self.work, self.found, step, rivals, effort, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""

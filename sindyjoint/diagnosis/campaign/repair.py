@@ -19,6 +19,8 @@ from sindyjoint.response.model_law import with_coefficients
 
 Array = NDArray[np.float64]
 
+FRICTION = "friction"  # the family
+
 
 @dataclass(frozen=True, eq=False)
 class Repaired:
@@ -49,7 +51,8 @@ def refit(
 ) -> Repaired:
     """Estimate terms and effects together; drop terms that the effects made needless, the least first.
 
-    A term is needless that beside them neither stands out of its error nor carries a share of the moment.
+    A term is needless that carries no share of the moment beside them, and does not stand out of its error or is
+    friction that pushes.
     """
     dropped: list[str] = []
     while True:
@@ -57,10 +60,9 @@ def refit(
         size = model.coefficients.size
         ratio = np.abs(coefficients[:size]) / np.sqrt(np.diag(covariance)[:size])
         share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
-        weak = [
-            i for i in range(size) if ratio[i] < policy.needless_ratio and share[i] < policy.needless_share
-        ]
-        if not effects or not weak or size <= 1:
+        pushing = coefficients[:size] < [0.0 if t.family == FRICTION else -np.inf for t in model.terms]
+        weak = np.flatnonzero((pushing | (ratio < policy.needless_ratio)) & (share < policy.needless_share))
+        if not effects or not weak.size or size <= 1:
             break
         least = min(weak, key=lambda i: ratio[i])
         dropped.append(model.terms[least].id)
@@ -72,6 +74,11 @@ def refit(
         later.append(replace(each, coefficients=coefficients[k : k + width]))
         k += width
     return Repaired(model, tuple(later), tuple(dropped), covariance)
+
+
+def keeping(policy: DiagnosisPolicy) -> DiagnosisPolicy:
+    """Return a policy under which no term becomes needless."""
+    return replace(policy, needless_share=0.0)
 
 
 def _solve(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> tuple[Array, Array]:
@@ -109,8 +116,8 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
 def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()) -> float:
     """Return where the elastic moment of the terms and a constant, fitted beside effects, is zero; rad.
 
-    Nearest to the middle; zero where there is no such angle, and where it is not known: without a linear stiffness
-    about it, or where terms and effects leave much of the moment.
+    Nearest to the middle; zero where there is no such angle, and where it is not known: where no linear stiffness
+    stands out of its error about it, or where terms and effects leave much of the moment.
     """
     from sindyjoint.equation.formula import compile_terms
 
@@ -121,7 +128,10 @@ def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fitt
     plain = [np.column_stack([base_columns(model, r), np.ones(r.target.size)]) for r in runs]
     own = np.vstack([run.white(rows) for run, rows in zip(runs, plain, strict=True)])
     columns = np.hstack([own, *(effect_rows(runs, e) for e in beside)])
-    solved, _ = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    solved, covariance = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    place = model.ids.index("linear_stiffness")
+    if not solved[place] > CAMPAIGN.needless_ratio * np.sqrt(covariance[place, place]):
+        return 0.0
     moment = np.concatenate([run.target for run in runs])
     whole = [
         np.hstack([rows, *(e.variant.along(r.motion, e.values) for e in beside)])

@@ -137,8 +137,12 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
     moments, motion = _strided_motion(states, model, rows)
     record = np.where(states.moving[::every], moments, np.nan)
     sigma = np.full(rows.size, float(np.hypot(states.noise.moment, error)))
-    factor, variance = kernel_noise_factor(states, model, motion, rows * every, sigma)
-    noise = float(np.mean(variance)) - error**2
+    factor, variance = (
+        (sigma[None], sigma**2)
+        if states.method == "path"
+        else kernel_noise_factor(states, model, motion, rows * every, sigma)
+    )
+    noise = max(float(np.mean(variance)) - error**2, 0.0)
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     band = Band(kernel, rows) if model.inertia else None
     return GapRun(
@@ -153,7 +157,7 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
         noise,
         band,
         record=record,
-        noise_share=max(noise, 0.0) / float(np.mean(variance)),
+        noise_share=noise / float(np.mean(variance)),
     )
 
 
