@@ -28,7 +28,6 @@ QUANTITIES = {
     "rad/s": "an angular rate, such as 'rad/s' or 'deg/s'",
     "m/s": "a velocity, such as 'm/s' or 'mm/s'",
     "rad/s**2": "an angular acceleration, such as 'rad/s^2'; of one in 'g' give gain = '5 rad/m', one over the radius",
-    "m/s**2": "an acceleration, such as 'm/s^2' or 'g'",
     "kg*m**2": "a moment of inertia, such as 'kg*m^2'",
     "kg": "a mass, such as 'kg'",
     "N*m**2": "a bending stiffness, such as 'N*m^2'",
@@ -38,6 +37,7 @@ QUANTITIES = {
     "Pa": "a modulus, such as 'GPa'",
     "kg/m**3": "a density, such as 'kg/m^3'",
     "kg/m": "a mass per length, such as 'kg/m'",
+    "m/s**2": "an acceleration, such as 'm/s^2' or 'g'",
 }
 
 # A quantity as a manifest writes it, by SI unit, where "5" of the unit would be no usual one.

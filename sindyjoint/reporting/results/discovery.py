@@ -226,8 +226,8 @@ def over_table(over: OverInput) -> TextTable:
         )
         for row in over.coefficients
     )
-    columns = ("", "unit", *over.headings, "with levels apart")
-    return TextTable(f"over_{over.name}", f"The law over {over.label}", columns, rows)
+    columns = ("", "unit", *map(pretty_unit, over.headings), "with levels apart")
+    return TextTable(f"over_{over.name}", f"The law over {over.label}", columns, rows, text=("unit",))
 
 
 def _paper_lines(result: Discovery) -> str:
