@@ -9,6 +9,7 @@ import pytest
 from sindyjoint.cli import main
 from sindyjoint.files.writers import ENCODERS
 from sindyjoint.reporting.output import write_results
+from sindyjoint.reporting.record_exports import StructureRecord
 from sindyjoint.workflows.discover_rig import discover_rig
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test
@@ -103,6 +104,7 @@ def test_a_structure_by_its_matrices_from_the_command_line(folder, found, capsys
         main(["discover", f"{folder}/rig.toml", "--json", "-q", "--random-state", "0"])
     assert ended.value.code == 0
     record = json.loads(capsys.readouterr().out)
+    assert StructureRecord.model_validate(record)
     terms = {term["id"]: term["coefficient"] for term in record["laws"][0]["discovery"]["terms"]}
     assert terms == pytest.approx(
         {t.id: t.coefficient for t in found.laws[0].discovery.model.terms}, rel=1e-6
@@ -112,7 +114,9 @@ def test_a_structure_by_its_matrices_from_the_command_line(folder, found, capsys
 def test_the_page_shows_laws_and_sensors(found, tmp_path):
     write_results(found, tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "joint/report.html" in page and "times their noise" in page and "without the sensor" in page
+    assert (
+        "joint/report.html" in page and "times their noise" in page and "when a sensor is taken away" in page
+    )
     assert json.loads((tmp_path / "out" / "structure.json").read_text())["sensors"][0]["name"] == "x1"
 
 
