@@ -1,6 +1,6 @@
 """No angle is measured, or it drifts: an accelerometer on the joint, alone or beside a displacement sensor.
 
-    python examples/14_accelerometer.py [folder for the picture]
+    python examples/12_accelerometer.py [folder for the picture]
 
 The same joint is tested three times at 1 % noise: with the angle's sensor, with an accelerometer instead of it, and
 with both, the angle's sensor drifting by about half of what it measures. Sensors are fused by their noise at each
@@ -44,5 +44,5 @@ ax.set(xlabel="Time (s)", ylabel="Angle θ (mrad)")
 ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 folder.mkdir(parents=True, exist_ok=True)
-fig.savefig(folder / "14_accelerometer.png", dpi=110)
-print(f"picture: {folder / '14_accelerometer.png'}")
+fig.savefig(folder / "12_accelerometer.png", dpi=110)
+print(f"picture: {folder / '12_accelerometer.png'}")
