@@ -34,7 +34,7 @@ PAIRS = (
     ("amplitude_dependent_damping", "position_dependent_friction"),
     ("quadratic_damping", "cubic_damping"),
 )
-NOISE = 0.01
+NOISE, SIZE = 0.02, 0.04  # of each channel; of the moment, that the effect adds
 FACTOR = 4.0  # by which the actuator's band is wider than the campaign's
 
 
@@ -49,7 +49,7 @@ def made(hidden: Hidden, run: PlannedRun, index: int):
 def one(pair: tuple[str, str], truth: str, seed: int) -> dict:
     """Return what a pair comes to on a joint in which one of it is true."""
     # Even and odd seeds are driven by a moment and by an angle; the planned runs prescribe the angle.
-    hidden = hide(truth, seed, noise=NOISE)
+    hidden = hide(truth, seed, SIZE, NOISE)
     effects, policy = chosen_effects(pair), dict(max_effects=1, advise=False, random_state=0)
     first = diagnose(hidden.campaign, effects=effects, **policy)
     members = next((s.members for s in first.steps), ())

@@ -34,8 +34,12 @@ STATIONS = {
                   "d": ("upper beam", 0.35), "e": ("upper beam", 0.5)},
     "four-panel-wing": {f"{panel} {at}": (f"panel {panel}", at) for panel in range(1, 5) for at in (0.45, 1.0)},
 }  # fmt: skip
-SINES = {"pulse-rig": (3.0, 3.6, 5.2, 6.0), "four-panel-wing": (1.0, 1.6, 2.6, 4.4)}
-BANDS = {"pulse-rig": (2.0, 12.0), "four-panel-wing": (0.5, 8.0)}
+# Frequencies, Hz, and the force, N, at which the paper's joints come near the wanted angle.
+SINES = {
+    "pulse-rig": {3.0: 4.4, 3.6: 2.6, 5.2: 5.2, 6.0: 10.0},
+    "four-panel-wing": {1.2: 0.92, 4.4: 3.4, 5.4: 2.4, 6.4: 6.5},
+}
+BANDS = {"pulse-rig": (2.0, 12.0), "four-panel-wing": (1.0, 9.0)}
 LEVELS = (1.0, 0.87, 0.75)
 LARGEST = 0.6  # of the softening limit
 NAMES = ("k1", "k2", "k3", "c1", "M_F")
@@ -86,9 +90,9 @@ def find_force(structure, at, sensors, drive, recorder, start):
 
 def drives_of(name, structure, at, sensors, recorder, kind):
     """Return twelve sines or three multisines."""
-    drives, start = [], 1.0
+    drives = []
     if kind == "sine":
-        for frequency in SINES[name]:
+        for frequency, start in SINES[name].items():
             drive = Drive("trial", "sine", 1.0, frequency)
             top = find_force(structure, at, sensors, drive, recorder, start)
             drives += [
@@ -97,7 +101,7 @@ def drives_of(name, structure, at, sensors, recorder, kind):
             ]
         return drives
     drive = Drive("trial", "multisine", 1.0, 0.5, BANDS[name])
-    top = find_force(structure, at, sensors, drive, recorder, 3 * start)
+    top = find_force(structure, at, sensors, drive, recorder, 3.0)
     return [
         Drive(f"multisine {level:g}", "multisine", level * top, 0.5, BANDS[name], level=f"{level:g}")
         for level in LEVELS

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
     from sindyjoint.workflows.discover import discover
+    from sindyjoint.workflows.discover_rig import discover_rig
     from sindyjoint.workflows.init import init
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
@@ -40,6 +41,7 @@ __all__ = [
     "diagnose",
     "diagnose_structure",
     "discover",
+    "discover_rig",
     "init",
     "load_campaign",
     "plan",
@@ -63,6 +65,7 @@ _HOMES = {
     "diagnose": "workflows.diagnose",
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
+    "discover_rig": "workflows.discover_rig",
     "init": "workflows.init",
     "plan": "workflows.plan",
     "simulate": "workflows.simulate",

@@ -14,24 +14,26 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.accelerometer import Fusion, fuse, unknown_means
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, check_inputs, signals_of
-from sindyjoint.quasi_static import along_path
 from sindyjoint.shown import Shown
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
-from sindyjoint.text import control_character, printable
+from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
 
 MINIMUM_SAMPLES = 32
+# Channels of a run with an accelerometer, beside which its angle is that of all sensors.
+MEASURED_ANGLE, MEASURED_RATE = "measured angle", "measured rate"
 WITHOUT_TIME = (
     "the samples have no time: candidates are terms and elements without rate; inertia, damping, frequency and delay "
     "are not judged"
 )
 
 
-def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
+def checked_signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
     """Return a read-only float64 copy of a one-dimensional finite signal."""
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1:
@@ -121,6 +123,8 @@ class Run:
         Of the channels that were read from a file.
     inputs : mapping of str to array_like, shape (n,), or float
         What else the law may depend on, SI, at the same instants; a number stands for all of them.
+    fusion : Fusion, optional
+        The sensors of a run with an accelerometer, whose angle is that of all of them.
     quasi_static : bool
         Whether the samples lie at even steps of the travelled path, which then takes the place of time:
         ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.quasi_static`.
@@ -146,14 +150,35 @@ class Run:
     valid: NDArray[np.bool_] | None = None
     file_units: tuple[FileUnit, ...] = ()
     inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    fusion: Fusion | None = None
     quasi_static: bool = False
+
+    def with_channels(self, signals: Mapping[str, Any]) -> Run:
+        """Return the run with other values of its :attr:`channels`, the angle of several sensors fused anew."""
+        if self.fusion is None:
+            return replace(self, **signals)
+        sensors = self.channels | dict(signals)
+        moment, angle, fusion = fuse(
+            sensors["moment"] + self.fusion.constant, sensors["acceleration"], self.sample_rate,
+            sensors.get(MEASURED_ANGLE), sensors.get(MEASURED_RATE), self.frequency, self.noise,
+        )  # fmt: skip
+        return replace(self, moment=moment, angle=angle, fusion=fusion)
+
+    @property
+    def channels(self) -> dict[str, NDArray[np.float64]]:
+        """Channels by name: moment, angle and perhaps rate; of a run with an accelerometer also its sensors."""
+        found = {"moment": self.moment, "angle": self.angle, "rate": self.rate}
+        if self.fusion is not None:
+            found |= {"acceleration": self.fusion.acceleration, MEASURED_ANGLE: self.fusion.angle}
+            found[MEASURED_RATE] = self.fusion.rate
+        return {name: values for name, values in found.items() if values is not None}
 
     def __post_init__(self) -> None:
         _check_texts("run", (self.name, self.level))
         for name in ("moment", "angle", "rate"):
             values = getattr(self, name)
             if values is not None:
-                object.__setattr__(self, name, _signal(name, values, self.name))
+                object.__setattr__(self, name, checked_signal(name, values, self.name))
         n = self.angle.size
         for name in ("moment", "rate"):
             values = getattr(self, name)
@@ -226,54 +251,6 @@ class Run:
     def duration(self) -> float:
         """Length of the record, s."""
         return self.n_samples / self.sample_rate
-
-
-def travelled_run(
-    name: str,
-    moment: ArrayLike,
-    angle: ArrayLike,
-    inputs: Mapping[str, Any],
-    noise: SensorNoise = SensorNoise(),
-    **known: Any,
-) -> Run:
-    """Return a run of quasi-static samples, in their order, at even steps of the path that they travel.
-
-    Parameters
-    ----------
-    name : str
-    moment, angle : array_like, shape (n,)
-    inputs : mapping of str to array_like, shape (n,), or float
-    noise : SensorNoise
-        Of single samples.
-    **known
-        Of :class:`Run`: level, use, ...
-
-    Raises
-    ------
-    InputError
-        For signals that cannot be used, and a joint that does not move.
-    """
-    moment, angle = _signal("moment", moment, name), _signal("angle", angle, name)
-    if moment.size != angle.size or angle.size < MINIMUM_SAMPLES:
-        raise InputError(
-            f"run {name!r}: {moment.size} moments and {angle.size} angles; expected equal lengths, at least "
-            f"{MINIMUM_SAMPLES}"
-        )
-    try:
-        path = along_path(moment, angle, signals_of(name, inputs, angle.size))
-    except InputError as error:
-        raise InputError(f"run {name!r}: {error}") from error
-    return Run(
-        name,
-        path.moment,
-        path.angle,
-        1 / path.step,
-        valid=path.valid,
-        noise=noise.scaled(path.averaged**-0.5),
-        inputs=path.inputs,
-        quasi_static=True,
-        **known,
-    )
 
 
 def _some(runs: tuple[Run, ...]) -> list[str]:
@@ -353,7 +330,14 @@ class Campaign(Shown):
     def warnings(self) -> tuple[str, ...]:
         """What every report on the campaign says first."""
         simulated = "the campaign is simulated (a virtual test), not measured"
-        return (*[simulated] * self.simulated, *[WITHOUT_TIME] * self.quasi_static, *self.notes)
+        said = (*[simulated] * self.simulated, *[WITHOUT_TIME] * self.quasi_static, *self.notes)
+        runs = {run.name: run.fusion for run in self.runs}
+        return (*said, *unknown_means(runs, quantities(self.joint.motion)))
+
+    @property
+    def mean_known(self) -> bool:
+        """Whether the mean angle of all runs was measured: an accelerometer does not see it."""
+        return all(run.fusion is None or run.fusion.mean_known for run in self.runs)
 
     def __repr__(self) -> str:
         virtual = "simulated " if self.simulated else ""

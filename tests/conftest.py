@@ -9,7 +9,9 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 import signal
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -131,6 +133,40 @@ def folder(tmp_path: Path) -> Folder:
     return Folder(made)
 
 
+@pytest.fixture
+def model_file(tmp_path: Path) -> Path:
+    """Return the file of the paper's model."""
+    from tests.made_models import paper_model
+
+    path = tmp_path / "model.json"
+    path.write_text(paper_model().to_json())
+    return path
+
+
+@pytest.fixture
+def bound_by_permissions() -> Iterator[tuple[Path, Callable[[], AbstractContextManager]]]:
+    """Return a new folder, and what makes permission bits bind this process for a while: the superuser is nobody."""
+    superuser = hasattr(os, "geteuid") and os.geteuid() == 0
+
+    @contextmanager
+    def bound() -> Iterator[None]:
+        if superuser:
+            os.seteuid(NOBODY)
+        try:
+            yield
+        finally:
+            if superuser:
+                os.seteuid(0)
+
+    # A folder of pytest's own may be entered by its owner only.
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        if superuser:
+            os.chown(folder, NOBODY, -1)
+        yield folder, bound
+
+
+NOBODY = 65534
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 

@@ -21,6 +21,8 @@ BASE = {
     "checksums",
     "shown",
     "options",
+    "accelerometer",
+    "measured",
 }
 DOOR = BASE | {"rig", "files"}
 DATA = BASE | {"parallel", "threads", "clock", "states", "equation"}
@@ -36,8 +38,10 @@ ALLOWED = {
     "numeric": set(),
     "source": {"errors"},
     "inputs": {"errors"},
+    "accelerometer": {"numeric", "source", "text"},
     "quasi_static": {"errors"},
-    "record": {"errors", "text", "source", "inputs", "quasi_static", "shown"},
+    "record": {"errors", "text", "source", "inputs", "quasi_static", "shown", "accelerometer"},
+    "measured": {"errors", "source", "inputs", "quasi_static", "accelerometer", "record"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
     "threads": set(),

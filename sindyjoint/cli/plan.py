@@ -33,6 +33,7 @@ BAND = "{:g}..{:g} Hz".format(*default_of(PLAN, "band"))
 SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
 CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
+READ = {"moment": "N*m", "angle": "rad"}
 
 
 def plan(
@@ -62,6 +63,15 @@ def plan(
         list[str] | None,
         typer.Option(
             help="As a share of each channel's RMS, or of one: 'angle=2 urad'. [the campaign's, or 1 %]"
+        ),
+    ] = None,
+    resolution: Annotated[
+        list[str] | None, typer.Option(help="Steps of a reading: 'angle=1 urad'. May be repeated.")
+    ] = None,
+    waveforms: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--waveform", help="Among which is chosen: sine, two-tone-3, two-tone-5, triangle. [sine]"
         ),
     ] = None,
     rate: Annotated[str | None, typer.Option(help="Sampling rate. [the campaign's, or 1000 Hz]")] = None,
@@ -121,6 +131,7 @@ def plan(
             drive=drive.value,
             limits=_quantities(limits or [], CHANNELS, "--limit"),
             goal=_goal(goal),
+            resolution=_quantities(resolution or [], READ, "--resolution"),
             effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
             diagnosis=diagnosis,
             terms=tuple(terms or ()),
@@ -128,6 +139,7 @@ def plan(
             random_state=random_state,
             progress=progress.say,
             **given(
+                waveforms=tuple(waveforms) if waveforms else None,
                 share=None if share is None else _share(share, "--share"),
                 band=None if band is None else span(band, "Hz", "--band"),
                 sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
@@ -208,8 +220,7 @@ def _quantities(texts: list[str], known: Mapping[str, str], where: str) -> dict[
 def _noise(texts: list[str]) -> dict[str, Any]:
     """Return the noise as the options of a plan."""
     shares = [text for text in texts if "=" not in text]
-    known = {name: unit for name, unit in CHANNELS.items() if name != "rate"}
-    named = _quantities([text for text in texts if "=" in text], known, "--noise")
+    named = _quantities([text for text in texts if "=" in text], READ, "--noise")
     options = {f"{name}_noise": value for name, value in named.items()}
     return options | ({"noise": _share(shares[-1], "--noise")} if shares else {})
 

@@ -13,7 +13,7 @@ from sindyjoint.diagnosis.advice import advise
 from sindyjoint.diagnosis.loop import Progress, add_effects, other_members
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Say, Start
-from sindyjoint.diagnosis.result import Diagnosis, Step
+from sindyjoint.diagnosis.result import Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import UNKNOWN, Gaps, Residual, discount, judge
 from sindyjoint.text import percent, spelled
 
@@ -48,11 +48,16 @@ class Explained(Generic[P]):
         return self.verdict in ("nothing_missing", "named", "ambiguous")
 
     def cost(self, policy: DiagnosisPolicy) -> float:
-        """Return the mean logarithm of the final gaps, and what each number of the law costs."""
-        figures = np.array([self.gaps.final.moment, self.gaps.final.response])
-        known = figures[np.isfinite(figures)]
-        misfit = float(np.mean(np.log(np.maximum(known, 1e-300))))
-        return misfit + policy.number_cost * self.progress.problem.numbers
+        """Return the :func:`cost_of` its end."""
+        return cost_of(self.gaps.final, self.progress.problem, policy)
+
+
+def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:
+    """Return the mean logarithm of a final gap, and what each number of the law costs."""
+    figures = np.array([gap.moment, gap.response])
+    known = figures[np.isfinite(figures)]
+    misfit = float(np.mean(np.log(np.maximum(known, 1e-300))))
+    return misfit + policy.number_cost * problem.numbers
 
 
 def explain_gap(
@@ -146,8 +151,9 @@ def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTim
     if end.verdict != "partly_named":
         return end
     # The data hardly tell the members of a class apart; the one that they leave least of is the best of them.
-    others = (_judged(first, start, other) for other in other_members(progress))
-    return min((end, *others), key=lambda each: each.cost(first.policy))
+    ends = (progress, *other_members(progress))
+    best = min(ends, key=lambda each: cost_of(each.problem.gap, each.problem, first.policy))
+    return end if best is progress else _judged(first, start, best)
 
 
 def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:

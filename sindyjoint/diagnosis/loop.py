@@ -189,6 +189,8 @@ def _figures(gap: Gap) -> tuple[float, float, float]:
 def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: Gap) -> Progress[P]:
     """Return the progress with a step more; earlier ones under the names that they have beside it, or gone."""
     problem, rankings = added.problem, dict(here.rankings)
+    # What made another effect needless was ranked again, in its place.
+    ranking = added.again.get(ranking.fitted[0].name) or ranking
     steps = []
     for step in here.steps:
         again = added.again.get(step.effect)

@@ -86,7 +86,12 @@ def heading(model: JointModel, target: str) -> list[str]:
         f"Equation: {equation(model)}",
         f"Tested up to {fitted.angle:.6g} {words.angle_unit} and {_rate(model)}; RMS "
         f"{words.moment} {fitted.moment_rms:.6g} {words.moment_unit}"
-        + ("; from simulated tests" if fitted.simulated else ""),
+        + ("; from simulated tests" if fitted.simulated else "")
+        + (
+            ""
+            if fitted.mean_known
+            else f"; about the mean {words.angle} of the tests, which was not measured"
+        ),
     ]
 
 

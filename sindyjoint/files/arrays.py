@@ -21,8 +21,9 @@ from sindyjoint.files.stated_units import unit_in_name
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import with_range
+from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.options import refuse_unknown
-from sindyjoint.record import Campaign, Joint, Motion, Run, Use, travelled_run
+from sindyjoint.record import Campaign, Joint, Motion, Use
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,7 @@ def campaign_from_arrays(
     angle: Any = None,
     force: Any = None,
     displacement: Any = None,
+    acceleration: Any = None,
     time: Any = FOUND,
     rate: float | str | None = None,
     units: Mapping[str, str] | None = None,
@@ -62,6 +64,8 @@ def campaign_from_arrays(
         Of a joint that rotates: one run, or one entry for each run.
     force, displacement : array_like, shape (n,), or a sequence of these
         Of a joint that slides, instead of the two above.
+    acceleration : array_like, shape (n,), or a sequence of these, optional
+        Of the joint's motion, instead of angle or displacement, or beside it.
     time : array_like, shape (n,), or a sequence of these, optional
         Sampling instants; ``None``: there are none, the samples are quasi-static and have only an order.
     rate : float or str, optional
@@ -91,14 +95,18 @@ def campaign_from_arrays(
     InputError, UnitError
         For arrays, units or options that cannot be used.
     """
-    given = {"moment": moment, "angle": angle, "force": force, "displacement": displacement}
+    given = {
+        "moment": moment, "angle": angle, "force": force, "displacement": displacement, "acceleration": acceleration,
+    }  # fmt: skip
     present = [key for key, values in given.items() if values is not None]
-    if present not in (["moment", "angle"], ["force", "displacement"]):
+    ways = [["moment", "angle"], ["force", "displacement"]]
+    ways += [[way[0], *more, "acceleration"] for way in ways for more in ([], way[1:])]
+    if present not in ways:
         raise InputError(
             f"arrays were given of {', '.join(present) or 'nothing'}; expected moment and angle, or force and "
-            "displacement"
+            "displacement; acceleration instead of angle or displacement, or beside it"
         )
-    motion: Motion = "rotation" if "angle" in present else "translation"
+    motion: Motion = "rotation" if "moment" in present else "translation"
     stated = {key: KEYS[motion][CHANNELS[key]][1] for key in present} | {"time": "s"}
     refuse_unknown("units", units or {}, [*stated, *(inputs or {})])
     stated |= dict(units or {})
@@ -126,6 +134,7 @@ def campaign_from_arrays(
         frames, units=stated, rate=rate, frequency=frequency, level=level, use=use, name=name, inertia=inertia,
         motion=motion, simulated=simulated, inputs=inputs, references=references,
         time=time if time is None else FOUND,
+        columns=None if acceleration is None else {"acceleration": "acceleration"},
     )  # fmt: skip
 
 
@@ -156,7 +165,8 @@ def campaign_from_frames(
     units : mapping of str to str, optional
         Unit of each column by its name; where the name states it (``"angle [mrad]"``) it may be left out.
     columns : mapping of str to str, optional
-        Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``.
+        Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``. An acceleration
+        beside an angle is used where it is named here.
     motion : {"rotation", "translation"}, optional
     rate, frequency, level, use, name, inertia, simulated, inputs, references
         As for :func:`campaign_from_arrays`; of an input also the name of a column.
@@ -186,20 +196,20 @@ def campaign_from_frames(
     if doubts.questions:
         question = next(iter(doubts.questions.values()))
         raise InputError(f"{question.text} Give columns={{{question.key!r}: ...}} (guess: {question.guess})")
-    peaks = [float(np.ptp(run["angle"])) / 2 for run, _ in runs]
-    labels = name_levels([""] * len(runs), peaks, KEYS[found]["angle"][1]) if level is None else level
+    quantity = "angle" if all("angle" in run for run, _ in runs) else "acceleration"
+    peaks = [float(np.ptp(run[quantity] if quantity in run else run["angle"])) / 2 for run, _ in runs]
+    labels = name_levels([""] * len(runs), peaks, KEYS[found][quantity][1]) if level is None else level
     made = []
     for i, (title, (signals, sample_rate)) in enumerate(zip(frames, runs, strict=True)):
         known: dict[str, Any] = {"level": _of(labels, i, len(runs)), "use": _of(use, i, len(runs))}
-        moment, angle, asked = signals["moment"], signals["angle"], _of(frequency, i, len(runs))
+        asked = _of(frequency, i, len(runs))
         if time is None:
             asked = None if asked == FOUND else asked
+            moment, angle = signals["moment"], signals["angle"]
             made.append(travelled_run(title, moment, angle, values[i], frequency=asked, **known))
             continue
         known["frequency"] = _frequency(asked, signals, sample_rate, title)
-        made.append(
-            Run(title, moment, angle, sample_rate, rate=signals.get("rate"), inputs=values[i], **known)
-        )
+        made.append(measured_run(title, signals, sample_rate, inputs=values[i], **known))
     joint = Joint(name, found, _inertia(inertia, found))
     return Campaign(
         joint, tuple(made), simulated=simulated, inputs=with_range(declared, made, references or {})
@@ -284,7 +294,8 @@ def _signals(
 
 def _frequency(given: Any, signals: Mapping[str, ArrayLike], rate: float, title: str) -> float | None:
     if given == FOUND:
-        return find_frequency(np.asarray(signals["angle"]), np.asarray(signals["moment"]), rate, title)
+        motion = np.asarray(signals["angle"] if "angle" in signals else signals["acceleration"])
+        return find_frequency(motion, np.asarray(signals["moment"]), rate, title)
     return parse_quantity(given, "Hz", "frequency") if isinstance(given, str) else given
 
 

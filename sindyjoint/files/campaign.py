@@ -18,7 +18,8 @@ from sindyjoint.files.readers import read_table, sha256_of
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.record import Campaign, Joint, Motion, Run, travelled_run
+from sindyjoint.measured import measured_run, travelled_run
+from sindyjoint.record import Campaign, Joint, Motion, Run
 from sindyjoint.source import LongRecord, Source
 
 CHANNEL_KEYS = tuple(key for keys in KEYS.values() for name, (key, _) in keys.items() if name != "inertia")
@@ -178,8 +179,10 @@ class _RunLoader:
             if channels.time == "none":
                 made = travelled_run(name, signals["moment"], signals["angle"], inputs, noise)
             else:
-                made = Run(name, signals["moment"], signals["angle"], rate, rate=signals.get("rate"),
-                           valid=signals.get("valid"), noise=noise, inputs=inputs)  # fmt: skip
+                valid = signals.get("valid")
+                made = measured_run(
+                    name, signals, rate, valid=valid, noise=noise, inputs=inputs, frequency=frequency
+                )
             run = replace(
                 made,
                 frequency=frequency,

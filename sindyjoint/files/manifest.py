@@ -90,6 +90,14 @@ class Channel(StrictTable):
         return self
 
 
+class AccelerationChannel(Channel):
+    """A measured acceleration."""
+
+    delay: str | None = Field(
+        default=None, description="Time by which it lags the other channels; it is removed on reading."
+    )
+
+
 class TimeChannel(StrictTable):
     """The column of time stamps."""
 
@@ -124,6 +132,10 @@ class Channels(StrictTable):
     )
     rate_of_displacement: Channel | None = Field(
         default=None, description="Measured velocity; translation only."
+    )
+    acceleration: AccelerationChannel | None = Field(
+        default=None,
+        description="Measured acceleration of the joint's motion, instead of angle or displacement or beside it.",
     )
     skew: str | None = Field(
         default=None, description="Time by which moment or force lags; it is removed on reading."

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.mechanics.actuator import SINE
 from sindyjoint.planning.information import (
     Information,
     Sensors,
@@ -50,6 +51,7 @@ class Making:
     until: float | None
     random_state: int
     say: Say
+    waveforms: tuple[str, ...] = (SINE,)
 
     @property
     def _goal(self) -> str:
@@ -61,7 +63,9 @@ class Making:
         drawn = joint.draws(POLICY.joints, self.random_state)
         laws = [model_law(one) for one in (*joint.corners(), *drawn)]
         middle = model_law(joint.model)
-        offered, grid = candidates(laws, middle, self.actuator, duration, unit, say=self.say)
+        offered, grid = candidates(
+            laws, middle, self.actuator, duration, unit, waveforms=self.waveforms, say=self.say
+        )
         choice = self._choice(offered, drawn)
         self.say("choosing runs")
         now = self._now(choice)
@@ -85,7 +89,7 @@ class Making:
         for frequency, swing in self.known.runs:
             near = min((run.frequency for run in offered), key=lambda f: abs(f - frequency))
             top = max((run for run in offered if run.frequency == near), key=lambda run: run.level)
-            share = swing / (np.ptp(motion(law, top.drive, near, top.level).angle) / 2)
+            share = swing / (np.ptp(motion(law, top.drive, near, top.level, waveform=top.waveform).angle) / 2)
             made.append((frequency, str(int(np.argmin(np.abs(np.array(POLICY.levels) - share))))))
         return tuple(made)
 

@@ -47,6 +47,8 @@ class _SensorEntry(BaseModel):
     noise: float = 0.01
     moment_noise: str | None = None
     angle_noise: str | None = None
+    moment_resolution: str | None = None
+    angle_resolution: str | None = None
 
 
 class _PlanEntry(BaseModel):
@@ -77,6 +79,8 @@ def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
     for name, units in UNITS.items():
         noise = getattr(sensors, name)
         lines += [f'{name}_noise = "{noise!r} {units[slides]}"'] * (noise is not None)
+        step = getattr(sensors, f"{name}_resolution")
+        lines += [f'{name}_resolution = "{step!r} {units[slides]}"'] * (step is not None)
     for run in runs:
         lines += [
             "",
@@ -120,9 +124,10 @@ def read_plan(path: str | Path) -> RunList:
         runs.append(PlannedRun(one.drive, one.waveform, frequency, level, unit, duration))
     given: dict[str, Any] = {}
     for name in UNITS:
-        text = getattr(entry.sensors, f"{name}_noise")
-        if text is not None:
-            given[name], _ = _parse(text, name, f"{place}: {name}_noise")
+        for key, of in ((f"{name}_noise", name), (f"{name}_resolution", f"{name}_resolution")):
+            text = getattr(entry.sensors, key)
+            if text is not None:
+                given[of], _ = _parse(text, name, f"{place}: {key}")
     rate = parse_quantity(entry.sensors.rate, "Hz", f"{place}: rate")
     return RunList(tuple(runs), Sensors(rate, entry.sensors.noise, **given))
 
@@ -142,6 +147,11 @@ def drive_signal(run: PlannedRun, sample_rate: float) -> tuple[NDArray[np.float6
     """Return time (s) and what is prescribed (N·m or rad), each of shape (n,)."""
     time = np.arange(round(run.duration * sample_rate)) / sample_rate
     return time, tones(run.waveform, run.level, run.frequency)(time)
+
+
+def _in_steps(signal: NDArray[np.float64], step: float | None) -> NDArray[np.float64]:
+    """Return a reading in steps of the resolution."""
+    return signal if step is None else np.asarray(np.round(signal / step) * step)
 
 
 def _sum_of_tones(law: Law, run: PlannedRun, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -185,6 +195,7 @@ def play(
         When the joint passes its softening limit.
     """
     rng = np.random.default_rng(random_state)
+    steps = (sensors.moment_resolution, sensors.angle_resolution)
     made = []
     for number, run in enumerate(runs, 1):
         test = VirtualTest(
@@ -192,15 +203,16 @@ def play(
             sensors.sample_rate, run.duration, angle_limit=1.0,
         )  # fmt: skip
         if run.waveform == SINE:
-            moment, angle = test.ideal(run.frequency, run.level)
+            moment, angle, _ = test.ideal(run.frequency, run.level)
         else:
             moment, angle = _sum_of_tones(law, run, sensors.sample_rate)
-        noise = sensors.of(moment, angle)
+        noise = sensors.analogue(moment, angle)
         shares = [
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)
         ]
         moment, angle = (
-            Channel(share).read(x, rng) for share, x in zip(shares, (moment, angle), strict=True)
+            _in_steps(Channel(share).read(x, rng), step)
+            for share, x, step in zip(shares, (moment, angle), steps, strict=True)
         )
         made.append(
             Run(

@@ -107,10 +107,10 @@ def _check_softening(law: Law, angle: Array) -> None:
         raise SimulationError("the prescribed angle passes the softening limit of the joint")
 
 
-def within_limits(law: Law, actuator: Actuator, frequency: float, level: float) -> bool:
+def within_limits(law: Law, actuator: Actuator, frequency: float, level: float, waveform: str = SINE) -> bool:
     """Return whether a joint stays within the actuator's limits, and off its softening limit, from rest on."""
     try:
-        moved = motion(law, actuator.drive, frequency, level)
+        moved = motion(law, actuator.drive, frequency, level, waveform=waveform)
     except SimulationError:
         return False
     low, high = (POLICY.softening_share * end for end in softening_limit(law))
@@ -123,7 +123,7 @@ def within_limits(law: Law, actuator: Actuator, frequency: float, level: float) 
     )
 
 
-def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float) -> float:
+def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float, waveform: str = SINE) -> float:
     """Return the highest amplitude that keeps every joint within the limits, N·m or rad.
 
     Raises
@@ -135,7 +135,7 @@ def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float) -> 
 
     def allowed(level: float) -> bool:
         for index, law in enumerate(order):
-            if not within_limits(law, actuator, frequency, level):
+            if not within_limits(law, actuator, frequency, level, waveform):
                 # The joint that is limited first is asked first the next time.
                 order.insert(0, order.pop(index))
                 return False
@@ -182,6 +182,7 @@ def candidates(
     duration: float,
     unit: str,
     policy: PlanningPolicy = POLICY,
+    waveforms: Sequence[str] = (SINE,),
     say: Callable[[str], None] = lambda stage: None,
 ) -> tuple[tuple[PlannedRun, ...], tuple[PlannedRun, ...]]:
     """Return the runs to choose from, and the plain grid of three frequencies and three levels.
@@ -198,6 +199,8 @@ def candidates(
     unit : str
         Of what is prescribed.
     policy : PlanningPolicy
+    waveforms : sequence of str
+        Among which is chosen; the grid is of sines.
     say : callable
     """
     low, high = actuator.band
@@ -206,16 +209,20 @@ def candidates(
     plain = _rounded(np.linspace(low, high, 3 if several else 1))
     found, grid = [], []
     for frequency in sorted({*frequencies, *plain}):
-        say(f"highest level at {frequency:g} Hz")
-        top = highest_level(laws, actuator, frequency)
-        level_of = _levels(middle, actuator.drive, frequency, top)
+        for waveform in dict.fromkeys((*waveforms, SINE)):
+            say(f"highest level at {frequency:g} Hz")
+            top = highest_level(laws, actuator, frequency, waveform)
+            level_of = _levels(middle, actuator.drive, frequency, top, waveform)
 
-        def planned(share: float, frequency: float = frequency, level_of: Any = level_of) -> PlannedRun:
-            return PlannedRun(actuator.drive, SINE, frequency, level_of(share), unit, duration)
+            def planned(
+                share: float, frequency: float = frequency, level_of: Any = level_of, waveform: str = waveform
+            ) -> PlannedRun:
+                return PlannedRun(actuator.drive, waveform, frequency, level_of(share), unit, duration)
 
-        found += [planned(share) for share in policy.levels]
-        if frequency in plain:
-            grid += [planned(share) for share in policy.grid_levels]
+            if waveform in waveforms:
+                found += [planned(share) for share in policy.levels]
+            if waveform == SINE and frequency in plain:
+                grid += [planned(share) for share in policy.grid_levels]
     return tuple(found), tuple(grid)
 
 
@@ -223,13 +230,17 @@ def _rounded(values: Array) -> list[float]:
     return [float(f"{value:.3g}") for value in values]
 
 
-def _levels(law: Law, drive: Drive, frequency: float, top: float) -> Callable[[float], float]:
+def _levels(
+    law: Law, drive: Drive, frequency: float, top: float, waveform: str = SINE
+) -> Callable[[float], float]:
     """Return what gives the level that moves a joint by a share of what the highest one does."""
     levels = top * np.linspace(0.0, 1.0, CURVE + 1)
     reached = levels
     if drive == "moment":
         # Friction holds the joint up to a level that is not small beside the highest.
-        moved = [float(np.abs(motion(law, drive, frequency, x).angle).max()) for x in levels[1:]]
+        moved = [
+            float(np.abs(motion(law, drive, frequency, x, waveform=waveform).angle).max()) for x in levels[1:]
+        ]
         reached = np.maximum.accumulate(np.array([0.0, *moved]))
 
     def level(share: float) -> float:

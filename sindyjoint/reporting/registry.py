@@ -21,6 +21,7 @@ from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.results.plan import PlanView
 from sindyjoint.reporting.results.reproduction import ReproductionView
 from sindyjoint.reporting.results.rig import RigView
+from sindyjoint.reporting.results.structure_joints import StructureJointsView
 from sindyjoint.reporting.results.verification import RefinementView, VerificationView
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
@@ -45,6 +46,7 @@ VIEWS: tuple[View[Any, Any], ...] = (
     CampaignView(),
     CheckView(),
     PlanView(),
+    StructureJointsView(),
 )
 _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
 #: Views of what is saved, by the mark in the file, that of an earlier version too.

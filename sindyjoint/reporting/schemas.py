@@ -62,6 +62,7 @@ def _records() -> dict[str, type[BaseModel]]:
         "batch": tables.BatchRecord,
         "joint": tables.JointRecord,
         "changed": exports.ChangeRecord,
+        "structure": exports.StructureRecord,
         "reproduction": tables.ReproductionRecord,
         "tables": tables.PrintedTablesRecord,
     }

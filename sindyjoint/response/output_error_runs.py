@@ -216,11 +216,11 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
     That of a series is in the coefficients of its harmonics, √(2/n)·σ each; elsewhere white noise went through the
     smoothing kernels.
     """
-    n, level = states.n_samples, states.noise.angle
+    n = states.n_samples
     if states.method == "periodic" and states.frequency is not None:
         orders = np.arange(1, max(1, round(states.bandwidth / states.frequency)) + 1)
         angular = 2 * np.pi * states.frequency * orders
-        size = level * np.sqrt(2.0 / n)
+        size = states.white_noise(states.frequency * orders) * np.sqrt(2.0 / n)
         a, b = size * generator.standard_normal((2, orders.size))
         cosine, sine = (f(np.outer(states.time, angular)) for f in (np.cos, np.sin))
         angle = cosine @ a + sine @ b
@@ -228,8 +228,8 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
         acceleration = -cosine @ (angular**2 * a) - sine @ (angular**2 * b)
     else:
         kernels = smoothing_kernels(states.bandwidth, states.sample_rate)
-        white = level * generator.standard_normal(n + kernels[0].size - 1)
-        angle, rate, acceleration = (np.convolve(white, kernel, mode="valid") for kernel in kernels)
+        noise = states.draw_angle_noise(n + kernels[0].size - 1, generator)
+        angle, rate, acceleration = (np.convolve(noise, kernel, mode="valid") for kernel in kernels)
     return replace(
         states,
         angle=states.angle + angle,

@@ -107,6 +107,11 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
         warnings.append(
             f"the model is of the joint {model.joint.name!r}, the campaign of {campaign.joint.name!r}"
         )
+    if not model.fitted.mean_known and campaign.mean_known:
+        line = in_words_of(
+            campaign.joint.motion, "the mean angle was not measured where the model was fitted"
+        )
+        warnings.append(f"{line}: it holds about the mean position there, the campaign has another zero")
     declared = campaign.joint.inertia
     if declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia):
         line = in_words_of(campaign.joint.motion, "the campaign declares the inertia")

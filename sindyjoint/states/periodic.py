@@ -96,6 +96,8 @@ def periodic_states(
         moving &= run.valid[start:stop]
     moment = run.moment[start:stop]
     moment_noise = max(repeat_noise(moment, run.sample_rate, frequency, moving), run.noise.moment or 0.0)
+    # That of one sensor is not the noise of the angle of several.
+    declared = (run.noise.angle or 0.0) if run.fusion is None else 0.0
     return ForceStates(
         run=run.name,
         frequency=frequency,
@@ -109,9 +111,7 @@ def periodic_states(
         moving=moving,
         block=np.repeat(np.arange(edges.size - 1), np.diff(edges)),
         replicate=replicate,
-        noise=NoiseFloor(
-            moment_noise, max(angle.noise, run.noise.angle or 0.0), rate_noise, acceleration_noise
-        ),
+        noise=NoiseFloor(moment_noise, max(angle.noise, declared), rate_noise, acceleration_noise),
         method="periodic",
         bandwidth=angle.highest,
         dropped=start / run.sample_rate,
@@ -119,6 +119,7 @@ def periodic_states(
         guard=guard,
         series=series,
         inputs=filtered_inputs(run.inputs, slice(start, stop), angle.highest, run.sample_rate),
+        fusion=run.fusion,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +52,9 @@ class Solution:
         return moved
 
 
-def solve(system: System, start: Array, scale: Array, normal: Array) -> tuple[Array, Array, int] | None:
+def solve(
+    system: System, start: Array, scale: Array, normal: Array, most: int = ITERATIONS
+) -> tuple[Array, Array, int] | None:
     """Solve a system in the hyperplane through the start by Newton's method; None where that does not converge.
 
     Parameters
@@ -64,9 +66,11 @@ def solve(system: System, start: Array, scale: Array, normal: Array) -> tuple[Ar
         Size of each unknown.
     normal : ndarray, shape (n + 1,)
         Of the scaled unknowns.
+    most : int
+        Newton steps.
     """
     y = start.copy()
-    for count in range(1, ITERATIONS + 1):
+    for count in range(1, most + 1):
         residual, jacobian = system(y)
         bordered = np.vstack([jacobian * scale, normal])
         try:
@@ -85,7 +89,7 @@ def solve(system: System, start: Array, scale: Array, normal: Array) -> tuple[Ar
 
 def follow(
     system: System,
-    start: Array,
+    starts: Iterable[Array],
     scale: Callable[[Array], Array],
     *,
     step: float = 0.02,
@@ -101,8 +105,8 @@ def follow(
     ----------
     system : callable
         See :func:`solve`.
-    start : ndarray, shape (n + 1,)
-        Near the first point, which has the same parameter.
+    starts : iterable of ndarray, shape (n + 1,)
+        Guesses of the first point, the best first; all have its parameter.
     scale : callable
         Unknowns → size of each.
     step, longest, shortest : float
@@ -115,13 +119,18 @@ def follow(
     SimulationError
         Where no solution is found.
     """
-    sizes = scale(start)
-    normal = np.zeros(start.size)
-    normal[-1] = 1.0
-    found = solve(system, start, sizes, normal)
+    found, sizes = None, np.zeros(0)
+    for start in starts:
+        sizes = np.maximum(sizes, scale(start)) if sizes.size else scale(start)
+        normal = np.zeros(sizes.size)
+        normal[-1] = 1.0
+        found = solve(system, start, sizes, normal, 3 * ITERATIONS)
+        if found is not None:
+            break
     if found is None:
         raise SimulationError("harmonic balance finds no solution at the beginning of the curve", time=0.0)
     y, jacobian, _ = found
+    sizes = scale(y)
     tangent = _tangent(jacobian * sizes, normal)
     for _ in range(most):
         yield Solution(y, jacobian, tangent, sizes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,9 @@ from sindyjoint.substructure.modes import sizes_of_unknowns
 from sindyjoint.substructure.varied import Varied
 
 Array = NDArray[np.float64]
+
+# Where a force begins to rise that arrives at the first point of a curve, as a share of it.
+FIRST_FORCE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +124,7 @@ def frequency_response(
     def system(y: Array) -> tuple[Array, Array]:
         residual, jacobian = balance.residual(y[:-1], y[-1], force)
         step = STEP * y[-1]
-        ahead, _ = balance.residual(y[:-1], y[-1] + step, force)
+        ahead, _ = balance.residual(y[:-1], y[-1] + step, force, slopes=False)
         return residual, np.column_stack([jacobian, (ahead - residual) / step])
 
     def scale(y: Array) -> Array:
@@ -129,7 +133,9 @@ def frequency_response(
 
     low, high = (2 * np.pi * end for end in band)
     points: list[Solution] = []
-    for point in follow(system, np.append(_stuck_response(balance, low, force), low), scale):
+    for point in follow(
+        system, (np.append(guess, low) for guess in _first_guesses(balance, low, force)), scale
+    ):
         if not low * (1 - 1e-9) <= point.unknowns[-1] <= high:
             break
         points.append(point)
@@ -142,16 +148,34 @@ def frequency_response(
         errors = np.array([_error_across(balance, point, varied, force) for point in points])
     return ForcedResponse(
         force, np.array([p.unknowns[-1] for p in points]) / (2 * np.pi), np.abs(deflection), np.angle(deflection),
-        angle, np.array([p.tangent[-1] > 0 for p in points]), *errors.T,
+        angle, np.array([p.tangent[-1] > 0 for p in points]),
+        errors[:, 0], errors[:, 1],
         np.all(angle <= np.reshape(tested, (-1, 1)), axis=0),
     )  # fmt: skip
 
 
-def _stuck_response(balance: Balance, omega: float, force: float) -> Array:
-    """Return the response with all joints stuck."""
-    unknowns = np.zeros(balance.size)
-    unknowns[-2:] = np.linalg.solve(balance.linear(omega)[-2:, -2:], [force, 0.0])
-    return unknowns
+def _first_guesses(balance: Balance, omega: float, force: float) -> Iterator[Array]:
+    """Yield the response with all joints stuck, without friction, and as a force arrives that rises from small."""
+    linear, first = balance.linear(omega), balance.first
+    push = np.zeros(first.size)
+    push[-2] = force
+    stuck, sliding = np.zeros(balance.size), np.zeros(balance.size)
+    stuck[-2:] = np.linalg.solve(linear[-2:, -2:], push[-2:])
+    springs = np.diag(np.append(np.repeat(balance.tangents, 2), [0.0, 0.0]))
+    sliding[first] = np.linalg.solve(linear[np.ix_(first, first)] + springs, push)
+    yield from (stuck, sliding)
+
+    def system(y: Array) -> tuple[Array, Array]:
+        residual, jacobian = balance.residual(y[:-1], omega, y[-1])
+        column = np.zeros(balance.size)
+        column[-2] = -1.0
+        return residual, np.column_stack([jacobian, column])
+
+    sizes = np.append(sizes_of_unknowns(balance, 1, float(np.hypot(*sliding[-2:]))), force)
+    for point in follow(system, [np.append(FIRST_FORCE * stuck, FIRST_FORCE * force)], lambda y: sizes):
+        if point.unknowns[-1] >= force:
+            yield point.unknowns[:-1]
+            return
 
 
 def _error_across(balance: Balance, point: Solution, varied: Varied, force: float) -> Array:

@@ -138,7 +138,7 @@ class Balance:
         """Return half of the peak-to-peak angle of each joint, rad, shape (joints,)."""
         return np.asarray(np.ptp(self.angles(unknowns), axis=1) / 2)
 
-    def _dynamic(self, omega: float, growth: float, orders: Array) -> Complex:
+    def _dynamic(self, omega: float, growth: float, orders: NDArray[Any]) -> Complex:
         """Return D_h = K − (hΩ)²·M + i·h·(η·K − Ω·ξ·M), η·K being the loss, shape (orders, n, n)."""
         h = orders[:, None, None]
         share = omega / self.viscous_from if self.viscous_from else 1.0
@@ -189,18 +189,20 @@ class Balance:
         """Return the complex amplitude of the reported point's first harmonic, m."""
         return complex(self.output @ self.first_harmonic(unknowns, omega))
 
-    def moments(self, unknowns: Array, omega: float) -> list[PeriodMoment]:
-        """Return what each joint transfers over a period."""
+    def moments(self, unknowns: Array, omega: float, slopes: bool = True) -> list[PeriodMoment]:
+        """Return what each joint transfers over a period; without slopes its derivatives are zero."""
         to_time, _, derive = self._matrices
         to_rate = omega * to_time @ derive
         width = 2 * self.harmonics + 1
         return [
-            period_moment(law, (to_time @ own, to_rate @ own), (to_time, to_rate), 2 * np.pi / omega)
+            period_moment(
+                law, (to_time @ own, to_rate @ own), (to_time, to_rate) if slopes else None, 2 * np.pi / omega
+            )
             for law, own in zip(self.laws, unknowns[:-2].reshape(-1, width), strict=True)
         ]
 
     def residual(
-        self, unknowns: Array, omega: float, force: float = 0.0, growth: float = 0.0
+        self, unknowns: Array, omega: float, force: float = 0.0, growth: float = 0.0, slopes: bool = True
     ) -> tuple[Array, Array]:
         """Return what is out of balance, and its derivatives by the unknowns.
 
@@ -213,6 +215,8 @@ class Balance:
             F of the force F·cos Ωt at the point, N.
         growth : float
             ξ, 1/s.
+        slopes : bool
+            Whether the derivatives are asked for.
 
         Returns
         -------
@@ -225,10 +229,10 @@ class Balance:
         out = jacobian @ unknowns
         out[-2] -= force
         shift = to_time @ (derive + CENTRING * np.eye(width))
-        for j, moment in enumerate(self.moments(unknowns, omega)):
+        for j, moment in enumerate(self.moments(unknowns, omega, slopes)):
             own = slice(j * width, (j + 1) * width)
             out[own] += to_coefficients @ moment.middle
-            jacobian[own, own] += to_coefficients @ moment.d_middle
+            jacobian[own, own] += to_coefficients @ moment.d_middle if slopes else 0.0
             if moment.friction.min() < 0:
                 raise InputError(
                     "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
@@ -237,6 +241,8 @@ class Balance:
             moved = to_time @ -out[own] + self.hold[j] * (shift @ unknowns[own])
             sticks = np.abs(moved) < moment.friction
             out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
+            if not slopes:
+                continue
             weighted = to_coefficients * sticks
             jacobian[own] -= weighted @ to_time @ jacobian[own]
             slides = to_coefficients * (np.sign(moved) * ~sticks)

@@ -186,7 +186,9 @@ def model_curve(model: JointModel, amplitude: ArrayLike, frequency: float) -> Jo
     tested = (sizes <= more * fitted.angle) & (2 * np.pi * frequency * sizes <= more * fitted.rate)
     if fitted.frequencies:
         tested &= min(fitted.frequencies) / more <= frequency <= more * max(fitted.frequencies)
-    return JointCurve(float(frequency), sizes, *values, *errors, tested)
+    measures = dict(zip(MEASURES, values, strict=True))
+    widths = {f"{name}_error": row for name, row in zip(MEASURES, errors, strict=True)}
+    return JointCurve(float(frequency), sizes, **measures, **widths, tested=tested)
 
 
 def varied_laws(model: JointModel) -> Sequence[tuple[Any, Any, float]]:
@@ -199,5 +201,5 @@ def varied_laws(model: JointModel) -> Sequence[tuple[Any, Any, float]]:
             numbers = model.numbers
             numbers[place] += side * step
             ends.append(model_law(model.with_numbers(numbers)))
-        found.append((*ends, float(step)))
+        found.append((ends[0], ends[1], float(step)))
     return found

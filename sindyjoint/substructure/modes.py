@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 # A curve begins at this share of the amplitude at which the first joint slips, or of the angles at which it ends.
 BEGIN_STUCK, BEGIN_FREE = 0.5, 0.02
+# Of a step along the curve: so that the onset of slip is seen where it is.
+LONGEST = 0.07
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ def mode_over_amplitude(
         x, omega, growth = full(y), y[-3], y[-2]
         step = STEP * omega
         residual, jacobian = balance.residual(x, omega, 0.0, growth)
-        ahead, _ = balance.residual(x, omega + step, 0.0, growth)
+        ahead, _ = balance.residual(x, omega + step, 0.0, growth, slopes=False)
         more = (balance.linear(omega, growth + step) - balance.linear(omega, growth)) @ x
         columns = [(ahead - residual) / step, more / step, jacobian[:, -2] * x[-2]]
         return residual, np.column_stack([jacobian[:, :-2], *columns])
@@ -113,7 +115,7 @@ def mode_over_amplitude(
 
     slips = slip_amplitudes(balance, number)
     points: list[Solution] = []
-    for solution in follow(system, _first_motion(balance, number, slips, limits), scale):
+    for solution in follow(system, [_first_motion(balance, number, slips, limits)], scale, longest=LONGEST):
         points.append(solution)
         if np.any(balance.peak_angles(full(solution.unknowns)) > limits):
             break
@@ -124,7 +126,7 @@ def mode_over_amplitude(
         errors = np.array([_errors(balance, full(p.unknowns), p, varied) for p in points])
     return ModeCurve(
         number, point, np.exp([p.unknowns[-1] for p in points]), omega / (2 * np.pi), growth / (2 * omega), angle,
-        *errors.T, np.array([_force(balance, full(p.unknowns), p) for p in points]), slips,
+        errors[:, 0], errors[:, 1], np.array([_force(balance, full(p.unknowns), p) for p in points]), slips,
         np.all(angle <= np.reshape(tested, (-1, 1)), axis=0),
     )  # fmt: skip
 

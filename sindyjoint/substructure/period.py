@@ -86,7 +86,7 @@ def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
 
 
 def period_moment(
-    law: Any, motion: tuple[Array, Array], slopes: tuple[Array, Array], period: float
+    law: Any, motion: tuple[Array, Array], slopes: tuple[Array, Array] | None, period: float
 ) -> PeriodMoment:
     """Return the moment over a period and its derivatives.
 
@@ -96,13 +96,12 @@ def period_moment(
     motion : tuple of ndarray, shape (n,)
         Angle and rate.
     slopes : tuple of ndarray, shape (n, m)
-        Their derivatives by the coefficients of the motion.
+        Their derivatives by the coefficients of the motion; None: those of the moment are left at zero.
     period : float
         s.
     """
     states = steady_states(law, *motion, period)
     at = [*motion, *states]
-    d_at = [*slopes, *_state_slopes(law, at, slopes, period)]
 
     def parts(*values: Array) -> Array:
         angle, rate, inner = values[0], values[1], np.array(values[2:]).reshape(-1, values[0].size)
@@ -111,6 +110,10 @@ def period_moment(
         return np.array([(up + down) / 2, (up - down) / 2])
 
     middle, friction = parts(*at)
+    if slopes is None:
+        none = np.zeros((middle.size, 1))
+        return PeriodMoment(middle, friction, none, none)
+    d_at = [*slopes, *_state_slopes(law, at, slopes, period)]
     partial = _partials(parts, at)
     total = sum(p[..., None] * d for p, d in zip(partial, d_at, strict=True))
     return PeriodMoment(middle, friction, total[0], total[1])

@@ -16,7 +16,7 @@ from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.mask import moving_mask
 from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.states import kept_of
+from sindyjoint.substructure.states import kept_of, slow_orders
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -86,7 +86,9 @@ class RecoveredReplicate:
         )
 
 
-def recovered_replicate(recovery: Recovery, joint: int, state: ForceStates, law: Law) -> RecoveredReplicate:
+def recovered_replicate(
+    recovery: Recovery, joint: int, state: ForceStates, law: Law, weight: float = 1.0
+) -> RecoveredReplicate:
     """Return the synthetic replicate of a joint's recovered states under a law.
 
     Parameters
@@ -96,6 +98,8 @@ def recovered_replicate(recovery: Recovery, joint: int, state: ForceStates, law:
     state : ForceStates
         As they were made of it.
     law : Law
+    weight : float
+        What a row of the run counts.
     """
     joints = recovery.transfer.angles.shape[1]
     rows = [joint, joints + joint]
@@ -103,6 +107,8 @@ def recovered_replicate(recovery: Recovery, joint: int, state: ForceStates, law:
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     kept = kept_of(recovery, joint)
+    # The law has told the slow harmonics: their noise is not that of the sensors any more.
+    kept = (kept[0] & ~slow_orders(recovery, joint), kept[1])
     spectra = recovery.spectra
     n = max(POINTS, POINTS_PER_HARMONIC * int(np.flatnonzero(kept[0] | kept[1])[-1] + 1))
     per = state.sample_rate / spectra.frequency
@@ -111,6 +117,6 @@ def recovered_replicate(recovery: Recovery, joint: int, state: ForceStates, law:
     time = np.arange(n) / (n * spectra.frequency)
     return RecoveredReplicate(
         a - 1j * b, root, kept, mean, state.slowest,
-        max(1, round(state.guard * n / per)), state.n_samples / n, law,
+        max(1, round(state.guard * n / per)), weight * state.n_samples / n, law,
         HarmonicBasis.build(time, spectra.frequency, orders),
     )  # fmt: skip

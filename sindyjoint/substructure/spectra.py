@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,3 +114,11 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     return Spectra(
         frequency, first, edges, np.array(means), np.array(whole), np.array(parts).swapaxes(0, 1), np.array(variance)
     )  # fmt: skip
+
+
+def strongest(spectra: Spectra, count: int) -> tuple[Spectra, Array]:
+    """Return the harmonics of a run that stand furthest out of the noise, and their angular frequencies."""
+    power = np.sum(np.abs(spectra.amplitudes[1:]) ** 2 / spectra.variance[1:], axis=0)
+    rows = np.sort(np.argsort(power)[-count:])
+    kept = replace(spectra, amplitudes=spectra.amplitudes[:, rows], variance=spectra.variance[:, rows])
+    return kept, spectra.angular[rows]

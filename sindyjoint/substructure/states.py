@@ -19,7 +19,7 @@ Orders = NDArray[np.bool_]
 
 # Standard errors beyond which a line is signal where a drive has many of them, and each may be there or not.
 LINE = 3.5
-# Standard error of a harmonic of the angle, of the strongest one, beyond which the law tells it better than the sensors.
+# Standard error of a harmonic of the angle, of the strongest one, beyond which the law tells it better.
 HARDLY_SEEN = 0.003
 
 
@@ -41,13 +41,13 @@ def kept_of(recovery: Recovery, joint: int) -> tuple[Orders, Orders]:
     values, errors = recovery.values, recovery.standard_error
     tone = is_tone(recovery.spectra.amplitudes[0])
     angle, moment = (kept_orders(values[row], errors[row], tone) for row in (joint, joints + joint))
-    return angle & ~_slow_orders(recovery, joint), moment
+    return angle, moment
 
 
-def _slow_orders(recovery: Recovery, joint: int) -> Orders:
+def slow_orders(recovery: Recovery, joint: int) -> Orders:
     """Return which harmonics below the strongest one the sensors hardly show, as accelerations small, shape (h,)."""
     size, error = np.abs(recovery.values[joint]), recovery.standard_error[joint]
-    main = int(np.argmax(size / error))
+    main = int(np.argmax(size))
     slow = error > HARDLY_SEEN * size[main]
     slow[main:] = False
     return slow
@@ -55,8 +55,10 @@ def _slow_orders(recovery: Recovery, joint: int) -> Orders:
 
 def slow_part(recovery: Recovery, joint: int) -> Slow:
     """Return the harmonics of a joint's angle that the sensors hardly show."""
-    rows = _slow_orders(recovery, joint)
-    return Slow(np.flatnonzero(rows) + 1, recovery.values[joint, rows], recovery.standard_error[joint, rows])
+    rows = slow_orders(recovery, joint)
+    # What the states hold of them already is not added once more.
+    missing = np.where(kept_of(recovery, joint)[0], 0.0, recovery.values[joint])
+    return Slow(np.flatnonzero(rows) + 1, missing[rows], recovery.standard_error[joint, rows])
 
 
 def joint_states(

@@ -59,9 +59,8 @@ def open_joints(structure: Structure, at: str, sensors: Sequence[Sensor], angula
     loads[:joints, 1:] = -np.eye(joints)
     w = angular[:, None, None]
     stiffness = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
-    coordinates: Complex = np.linalg.solve(
-        stiffness, np.broadcast_to(loads, (angular.size, *loads.shape)) + 0j
-    )
+    broad = np.broadcast_to(loads, (angular.size, *loads.shape))
+    coordinates = np.asarray(np.linalg.solve(stiffness, broad), dtype=np.complex128)
     shown = np.einsum("sn,wnk->wsk", sensor_rows(structure, sensors), coordinates)
     if at == BASE:
         # Sensors are on what the base carries: they show its motion, too.

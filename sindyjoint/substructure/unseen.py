@@ -29,7 +29,7 @@ STEP = 1e-4  # by which angle and rate are varied, of the largest
 
 @dataclass(frozen=True, eq=False)
 class Slow:
-    """The slow harmonics of an angle, as the sensors show them.
+    """The slow harmonics of an angle beyond what its states hold, as the sensors show them.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def find_slow(
     Parameters
     ----------
     states : sequence of ForceStates
-        Without the slow part of their angles.
+        As they were recovered.
     slow : sequence of Slow
     terms : sequence of ResolvedTerm
         Of the law, whose coefficients are found at the same time.

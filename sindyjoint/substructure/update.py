@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.substructure.recovery import Recovery, solve_channels
-from sindyjoint.substructure.spectra import Spectra
+from sindyjoint.substructure.spectra import strongest
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def update_structure(test: RigTest, recoveries: Sequence[Recovery]) -> Update | 
     if not test.uncertain:
         return None
     prior = np.array([number.uncertainty for number in test.uncertain])
-    spectra = [_strongest(recovery.spectra) for recovery in recoveries]
+    spectra = [strongest(recovery.spectra, HARMONICS) for recovery in recoveries]
 
     def left(change: Array) -> Array:
         changed = with_numbers(test, change)
@@ -90,17 +90,9 @@ def update_structure(test: RigTest, recoveries: Sequence[Recovery]) -> Update | 
     for _ in range(ROUNDS):
         now = left(change)
         jacobian = np.column_stack([(left(change + STEP * unit) - now) / STEP for unit in np.eye(prior.size)])
-        covariance = np.linalg.inv(jacobian.T @ jacobian)
+        covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
         step = -covariance @ (jacobian.T @ now)
         change = change + step
         if np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(covariance))):
             break
     return Update(tuple(number.name for number in test.uncertain), prior, change, covariance)
-
-
-def _strongest(spectra: Spectra) -> tuple[Spectra, Array]:
-    """Return the harmonics of a run that stand furthest out of the noise, and their angular frequencies."""
-    power = np.sum(np.abs(spectra.amplitudes[1:]) ** 2 / spectra.variance[1:], axis=0)
-    rows = np.sort(np.argsort(power)[-HARMONICS:])
-    kept = replace(spectra, amplitudes=spectra.amplitudes[:, rows], variance=spectra.variance[:, rows])
-    return kept, spectra.angular[rows]

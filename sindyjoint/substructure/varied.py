@@ -67,7 +67,8 @@ class Varied:
         columns = []
         for low, high, step in self.laws:
             ends = [
-                balance.with_laws(laws).residual(unknowns, omega, force, growth)[0] for laws in (low, high)
+                balance.with_laws(laws).residual(unknowns, omega, force, growth, slopes=False)[0]
+                for laws in (low, high)
             ]
             columns.append((ends[1] - ends[0]) / (2 * step))
         return np.array(columns).T

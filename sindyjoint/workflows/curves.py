@@ -105,12 +105,9 @@ def curves(
         _refuse({name: value for name, value in given.items() if value}, "a rig", "a model")
         read = subject if isinstance(subject, JointModel) else read_model(subject)  # type: ignore[arg-type]
         return _of_joint(read, frequencies, amplitudes, say)
-    _refuse(
-        {"frequencies": frequencies, "amplitudes": amplitudes} if frequencies or amplitudes else {},
-        "a model",
-        "a rig",
-    )
-    rig = subject if isinstance(subject, Rig) else load_rig(subject, {"model": MODEL_PLACEHOLDER})  # type: ignore[arg-type]
+    given = {"frequencies": frequencies, "amplitudes": amplitudes}
+    _refuse({name: value for name, value in given.items() if value}, "a model", "a rig")
+    rig = subject if isinstance(subject, Rig) else load_rig(subject, {"model": MODEL_PLACEHOLDER})
     given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
     known = [one if isinstance(one, JointModel) else read_model(one) for one in given_models]
     placed = _with_models(rig, known)

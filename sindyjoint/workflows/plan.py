@@ -12,6 +12,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.mechanics.actuator import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.options import checks_options
@@ -23,7 +24,7 @@ from sindyjoint.planning.making import Making
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.runs import Actuator, PlannedRun
+from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import GOALS, WIDTHS
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
@@ -56,6 +57,8 @@ def plan(
     moment_noise: float | None = None,
     angle_noise: float | None = None,
     sample_rate: float | None = None,
+    resolution: Mapping[str, float] | None = None,
+    waveforms: Sequence[str] = (SINE,),
     time: float = 90.0,
     run_time: float | None = None,
     goal: str | Mapping[str, float] = "widths",
@@ -94,6 +97,11 @@ def plan(
         RMS of a sample, N·m and rad.
     sample_rate : float, optional
         Hz. Default: that of the campaign, or 1000.
+    resolution : mapping of str to float, optional
+        Steps in which ``"moment"`` (N·m) and ``"angle"`` (rad) are read.
+    waveforms : sequence of str
+        Among which is chosen: ``"sine"``, ``"two-tone-3"`` (a second tone of three times the frequency and 0.8 of the
+        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics).
     time : float
         Duration of all runs that are still to be made, s.
     run_time : float, optional
@@ -149,6 +157,11 @@ def plan(
     duration, count = _durations(actuator, time, run_time)
     given = {"sample_rate": sample_rate, "noise": noise, "moment": moment_noise, "angle": angle_noise}
     stated = {name: value for name, value in given.items() if value is not None}
+    stated |= _resolutions(resolution or {})
+    if not waveforms or not {*waveforms} <= TONES.keys():
+        raise InputError(
+            f"waveforms are {', '.join(waveforms) or 'none'}; expected some of {', '.join(TONES)}"
+        )
     Sensors(**stated)  # refused before anything is worked on
     if rivals and campaign is not None:
         law = None if model is None else _opened(model)
@@ -165,7 +178,7 @@ def plan(
     weights = tuple((name, weight) for name, weight in goals.items() if name != TELL_APART) or (
         (WIDTHS, 1.0),
     )
-    made = Making(known, actuator, sensors, matter, weights, until, random_state, say)
+    made = Making(known, actuator, sensors, matter, weights, until, random_state, say, tuple(waveforms))
     if not rivals:
         return made.plan(unit, duration, count)
     if campaign is not None:
@@ -213,6 +226,14 @@ def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]
     if unknown:
         raise UnknownNameError(f"limit of {sorted(unknown)[0]!r}; expected moment, angle or rate")
     return Actuator(drive, band, **limits)  # type: ignore[arg-type]
+
+
+def _resolutions(resolution: Mapping[str, float]) -> dict[str, float]:
+    """Return the steps of the sensors by their names there."""
+    unknown = sorted({*resolution} - {"moment", "angle"})
+    if unknown:
+        raise UnknownNameError(f"resolution of {unknown[0]!r}; expected moment or angle")
+    return {f"{name}_resolution": step for name, step in resolution.items()}
 
 
 def _places(model: JointModel, terms: Sequence[str]) -> tuple[int, ...]:

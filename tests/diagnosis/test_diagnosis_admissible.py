@@ -103,5 +103,24 @@ def test_a_slider_that_mostly_sticks_is_a_spring(problem):
     assert yield_complaint(fitted("backlash_play", [largest, largest]), problem.work.rows) == ""
 
 
+def test_little_half_cycles_between_pulls_do_not_make_a_slider_a_spring(problem):
+    """Most half-cycles in number, hardly any of the way."""
+    (row, *_) = problem.work.rows
+    turns = np.linspace(0, 40 * np.pi, 4001)
+    size = np.where(turns < 8 * np.pi, 1.0, 0.1)
+    angle, rate = size * np.sin(turns), size * np.cos(turns)
+    motion = replace(row.motion, angle=angle, rate=rate, acceleration=-angle)
+    pulls = replace(row, motion=motion)
+    assert yield_complaint(fitted("jenkins_element", [0.3]), [pulls]) == ""
+    assert "that is a spring" in yield_complaint(fitted("jenkins_element", [1.05]), [pulls])
+
+
+def test_where_one_form_of_a_dead_zone_ends_the_other_goes_on():
+    clearance, stop = (fitted("dead_zone", [values], variant=i) for i, values in enumerate((0.6, 0.3)))
+    assert number_complaint(clearance, REFERENCE, CAMPAIGN) == ""
+    assert number_complaint(stop, REFERENCE, CAMPAIGN) == ""
+    assert "lower end" in number_complaint(fitted("dead_zone", [0.008]), REFERENCE, CAMPAIGN)
+
+
 def test_no_run_gives_off_energy(problem):
     assert "give off energy" in complaint(problem, linear_damping=-2e3)

@@ -7,7 +7,8 @@ import pytest
 
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.foreign_joints import foreign_campaign
-from tests.diagnosis.foreign_judgement import SURE, judge, told
+from tests.diagnosis.foreign_judgement import SURE, ZEROS, judge, told
+from tests.diagnosis.foreign_laws import SAME
 
 
 def answer(kind, name, seed):
@@ -25,11 +26,23 @@ def test_a_law_of_no_catalogue_is_no_name(name, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name, seed", [("clearance", 1), ("quadratic_damping", 1), ("bouc_wen_hysteresis", 1)]
+    "name, seed",
+    [
+        ("clearance", 1),
+        ("quadratic_damping", 1),
+        ("bouc_wen_hysteresis", 1),
+        ("bouc_wen_hysteresis", 500),  # a term is needless by the rows of the new law, not of the one before
+        ("amplitude_dependent_damping", 500),  # a zero of both channels
+        ("backlash_play", 510),  # a slider that has moved before the first state
+        ("jenkins_element", 511),  # little half-cycles between pulls
+        ("quadratic_damping", 512),  # noise of the rate by a steep damping
+    ],
 )
 def test_an_effect_of_the_catalogue_is_named_whoever_made_the_motion(name, seed):
     record = answer("catalogue", name, seed)
     assert judge(record) == "right", record["reason"]
+    sure = {step["effect"] for step in record["steps"] if step["probability"] > SURE}
+    assert sure <= SAME.get(name, {name}) | ZEROS
 
 
 @pytest.mark.slow

@@ -5,13 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
+from sindyjoint.diagnosis.campaign.numbers.uncertainty import motion_errors
 from sindyjoint.diagnosis.campaign.processing import is_seen
-from sindyjoint.diagnosis.campaign.repair import modelled, rest_angle
+from sindyjoint.diagnosis.campaign.repair import modelled, refit, rest_angle
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
-from sindyjoint.diagnosis.campaign.start import first_model
+from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect, effect_law
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
+from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.laws import PaperLaw, SumLaw
+from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.response.run import simulate_run
 from sindyjoint.states import campaign_states, force_states
 
 STEP = 0.002
@@ -108,3 +115,53 @@ def test_an_error_of_the_processing_counts_where_it_is_seen():
     assert is_seen(error, there, model, ())
     assert not is_seen(error, replace(there, target=there.target - error), model, ())
     assert not is_seen(-error, there, model, ())
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_of_the_motion_enters_the_moment_by_a_steep_damping(seed):
+    """Of the true law a gap of more than two channel floors is left, and no more than noise of the rate explains."""
+    rng, time = np.random.default_rng(seed), np.arange(3000) / 500.0
+    runs = []
+    for name, tones in (("one", (1.3, 3.1)), ("two", (0.9, 2.3))):
+        pulse = 2 * np.pi * np.array(tones)[:, None]
+        angle = np.array([0.01, 0.006]) @ np.sin(pulse * time)
+        moment = 900.0 * angle + 60.0 * (np.array([0.01, 0.006]) @ (pulse * np.cos(pulse * time)))
+        signals = ((moment, 0.002), (angle, 0.01))
+        runs.append(Run(name, *(x + n * np.std(x) * rng.standard_normal(x.size) for x, n in signals), 500.0))
+    campaign = Campaign(Joint(inertia=0.0), tuple(runs))
+    states = campaign_states(campaign, "broadband")
+    model = first_model(campaign, states, None, "paper").model
+    work = Work.build(campaign, runs, states, ["one", "two"], model)
+    gap, floor = gap_of(work, model, ()).moment, noise_floor(work).moment
+    measured, processed = motion_errors(work, model, ())
+    assert gap > 2 * floor and processed == 0.0
+    assert gap == pytest.approx(np.hypot(floor, measured), rel=0.2)
+
+
+def test_friction_that_would_push_beside_an_effect_is_needless():
+    run, _, _ = driven_run(np.random.default_rng(5))
+    pushed = replace(run, moment=run.moment - 0.05 * np.sign(np.gradient(run.angle)))
+    campaign = Campaign(Joint(inertia=0.0), (pushed,))
+    states = campaign_states(campaign, "broadband")
+    model = first_model(campaign, states, None, "paper").model
+    rows = gap_runs(states, model, ["tones"])
+    (effect,) = select_effects(load_effects(), ["constant_moment"])
+    constant = FittedEffect(effect, effect.variants[0], np.empty(0), np.ones(1), 1.0)
+    assert model["coulomb_friction"].coefficient < 0
+    assert "coulomb_friction" in refit(rows, model, [constant]).dropped
+
+
+def test_a_simulation_begins_with_the_internal_states_of_the_record():
+    """A slider has moved before the first state; from its middle the joint would go another way."""
+    rate = 500.0
+    (effect,) = select_effects(load_effects(), ["jenkins_element"])
+    slider = FittedEffect(effect, effect.variants[0], np.array([0.004]), np.array([1500.0]), 1.0)
+    whole = SumLaw(PaperLaw(k1=900.0, c1=3.0, M_F=0.5, inertia=0.05), effect_law([slider], 0.0))
+    time = np.arange(3000) / rate
+    moment = 12.0 * np.sin(2 * np.pi * 1.3 * time) + 5.0 * np.sin(2 * np.pi * 3.1 * time)
+    made = simulate(whole, sampled(moment, rate), time.size / rate, rate)
+    run = Run("tones", moment, made.angle, rate)
+    states = force_states(run, "broadband", bandwidth=15.0)
+    assert states.lead[0].size > 60
+    assert simulate_run(whole, run, states, drive="moment").response_nrmse < 0.01
+    assert simulate_run(whole, run, states, drive="moment", initial_state=0.0).response_nrmse > 0.03

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from small_joints import write_joint
 
+from sindyjoint.batch.tasks import find_tasks
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
-from sindyjoint.workflows.batch import batch, find_tasks
+from sindyjoint.workflows.batch import batch
 
 
 def test_the_joint_that_differs_and_the_trend_are_found(done):

@@ -15,8 +15,7 @@ from small_joints import content
 
 from sindyjoint.batch.record import read_record
 from sindyjoint.files.atomic import _name_temporary, hold_folder
-from sindyjoint.workflows.batch import batch
-from sindyjoint.workflows.verify_batch import verify_batch
+from sindyjoint.workflows.batch import batch, verify_batch
 
 
 def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):

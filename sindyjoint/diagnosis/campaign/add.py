@@ -42,6 +42,7 @@ def add_effect(
         others, again = _retested(work, others, others, candidates)
     else:
         others, again = _retested(work, [*others, best], others, candidates)
+        others, again = _ranked_again(work, others, best, candidates, again)
         for index, delay in enumerate(shifts):
             work, shifts[index] = _realigned(work, others, delay)
     folded = all(run.folded for run in work.rows)
@@ -122,3 +123,18 @@ def _retested(
             moving = [best if f is each else f for f in moving]
             again[name] = ranking
     return moving, again
+
+
+def _ranked_again(
+    work: Work, moving: list[FittedEffect], best: FittedEffect, candidates: Sequence[Effect], again: Retested
+) -> tuple[list[FittedEffect], Retested]:
+    """Rank the effect that was added among all candidates where it made an earlier one needless."""
+    if None not in again.values():
+        return moving, again
+    others = [f for f in moving if f.name != best.name]
+    problem, taken = work.regression(others), {f.name for f in others}
+    trial = [e for e in candidates if e.id not in taken and e.enters != "time shift"]
+    ranking = off_the_ends(problem, rank_effects(problem, fit_effects(problem, trial)))
+    if 1 - ranking.nothing < work.policy.belief:
+        return moving, again
+    return [*others, ranking.fitted[0]], {**again, best.name: ranking}

@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 MEASUREMENT = "measurement"  # the family of what is wrong with a channel
 # Steps of integration over all runs for one trial of nonlinear parameters.
 ROUGH_STEPS = 30_000
+# Columns of a state that grew beyond this have no square.
+FARTHEST = 1e150
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +168,7 @@ class GapRegression:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
         columns = variant.along(self._motions, values)
         # A state that no step of the search can follow has no column.
-        if not np.isfinite(columns).all():
+        if not np.all(np.abs(columns) < FARTHEST):
             return 0.0, np.zeros(len(variant.columns))
         ends = np.cumsum([run.motion.keep.size for run in self.runs])[:-1]
         parts = zip(self.runs, np.split(columns, ends), strict=True)
@@ -174,7 +176,7 @@ class GapRegression:
 
     def gain_of(self, variant: Variant, columns: Array) -> tuple[float, Array]:
         """Return the same for whitened columns, shape (N, n_columns)."""
-        if not np.all(np.isfinite(columns)):
+        if not np.all(np.abs(columns) < FARTHEST):
             return 0.0, np.zeros(columns.shape[1])
         size = np.linalg.norm(columns, axis=0)
         projected = self.projected(columns)

@@ -116,8 +116,8 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
 def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()) -> float:
     """Return where the elastic moment of the terms and a constant, fitted beside effects, is zero; rad.
 
-    Nearest to the middle; zero where there is no such angle, and where it is not known: without a linear stiffness
-    about it, or where terms and effects leave much of the moment.
+    Nearest to the middle; zero where there is no such angle, and where it is not known: where no linear stiffness
+    stands out of its error about it, or where terms and effects leave much of the moment.
     """
     from sindyjoint.equation.formula import compile_terms
 
@@ -128,7 +128,10 @@ def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fitt
     plain = [np.column_stack([base_columns(model, r), np.ones(r.target.size)]) for r in runs]
     own = np.vstack([run.white(rows) for run, rows in zip(runs, plain, strict=True)])
     columns = np.hstack([own, *(effect_rows(runs, e) for e in beside)])
-    solved, _ = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    solved, covariance = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    place = model.ids.index("linear_stiffness")
+    if not solved[place] > CAMPAIGN.needless_ratio * np.sqrt(covariance[place, place]):
+        return 0.0
     moment = np.concatenate([run.target for run in runs])
     whole = [
         np.hstack([rows, *(e.variant.along(r.motion, e.values) for e in beside)])

@@ -213,6 +213,7 @@ def first_model(
         rate=float(np.abs(rows.X[:, 1]).max()),
         frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
         simulated=campaign.simulated,
+        mean_known=campaign.mean_known,
         quasi_static=campaign.quasi_static,
     )
     effects = effects_of(fitted, known)

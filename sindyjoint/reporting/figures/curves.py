@@ -18,7 +18,6 @@ from sindyjoint.reporting.style import (
     prefixed,
     shortened,
 )
-from sindyjoint.substructure.forced import ForcedResponse
 from sindyjoint.substructure.joint_curves import JointCurves
 from sindyjoint.substructure.modes import ModeCurve
 from sindyjoint.substructure.structure_curves import StructureCurves
@@ -164,18 +163,13 @@ def _levels(data: StructureCurves, ax: Axes, factor: object) -> None:
             ax.fill(x, y, color=color, alpha=0.25, lw=0)
         shown = level.amplitude * share
         solid = level.stable & level.tested
-        ax.plot(level.frequency, _only(shown, solid), color=color, label=_force(level))
+        ax.plot(level.frequency, _only(shown, solid), color=color, label=f"{level.force:.3g} N")
         ax.plot(level.frequency, _only(shown, ~level.stable), color=color, ls=(0, (4, 2)), lw=0.9)
         ax.plot(
             level.frequency, _only(shown, level.stable & ~level.tested), color=color, ls=(0, (1, 1.5)), lw=1.0
         )
     ax.set_yscale("log")
     ax.set_xlabel("Frequency (Hz)")
-
-
-def _force(level: ForcedResponse) -> str:
-    factor, unit = prefixed(level.force, "N")
-    return f"{level.force * factor:.3g} {unit}"
 
 
 def backbone(data: StructureCurves, mode: ModeCurve, ax: Axes) -> Axes:

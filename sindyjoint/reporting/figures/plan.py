@@ -53,10 +53,11 @@ def figures_of(result: Plan) -> PlanFigures:
 def draw_runs(data: PlanFigures, ax: Axes) -> Axes:
     """Draw level over frequency: the plan's runs with how often each is made, the grid's behind them."""
     factor, unit = prefixed(max(run.level for run in data.runs), data.runs[0].unit)
-    ax.plot(
-        [run.frequency for run in data.grid_runs], [run.level * factor for run in data.grid_runs],
-        "x", color=MUTED, ms=5, label="plain grid",
-    )  # fmt: skip
+    if data.grid_runs:
+        ax.plot(
+            [run.frequency for run in data.grid_runs], [run.level * factor for run in data.grid_runs],
+            "x", color=MUTED, ms=5, label="plain grid",
+        )  # fmt: skip
     places: dict[tuple[float, float], list[int]] = {}
     for number, run in enumerate(data.runs, 1):
         places.setdefault((run.frequency, run.level * factor), []).append(number)
@@ -160,14 +161,17 @@ KINDS = by_name(
         "runs",
         "The runs",
         "Frequency and level of every run; the numbers are their order. Crosses: the grid of the same duration.",
-        lambda data: [draw_runs] if data.runs else [],
+        lambda data: [draw_runs] if len({run.drive for run in data.runs}) == 1 < len(data.runs) else [],
         wide=True,
     ),
     Kind(
         "curve",
         "What each run buys",
-        "What is made small, and in how many joints a discovery finds every term, over the time of the runs.",
-        lambda data: [draw_curve, draw_complete] if data.curve else [],
+        "What is made small, and, where not in all, in how many joints every term is found, over the time of the runs.",
+        lambda data: [
+            *[draw_curve] * bool(data.curve),
+            *[draw_complete] * any(step.complete < 1 for step in data.curve),
+        ],
         wide=True,
     ),
     Kind(

@@ -92,7 +92,7 @@ class StructureCurvesView(View[StructureCurves, StructureCurves]):
             "name": result.name,
             "kicker": "A structure over frequency and amplitude",
             "headline": structure_headline(result),
-            "reason": f"The force acts at {result.at}; {result.harmonics} harmonics are balanced, joints stick exactly.",
+            "reason": f"The force acts at {result.at}; {result.harmonics} harmonics, and joints stick exactly.",
             "sections": (
                 ("levels", "Frequency response", "levels", ("response", "receptance")),
                 ("modes", "Modes over amplitude", "modes", ("backbone", "damping")),
@@ -169,7 +169,7 @@ def _joint_rows(curve: JointCurve, motion: str) -> Iterator[tuple[str, ...]]:
 def _level_row(level: ForcedResponse) -> tuple[str, ...]:
     frequency, amplitude = level.peak
     return (
-        _amount(level.force, "N"),
+        f"{level.force:.3g} N",
         f"{frequency:.4g} Hz",
         _with_width(amplitude, amplitude * level.peak_error, "m"),
         _amount(float(level.angle.max()), "rad"),

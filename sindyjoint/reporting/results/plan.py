@@ -15,7 +15,7 @@ from sindyjoint.reporting.page import number
 from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import View
-from sindyjoint.text import list_some, spelled
+from sindyjoint.text import list_some, percent, spelled
 
 
 class PlanView(View[Plan, PlanFigures]):
@@ -121,10 +121,10 @@ def _bought(result: Plan) -> dict[str, list[str]]:
     columns = {}
     if steps:
         columns[f"{GOALS[result.goal].capitalize()} then"] = [_share(step.widest) for step in steps]
-        columns["All terms found"] = [_share(step.complete) for step in steps]
+        columns["All terms found"] = [percent(step.complete) for step in steps]
         columns = {name: [*values, *[DASH] * len(after)] for name, values in columns.items()}
     if after:
-        columns[f"{GOALS[TELL_APART].capitalize()}"] = [*[DASH] * own, *map(_share, after)]
+        columns[f"{GOALS[TELL_APART].capitalize()}"] = [*[DASH] * own, *map(percent, after)]
     return columns
 
 
@@ -143,7 +143,7 @@ def headline(result: Plan) -> str:
         if len(steps) == len(result.curve) and 0 < grid < float("inf"):
             text += f", by a plain grid of the same duration {sign}{_share(grid)}"
     if apart is not None and apart.after:
-        text += f"; {GOALS[TELL_APART]} {_share(apart.after[-1])}, {_share(apart.before)} without"
+        text += f"; {GOALS[TELL_APART]} {percent(apart.after[-1])}, {percent(apart.before)} without"
     if result.now is not None:
         first = result.runs[0]
         text += f"; the next is {first.frequency:g} Hz, {_amount(first.level, first.unit)} for {first.duration:.4g} s"

@@ -78,10 +78,11 @@ def motion_errors(work: Work, model: JointModel, effects: Sequence[FittedEffect]
         if run.processing is not None:
             processed += float(np.sum(_within(run, run.processing) ** 2))
         noisier, acceleration = _noisier_motion(state, rng)
-        other = along_replicate(run, state, noisier, model)
-        law = modelled(other, model, adding) - modelled(run, model, adding)
+        # Along the states as they are, too: the rows lack what the processing leaves.
+        both = (along_replicate(run, state, each, model) for each in (state, noisier))
+        first, last = (each.target - modelled(each, model, adding) for each in both)
         inertial = model.inertia * acceleration[_places(run, state)]
-        whole, known = _within(run, law + inertial), _within(run, inertial)
+        whole, known = _within(run, last - first), _within(run, inertial)
         measured += max(float(np.sum(whole**2) - np.sum(known**2)), 0.0)
     return float(np.sqrt(measured / own)), float(np.sqrt(processed / own))
 
