@@ -58,6 +58,7 @@ REACHED = {
         **{name: (TEST, name) for name in ("joint", "noise", "frequencies", "levels")},
         **{name: (PLAN, name) for name in ("drive", "sample_rate", "duration", "settling", "skew")},
         "bits": (TEST, "quantisation"),
+        "drift": (PLAN, "angle_drift"),
         "raw": (TEST, "raw_channels"),
         "format": ("files.writers:write_campaign", "format"),
     },
@@ -97,6 +98,12 @@ PASSED_ON = {
     "rate",
     "time",
     "plan",
+    "resolution",
+    "waveforms",
+    "run_time",
+    "effects",
+    "diagnosis",
+    "share",
     # Of curves, too.
     "frequencies",
     "amplitudes",
@@ -122,6 +129,7 @@ OF_THE_COMMAND = {
 OWN = {
     ("simulate", "random_state"): 0,
     ("curves", "levels"): None,
+    ("simulate", "accelerometer"): None,
     ("changed", "random_state"): 0,
     ("init", "answers"): None,
     ("init", "yes"): False,

@@ -16,7 +16,7 @@ def explained_by_state(problem: GapRegression) -> float:
     return float(np.clip((before - after) / before, 0.0, 1.0)) if before > 0 else 0.0
 
 
-def shares(problem: GapRegression, noise: float, measured: bool) -> dict[str, float]:
+def shares(problem: GapRegression, noise: float, measured: bool = False) -> dict[str, float]:
     """Return what each kind of law explains of the gap beyond noise, from 0 to 1, by kind; their sum is at most one.
 
     The kind that predicts the runs left out best alone is credited first, the others with what they win on top. Within
