@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.bench_inputs import COEFFICIENTS  # noqa: E402
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import commands, records_in, run_seeds  # noqa: E402
 
 
 def one(seed: int) -> dict:
@@ -50,15 +51,6 @@ def one(seed: int) -> dict:
     }  # fmt: skip
 
 
-def run(arguments) -> None:
-    """Append a line for each seed that the file lacks."""
-    first, last = arguments.seeds
-    done = done_in(arguments.out, ("seed",))
-    for seed in range(first, last):
-        if (seed,) not in done:
-            append(arguments.out, one(seed))
-
-
 def show(arguments) -> None:
     """Print the figures."""
     records = records_in(arguments.paths)
@@ -69,5 +61,5 @@ def show(arguments) -> None:
 
 
 if __name__ == "__main__":
-    asked = commands(__doc__, run, show)
+    asked = commands(__doc__, partial(run_seeds, one), show)
     asked.do(asked)

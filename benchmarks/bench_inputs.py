@@ -12,12 +12,13 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import commands, records_in, run_seeds  # noqa: E402
 
 COEFFICIENTS = {
     "k1": "linear_stiffness", "k2": "quadratic_stiffness", "k3": "cubic_stiffness", "c1": "linear_damping",
@@ -98,15 +99,6 @@ def one(seed: int) -> dict:
     }  # fmt: skip
 
 
-def run(arguments) -> None:
-    """Append a line for each seed that the file lacks."""
-    first, last = arguments.seeds
-    done = done_in(arguments.out, ("seed",))
-    for seed in range(first, last):
-        if (seed,) not in done:
-            append(arguments.out, one(seed))
-
-
 def show(arguments) -> None:
     """Print the figures."""
     records = records_in(arguments.paths)
@@ -126,5 +118,5 @@ def show(arguments) -> None:
 
 
 if __name__ == "__main__":
-    asked = commands(__doc__, run, show)
+    asked = commands(__doc__, partial(run_seeds, one), show)
     asked.do(asked)

@@ -24,6 +24,14 @@ def append(path: str, record: dict) -> None:
         file.write(json.dumps(record) + "\n")
 
 
+def run_seeds(one: Callable[[int], dict], arguments: argparse.Namespace) -> None:
+    """Append what is found of each seed, from the first one given up to the last, that the file lacks."""
+    done = done_in(arguments.out, ("seed",))
+    for seed in range(*arguments.seeds):
+        if (seed,) not in done:
+            append(arguments.out, one(seed))
+
+
 def commands(
     doc: str | None, run: Callable[..., None], show: Callable[..., None], **options: dict
 ) -> argparse.Namespace:

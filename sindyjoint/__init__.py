@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.changed import changed
     from sindyjoint.workflows.check import check
     from sindyjoint.workflows.compare import compare
+    from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
     from sindyjoint.workflows.discover import discover
+    from sindyjoint.workflows.discover_rig import discover_rig
     from sindyjoint.workflows.init import init
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
@@ -35,9 +37,11 @@ __all__ = [
     "changed",
     "check",
     "compare",
+    "curves",
     "diagnose",
     "diagnose_structure",
     "discover",
+    "discover_rig",
     "init",
     "load_campaign",
     "plan",
@@ -57,9 +61,11 @@ _HOMES = {
     "changed": "workflows.changed",
     "check": "workflows.check",
     "compare": "workflows.compare",
+    "curves": "workflows.curves",
     "diagnose": "workflows.diagnose",
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
+    "discover_rig": "workflows.discover_rig",
     "init": "workflows.init",
     "plan": "workflows.plan",
     "simulate": "workflows.simulate",

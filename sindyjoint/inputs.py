@@ -23,8 +23,6 @@ RESERVED = frozenset(
 BINS = 50
 # A bin that holds less of each run than this share was passed on the way to another.
 PASSED = 0.005
-# Levels that a quadratic dependence needs: one more than it has numbers.
-QUADRATIC_LEVELS = 4
 
 
 @dataclass(frozen=True)
@@ -72,11 +70,6 @@ class Input:
             object.__setattr__(self, "label", self.name.replace("_", " "))
         if not self.shown_unit:
             object.__setattr__(self, "shown_unit", self.unit)
-
-    @property
-    def reference_name(self) -> str:
-        """What the reference is called in formulas."""
-        return f"{self.name}_ref"
 
     def shown(self, value: float) -> str:
         """Return a value with the unit in which the input was declared."""

@@ -14,19 +14,26 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.accelerometer import Fusion, fuse, unknown_means
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, check_inputs, signals_of
 from sindyjoint.shown import Shown
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
-from sindyjoint.text import control_character, printable
+from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
 
 MINIMUM_SAMPLES = 32
+# Channels of a run with an accelerometer, beside which its angle is that of all sensors.
+MEASURED_ANGLE, MEASURED_RATE = "measured angle", "measured rate"
+WITHOUT_TIME = (
+    "the samples have no time: candidates are terms and elements without rate; inertia, damping, frequency and delay "
+    "are not judged"
+)
 
 
-def _signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
+def checked_signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
     """Return a read-only float64 copy of a one-dimensional finite signal."""
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1:
@@ -116,6 +123,11 @@ class Run:
         Of the channels that were read from a file.
     inputs : mapping of str to array_like, shape (n,), or float
         What else the law may depend on, SI, at the same instants; a number stands for all of them.
+    fusion : Fusion, optional
+        The sensors of a run with an accelerometer, whose angle is that of all of them.
+    quasi_static : bool
+        Whether the samples lie at even steps of the travelled path, which then takes the place of time:
+        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.quasi_static`.
 
     Raises
     ------
@@ -138,13 +150,35 @@ class Run:
     valid: NDArray[np.bool_] | None = None
     file_units: tuple[FileUnit, ...] = ()
     inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    fusion: Fusion | None = None
+    quasi_static: bool = False
+
+    def with_channels(self, signals: Mapping[str, Any]) -> Run:
+        """Return the run with other values of its :attr:`channels`, the angle of several sensors fused anew."""
+        if self.fusion is None:
+            return replace(self, **signals)
+        sensors = self.channels | dict(signals)
+        moment, angle, fusion = fuse(
+            sensors["moment"] + self.fusion.constant, sensors["acceleration"], self.sample_rate,
+            sensors.get(MEASURED_ANGLE), sensors.get(MEASURED_RATE), self.frequency, self.noise,
+        )  # fmt: skip
+        return replace(self, moment=moment, angle=angle, fusion=fusion)
+
+    @property
+    def channels(self) -> dict[str, NDArray[np.float64]]:
+        """Channels by name: moment, angle and perhaps rate; of a run with an accelerometer also its sensors."""
+        found = {"moment": self.moment, "angle": self.angle, "rate": self.rate}
+        if self.fusion is not None:
+            found |= {"acceleration": self.fusion.acceleration, MEASURED_ANGLE: self.fusion.angle}
+            found[MEASURED_RATE] = self.fusion.rate
+        return {name: values for name, values in found.items() if values is not None}
 
     def __post_init__(self) -> None:
         _check_texts("run", (self.name, self.level))
         for name in ("moment", "angle", "rate"):
             values = getattr(self, name)
             if values is not None:
-                object.__setattr__(self, name, _signal(name, values, self.name))
+                object.__setattr__(self, name, checked_signal(name, values, self.name))
         n = self.angle.size
         for name in ("moment", "rate"):
             values = getattr(self, name)
@@ -161,6 +195,10 @@ class Run:
             )
         if self.use not in ("identify", "validate"):
             raise InputError(f"run {self.name!r}: use is {self.use!r}; expected 'identify' or 'validate'")
+        if self.quasi_static and (self.frequency is not None or self.rate is not None):
+            raise InputError(
+                f"run {self.name!r}: samples without time have neither a frequency nor a measured rate; leave both out"
+            )
         if self.frequency is not None:
             self._check_frequency()
         if self.valid is not None:
@@ -257,6 +295,13 @@ class Campaign(Shown):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(f"run name(s) used twice: {', '.join(twice)}; give each run another name")
+        if len({run.quasi_static for run in self.runs}) > 1:
+            raise InputError(
+                "some runs have time and some have none; expected all of one kind: make two campaigns of them"
+            )
+        if self.quasi_static and self.joint.inertia is None:
+            # Nothing accelerates: no test of this kind identifies an inertia.
+            object.__setattr__(self, "joint", replace(self.joint, inertia=0.0))
         object.__setattr__(self, "inputs", tuple(self.inputs))
         check_inputs(self.inputs, self.runs)
         for name, value in self.gain_uncertainty.items():
@@ -265,6 +310,11 @@ class Campaign(Shown):
                     f"gain_uncertainty of {name!r} is {value!r}; expected a share between 0 and 1, of moment, angle "
                     "or rate"
                 )
+
+    @property
+    def quasi_static(self) -> bool:
+        """Whether the samples have an order and no time."""
+        return self.runs[0].quasi_static
 
     @property
     def identification_runs(self) -> tuple[Run, ...]:
@@ -279,7 +329,15 @@ class Campaign(Shown):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What every report on the campaign says first."""
-        return (*["the campaign is simulated (a virtual test), not measured"] * self.simulated, *self.notes)
+        simulated = "the campaign is simulated (a virtual test), not measured"
+        said = (*[simulated] * self.simulated, *[WITHOUT_TIME] * self.quasi_static, *self.notes)
+        runs = {run.name: run.fusion for run in self.runs}
+        return (*said, *unknown_means(runs, quantities(self.joint.motion)))
+
+    @property
+    def mean_known(self) -> bool:
+        """Whether the mean angle of all runs was measured: an accelerometer does not see it."""
+        return all(run.fusion is None or run.fusion.mean_known for run in self.runs)
 
     def __repr__(self) -> str:
         virtual = "simulated " if self.simulated else ""

@@ -100,21 +100,22 @@ class SensorNoise:
 
     Parameters
     ----------
-    moment, angle, rate : float, optional
-        N·m, rad, rad/s (N, m, m/s).
+    moment, angle, rate, acceleration : float, optional
+        N·m, rad, rad/s, rad/s² (N, m, m/s, m/s²).
     """
 
     moment: float | None = None
     angle: float | None = None
     rate: float | None = None
+    acceleration: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("moment", "angle", "rate"):
+        for name in ("moment", "angle", "rate", "acceleration"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InputError(f"noise of the {name} is {value!r}; expected a finite number above zero")
 
     def scaled(self, factor: float) -> SensorNoise:
         """Return the noise of all channels times a factor, as that of a mean of samples is."""
-        values = (self.moment, self.angle, self.rate)
+        values = (self.moment, self.angle, self.rate, self.acceleration)
         return SensorNoise(*(None if value is None else factor * value for value in values))

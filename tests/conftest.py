@@ -8,7 +8,10 @@ import os
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from collections.abc import Callable
+import signal
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -116,12 +119,54 @@ class Folder:
 
 
 @pytest.fixture
+def heard():
+    """Hear Ctrl-C, here and in processes begun here, also where tests run in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
 def folder(tmp_path: Path) -> Folder:
     made = tmp_path / "campaign"
     made.mkdir()
     return Folder(made)
 
 
+@pytest.fixture
+def model_file(tmp_path: Path) -> Path:
+    """Return the file of the paper's model."""
+    from tests.made_models import paper_model
+
+    path = tmp_path / "model.json"
+    path.write_text(paper_model().to_json())
+    return path
+
+
+@pytest.fixture
+def bound_by_permissions() -> Iterator[tuple[Path, Callable[[], AbstractContextManager]]]:
+    """Return a new folder, and what makes permission bits bind this process for a while: the superuser is nobody."""
+    superuser = hasattr(os, "geteuid") and os.geteuid() == 0
+
+    @contextmanager
+    def bound() -> Iterator[None]:
+        if superuser:
+            os.seteuid(NOBODY)
+        try:
+            yield
+        finally:
+            if superuser:
+                os.seteuid(0)
+
+    # A folder of pytest's own may be entered by its owner only.
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        if superuser:
+            os.chown(folder, NOBODY, -1)
+        yield folder, bound
+
+
+NOBODY = 65534
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 

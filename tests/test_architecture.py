@@ -12,6 +12,7 @@ BASE = {
     "errors",
     "inputs",
     "source",
+    "quasi_static",
     "record",
     "text",
     "policy",
@@ -20,6 +21,8 @@ BASE = {
     "checksums",
     "shown",
     "options",
+    "accelerometer",
+    "measured",
 }
 DOOR = BASE | {"rig", "files"}
 DATA = BASE | {"parallel", "threads", "clock", "states", "equation"}
@@ -35,7 +38,10 @@ ALLOWED = {
     "numeric": set(),
     "source": {"errors"},
     "inputs": {"errors"},
-    "record": {"errors", "text", "source", "inputs", "shown"},
+    "accelerometer": {"numeric", "source", "text"},
+    "quasi_static": {"errors"},
+    "record": {"errors", "text", "source", "inputs", "quasi_static", "shown", "accelerometer"},
+    "measured": {"errors", "source", "inputs", "quasi_static", "accelerometer", "record"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
     "threads": set(),
@@ -51,14 +57,15 @@ ALLOWED = {
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "bias": RESPONDS,
+    "substructure": RESPONDS,
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "planning": (RESPONDS | {"bias", "paper", "shown"}),
     "batch": EXPLAINS,
     "judgement": DIAGNOSES | {"paper"},
-    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions"},
+    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions", "substructure"},
 }
-BELOW_TOP = DIAGNOSES | {"paper", "planning", "batch", "judgement", "workflows", "versions"}
+BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows", "versions"}
 ALLOWED |= {
     "reporting": BELOW_TOP,
     "export": BELOW_TOP - {"workflows", "judgement"},

@@ -39,6 +39,8 @@ class BroadbandReplicate:
         The smoothing kernel and its derivatives.
     noise_size : tuple of float
         RMS of the noise of the angle and, where it was measured, of the rate.
+    state : ForceStates
+        Of the run.
     slowest : float
         Rate below which a sample counts as reversal, rad/s.
     guard : int
@@ -52,6 +54,7 @@ class BroadbandReplicate:
     moment: Array
     kernels: Motion
     noise_size: tuple[float, ...]
+    state: ForceStates
     slowest: float
     guard: int
     weight: float
@@ -59,7 +62,9 @@ class BroadbandReplicate:
     def noise(self, rng: np.random.Generator) -> Motion:
         """Draw noise of the measured channels as the kernels give it."""
         n = self.moment.size + self.kernels[0].size - 1
-        return _smooth_motion([size * rng.normal(size=n) for size in self.noise_size], self.kernels)
+        drawn = [self.state.draw_angle_noise(n, rng)]
+        drawn += [size * rng.normal(size=n) for size in self.noise_size[1:]]
+        return _smooth_motion(drawn, self.kernels)
 
     def rows(self, noise: Motion | None = None, sign: float = 1.0) -> tuple[Array, Array]:
         """Return moving (θ, θ̇, θ̈), shape (m, 3), and the moment, shape (m,), under noise times a sign."""
@@ -125,6 +130,7 @@ def make_broadband_replicate(law: Law, run: Run, state: ForceStates) -> Broadban
         noise_size=(state.noise.angle, state.noise.rate / float(np.linalg.norm(kernels[0])))
         if measured
         else (state.noise.angle,),
+        state=state,
         slowest=state.slowest,
         guard=state.guard,
         weight=state.n_samples / (state.n_samples - 2 * half),
@@ -209,7 +215,8 @@ def _drive_bandwidth(drive: Array, state: ForceStates, exciter_inertia: float) -
     )
     unit_noise = 2 / state.sample_rate  # one-sided density of white noise of variance one
     floor = unit_noise * (
-        state.noise.moment**2 + (exciter_inertia * (2 * np.pi * frequency) ** 2 * state.noise.angle) ** 2
+        state.noise.moment**2
+        + (exciter_inertia * (2 * np.pi * frequency) ** 2 * state.white_noise(frequency)) ** 2
     )
     above = np.flatnonzero(density > STATES.signal_to_noise * floor)
     last = int(above[-1]) + 1 if above.size else 0

@@ -10,7 +10,7 @@ bias and is omitted. Correction by simulation: Efron and Tibshirani, An Introduc
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -67,6 +67,13 @@ class Bias:
     driven: tuple[str, ...]
 
 
+Replicated = Callable[[JointModel], Sequence[Replicate]]
+
+
+def _simulated_runs(campaign: Campaign, states: Sequence[ForceStates]) -> Replicated:
+    return lambda model: make_replicates(held_laws(model, states), campaign.identification_runs, states)
+
+
 def measure_bias(
     model: JointModel,
     terms: Sequence[ResolvedTerm],
@@ -75,6 +82,7 @@ def measure_bias(
     pairs: int = PAIRS,
     random_state: Any = 0,
     known: Sequence[ResolvedTerm] = (),
+    replicated: Replicated | None = None,
 ) -> Bias:
     """Return the bias of a model's coefficients on a campaign.
 
@@ -92,6 +100,8 @@ def measure_bias(
     random_state : int, Generator or None
     known : sequence of ResolvedTerm
         Terms of the model whose coefficients were given and not fitted.
+    replicated : callable, optional
+        What makes the replicates of all states under a model. Default: simulated runs of the joint's own test.
 
     Raises
     ------
@@ -105,7 +115,8 @@ def measure_bias(
             f"a model of {len(model.terms)} term(s) and {pairs} pair(s) given; expected at least one term and two pairs"
         )
     rng = np.random.default_rng(random_state)
-    replicates = make_replicates(held_laws(model, states), campaign.identification_runs, states)
+    make = replicated or _simulated_runs(campaign, states)
+    replicates = make(model)
     held = [{name: float(np.mean(v)) for name, v in state.inputs.items()} for state in states]
     labels = group_labels(states)
     true = np.array([model[term.id].coefficient if term.id in model else 0.0 for term in terms])
@@ -188,6 +199,7 @@ def corrected_model(
     states: Sequence[ForceStates],
     known: Sequence[ResolvedTerm] = (),
     moved: Array | None = None,
+    replicated: Replicated | None = None,
 ) -> Corrected:
     """Return a model with its bias taken out.
 
@@ -198,10 +210,10 @@ def corrected_model(
         return Corrected(model, None)
     law, change = model, np.zeros(len(terms))
     try:
-        bias = measure_bias(model, terms, campaign, states, known=known)
+        bias = measure_bias(model, terms, campaign, states, known=known, replicated=replicated)
         for _ in range(ROUNDS if any(map(cut_by_sampling, states)) else 0):
             law = _without_bias(model, bias)
-            again = measure_bias(law, terms, campaign, states, known=known)
+            again = measure_bias(law, terms, campaign, states, known=known, replicated=replicated)
             bias, change = again, again.pooled - bias.pooled
     except (SimulationError, InputError) as cause:
         return Corrected(model, None, str(cause))

@@ -49,7 +49,7 @@ def _run(arguments: list[str]) -> int:
     import typer
 
     from sindyjoint.cli.answer import Interrupted
-    from sindyjoint.cli.app import app
+    from sindyjoint.cli.app import command
     from sindyjoint.cli.encoding import spell_output
     from sindyjoint.errors import SindyJointError
     from sindyjoint.threads import all_cores
@@ -68,7 +68,7 @@ def _run(arguments: list[str]) -> int:
     _, usage_error, click_error = typer.BadParameter.__mro__[:3]
     try:
         with nullcontext() if limited else all_cores():
-            status = app(args=arguments, prog_name="sindyjoint", standalone_mode=False)
+            status = command()(args=arguments, prog_name="sindyjoint", standalone_mode=False)
     except typer.Exit as error:
         status = error.exit_code
     except Interrupted as error:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from functools import cache
+from typing import Annotated, Any
 
 import typer
 
@@ -11,6 +12,7 @@ from sindyjoint.cli.batch import batch
 from sindyjoint.cli.changed import changed
 from sindyjoint.cli.check import check
 from sindyjoint.cli.compare import compare
+from sindyjoint.cli.curves import curves
 from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
@@ -75,6 +77,7 @@ app.command("plan")(plan)
 app.command("simulate", no_args_is_help=True)(simulate)
 app.command("verify", no_args_is_help=True)(verify)
 app.command("rig", no_args_is_help=True)(rig)
+app.command("curves", no_args_is_help=True)(curves)
 app.add_typer(reproduce.app, name="reproduce")
 app.command("diagnose")(diagnose)
 app.command("changed", no_args_is_help=True)(changed)
@@ -82,3 +85,9 @@ app.command("export", no_args_is_help=True)(export)
 app.command("plot", no_args_is_help=True)(plot)
 app.add_typer(libraries.app, name="libraries")
 app.command("schema")(schema)
+
+
+@cache
+def command() -> Any:
+    """Return the application as the parser of options makes use of it, made once in a process."""
+    return typer.main.get_command(app)

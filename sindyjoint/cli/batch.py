@@ -78,7 +78,7 @@ def batch(
                 param_hint="--verify-only",
             )
         from sindyjoint.reporting.output import CampaignFiles
-        from sindyjoint.workflows.verify_batch import verify_batch
+        from sindyjoint.workflows.batch import verify_batch
 
         faults = verify_batch(
             campaigns,

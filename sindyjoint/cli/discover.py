@@ -22,6 +22,7 @@ from sindyjoint.cli.options import (
     takes_finding,
 )
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.structure import discover_structure, is_rig
 from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.refine import RefinedModel
 
 
+# What a search for the laws of the joints of a rig takes.
+OF_A_RIG = {
+    "campaign", "library", "out", "force", "as_json", "method", "selection", "threshold", "require", "forbid",
+    "random_state", "quiet", "verbose",
+}  # fmt: skip
 # What a refinement of a model takes; all other options are of a search for terms.
 OF_A_REFINEMENT = {
     "campaign", "out", "accept", "as_json", "refine", "model", "nuisance", "align", "random_state", "quiet", "verbose",
@@ -85,6 +91,8 @@ def discover(
     With --refine --model no terms are sought: the numbers of that model, elements among them, are fitted to the
     simulated response, and the result stands beside the measured one. A test.json beside it is applied to its campaign.
 
+    Of a rig.toml with sensors and runs, the law of the joints inside the structure is found.
+
     Exit status 0: a model was found; 1: none was, or the data are unsound, and the
     reason is printed; 2: the input is at fault.
 
@@ -94,6 +102,18 @@ def discover(
         raise typer.BadParameter(
             "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
         )
+
+    if campaign is not None and is_rig(campaign):
+        for name in context.params.keys() - OF_A_RIG:
+            source = context.get_parameter_source(name)
+            if source is not None and source.name == "COMMANDLINE":
+                option = f"--{name.replace('_', '-')}"
+                raise typer.BadParameter("is not for the joints of a rig; leave it out", param_hint=option)
+        options = {**given(library=library), **finding.arguments(), "random_state": random_state}
+        found = discover_structure(
+            campaign, out, as_json, Progress(quiet, verbose), random_state, force, options
+        )
+        raise typer.Exit(0 if found else 1)
 
     kinds: Any = tuple(dict.fromkeys(kind.value for kind in nuisance or ()))
     if model is not None:

@@ -28,23 +28,19 @@ class _Drive(StrEnum):
     angle = "angle"
 
 
-class _Goal(StrEnum):
-    widths = "widths"
-    frequency = "frequency"
-
-
 PLAN = "workflows.plan:plan"
 BAND = "{:g}..{:g} Hz".format(*default_of(PLAN, "band"))
-RATE: float = default_of(PLAN, "sample_rate")
+SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
-NOISE: float = default_of(PLAN, "noise")
 CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
+READ = {"moment": "N*m", "angle": "rad"}
 
 
 def plan(
-    like: Annotated[_Like, typer.Option(help="The paper's joint that the joint resembles.")] = _Like(
-        default_of(PLAN, "like")
-    ),
+    like: Annotated[
+        _Like | None,
+        typer.Option(help="The paper's joint that the joint resembles. [inter-panel, without a campaign]"),
+    ] = None,
     model: Annotated[
         Path | None, typer.Option(help="model.json, or a folder with one: what the joint is like, instead.")
     ] = None,
@@ -65,14 +61,41 @@ def plan(
     ] = None,
     noise: Annotated[
         list[str] | None,
-        typer.Option(help=f"As a share of each channel's RMS [{NOISE:g}], or of one: 'angle=2 urad'."),
+        typer.Option(
+            help="As a share of each channel's RMS, or of one: 'angle=2 urad'. [the campaign's, or 1 %]"
+        ),
     ] = None,
-    rate: Annotated[str | None, typer.Option(help=f"Sampling rate. [{RATE:g} Hz]")] = None,
-    time: Annotated[str | None, typer.Option(help=f"Duration of all runs together. [{TIME:g} s]")] = None,
+    resolution: Annotated[
+        list[str] | None, typer.Option(help="Steps of a reading: 'angle=1 urad'. May be repeated.")
+    ] = None,
+    waveforms: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--waveform", help="Among which is chosen: sine, two-tone-3, two-tone-5, triangle. [sine]"
+        ),
+    ] = None,
+    rate: Annotated[str | None, typer.Option(help="Sampling rate. [the campaign's, or 1000 Hz]")] = None,
+    time: Annotated[str | None, typer.Option(help=f"Duration of all runs to be made. [{TIME:g} s]")] = None,
+    run_time: Annotated[
+        str | None, typer.Option("--run-time", help="Duration of each run. [a ninth of the time]")
+    ] = None,
     goal: Annotated[
-        _Goal,
-        typer.Option(help="Make small: the widest interval, or a change over frequency that is overlooked."),
-    ] = _Goal(default_of(PLAN, "goal")),
+        str,
+        typer.Option(
+            help="widths: a narrow widest interval; frequency: no change over the band overlooked; paper: which terms "
+            "there are; tell-apart: effects. With weights: 'widths=2,frequency=1'."
+        ),
+    ] = default_of(PLAN, "goal"),
+    effects: Annotated[
+        str | None, typer.Option(help="To be told apart: 'dahl_friction,lugre_friction'.")
+    ] = None,
+    diagnosis: Annotated[
+        Path | None, typer.Option(help="diagnosis.json or its folder: the effects that it left together.")
+    ] = None,
+    share: Annotated[
+        str | None,
+        typer.Option(help=f"Of the moment that an effect adds, before any data. [{SHARE:g}]"),
+    ] = None,
     terms: Annotated[list[str] | None, typer.Option("--term", help="That matters. [all]")] = None,
     until: Annotated[str | None, typer.Option(help="Relative half-width that is enough: '5 %'.")] = None,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the joints drawn.")] = default_of(
@@ -101,26 +124,32 @@ def plan(
         from sindyjoint.workflows.plan import plan as run
 
         return run(
-            like.value,
+            None if like is None else like.value,
             model=model,
             campaign=campaign,
             ranges=_ranges(ranges or []),
             drive=drive.value,
             limits=_quantities(limits or [], CHANNELS, "--limit"),
-            goal=goal.value,
+            goal=_goal(goal),
+            resolution=_quantities(resolution or [], READ, "--resolution"),
+            effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
+            diagnosis=diagnosis,
             terms=tuple(terms or ()),
             until=None if until is None else _share(until, "--until"),
             random_state=random_state,
             progress=progress.say,
             **given(
-                band=None if band is None else _span(band, "Hz", "--band"),
+                waveforms=tuple(waveforms) if waveforms else None,
+                share=None if share is None else _share(share, "--share"),
+                band=None if band is None else span(band, "Hz", "--band"),
                 sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
                 time=None if time is None else parse_quantity(time, "s", "--time"),
+                run_time=None if run_time is None else parse_quantity(run_time, "s", "--run-time"),
             ),
             **_noise(noise or []),
         )
 
-    files = [path for path in (model, campaign) if path is not None]
+    files = [path for path in (model, campaign, diagnosis) if path is not None]
     answer(find, out, as_json, Progress(quiet, verbose), random_state, files, force)
 
 
@@ -137,7 +166,25 @@ def _share(text: str, where: str) -> float:
         raise InputError(f"{where} is {text!r}; expected a share such as 0.05 or '5 %'") from None
 
 
-def _span(text: str, unit: str, where: str) -> tuple[float, float]:
+def _goal(text: str) -> str | dict[str, float]:
+    """Return a goal, or several with their weights."""
+    from sindyjoint.errors import InputError
+
+    if "=" not in text:
+        return text.strip()
+    goals = {}
+    for part in text.split(","):
+        name, _, weight = part.partition("=")
+        try:
+            goals[name.strip()] = float(weight)
+        except ValueError:
+            raise InputError(
+                f"--goal is {text!r}; expected goals with weights, such as 'widths=2,frequency=1'"
+            ) from None
+    return goals
+
+
+def span(text: str, unit: str, where: str) -> tuple[float, float]:
     """Return the ends of ``2..8 Hz`` in SI; the unit behind the second end is that of both."""
     from sindyjoint.errors import InputError
     from sindyjoint.files.units import conversion, split_quantity
@@ -173,8 +220,7 @@ def _quantities(texts: list[str], known: Mapping[str, str], where: str) -> dict[
 def _noise(texts: list[str]) -> dict[str, Any]:
     """Return the noise as the options of a plan."""
     shares = [text for text in texts if "=" not in text]
-    known = {name: unit for name, unit in CHANNELS.items() if name != "rate"}
-    named = _quantities([text for text in texts if "=" in text], known, "--noise")
+    named = _quantities([text for text in texts if "=" in text], READ, "--noise")
     options = {f"{name}_noise": value for name, value in named.items()}
     return options | ({"noise": _share(shares[-1], "--noise")} if shares else {})
 
@@ -187,4 +233,4 @@ def _ranges(texts: list[str]) -> dict[str, tuple[float, float]]:
 
     catalogue = load_catalogue("extended")
     pairs = [_parted(text, None, "--range") for text in texts]
-    return {name: _span(value, catalogue[name].unit, f"--range {name}") for name, value in pairs}
+    return {name: span(value, catalogue[name].unit, f"--range {name}") for name, value in pairs}

@@ -14,7 +14,8 @@ def schema(
         typer.Option(
             metavar="NAME",
             help="campaign, model, test, plan, check, discovery, comparison, verification, diagnosis, rig, export, "
-            "simulation, batch, joint (record.json in a batch), reproduction or tables.",
+            "joint-curves, structure-curves, simulation, batch, joint (record.json in a batch), reproduction, "
+            "tables.",
         ),
     ] = "campaign",
 ) -> None:

@@ -26,6 +26,11 @@ class _Drive(StrEnum):
     displacement = "displacement"
 
 
+class _Accelerometer(StrEnum):
+    instead = "instead"
+    beside = "beside"
+
+
 class _Format(StrEnum):
     csv = "csv"
     tsv = "tsv"
@@ -57,8 +62,22 @@ SKEW: float = default_of(PLAN, "skew")
 FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
 
 
+# What a virtual test of a rig takes; its runs and noise stand in the rig's file.
+OF_A_RIG = {"rig", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
+
+
 def simulate(
+    context: typer.Context,
     out: Annotated[Path, typer.Option("--out", help="Folder to write campaign.toml and the run files to.")],
+    rig: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="RIG",
+            help="A rig with sensors and runs to simulate instead of a joint's own test: a TOML file, or pulse-rig or "
+            "four-panel-wing.",
+            show_default=False,
+        ),
+    ] = None,
     joint: Annotated[_Joint, typer.Option(help="The paper's joint to test.")] = _Joint(
         default_of(TEST, "joint")
     ),
@@ -98,6 +117,14 @@ def simulate(
     raw: Annotated[
         bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
     ] = default_of(TEST, "raw_channels"),
+    accelerometer: Annotated[
+        _Accelerometer | None,
+        typer.Option(help="Measure the acceleration instead of the angle, or beside it."),
+    ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(help="Drift of the angle's sensor over a run, as a fraction of the angle's RMS."),
+    ] = default_of(PLAN, "angle_drift"),
     format: Annotated[_Format, typer.Option(help="Format of the run files.")] = FORMAT,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     force: ForceOption = False,
@@ -109,6 +136,24 @@ def simulate(
 
     Example: sindyjoint simulate --frequencies 3,4.5,6 --noise 0.02 --out virtual
     """
+    if rig is not None:
+        for name in context.params.keys() - OF_A_RIG:
+            source = context.get_parameter_source(name)
+            if source is not None and source.name == "COMMANDLINE":
+                option = f"--{name.replace('_', '-')}"
+                raise typer.BadParameter("stands in the file of a rig; leave it out", param_hint=option)
+        from sindyjoint.cli.structure import simulate_structure
+
+        written, listed_runs = simulate_structure(
+            rig, out, format.value, random_state, force, Progress(quiet, verbose)
+        )
+        typer.echo(
+            json.dumps(listed_runs)
+            if as_json
+            else f"{written}: {len(listed_runs['runs'])} simulated runs of a structure"
+        )
+        return
+
     from dataclasses import replace
 
     import numpy as np
@@ -143,6 +188,8 @@ def simulate(
         duration=duration,
         settling=settling,
         skew=skew,
+        accelerometer="" if accelerometer is None else accelerometer.value,
+        angle_drift=drift,
     )
     with Progress(quiet, verbose) as progress:
         count = len(test.frequencies) * len(test.levels) if listed is None else len(listed.runs)

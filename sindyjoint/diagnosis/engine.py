@@ -66,25 +66,28 @@ def explain_gap(
     say: Say,
     advised: bool = True,
     without_advice: Callable[[Diagnosis], None] = lambda d: None,
+    refined: Callable[[P], tuple[P, tuple[str, ...]]] = lambda p: (p, ()),
 ) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given found a zero error, it is made again from the joint's own zero, and
     where something is left unexplained, from the best other start that the problem knows; the best end is used. Unless
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
-    before that begins.
+    before that begins. ``refined`` may give the last problem other numbers, and notes on that.
     """
     say("the gap")
     straight, steps = first.corrected()
     clock = ProcessorTime()
     with clock:
         best, note = _best_search(first, straight, steps, most, say, clock)
-    last = best.progress.problem.finished()
+    last, notes = refined(best.progress.problem.finished())
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
     final = best.gaps.final
     if last is not best.progress.problem:
-        # The figures belong to the model that is handed on.
+        # Figures and numbers belong to the model that is handed on.
         final = last.gap
+        numbers = {each.name: dict(each.parameters) for each in last.found}
+        steps = tuple(replace(s, parameters=numbers.get(s.effect, s.parameters)) for s in steps)
         steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
     found = {
         "verdict": best.verdict,
@@ -99,7 +102,7 @@ def explain_gap(
         "advice": (),
     }
     result = last.diagnosis(first, found)
-    result = replace(result, warnings=(*filter(None, note), *result.warnings))
+    result = replace(result, warnings=(*filter(None, note), *result.warnings, *notes))
     if not advised:
         return result
     if any(len(step.members) > 1 for step in steps):

@@ -31,8 +31,19 @@ def with_gain_uncertainty(model: JointModel, gains: Mapping[str, float]) -> Join
     if not any(gains.values()) or not model.terms:
         return model
     fitted = replace(model.fitted, gains=tuple(sorted(gains.items())))
+    return replace(widened(model, _common(model, dict(fitted.gains))), fitted=fitted)
+
+
+def widened(model: JointModel, added: Array) -> JointModel:
+    """Return a model whose covariance and intervals hold an error that all its rows share.
+
+    Parameters
+    ----------
+    model : JointModel
+    added : ndarray, shape (n_terms, n_terms)
+        Covariance of the terms' coefficients by that error, SI.
+    """
     size = len(model.terms)
-    added = _common(model, dict(fitted.gains))
     covariance = model.covariance_matrix
     covariance[:size, :size] += added
     terms = []
@@ -42,9 +53,7 @@ def with_gain_uncertainty(model: JointModel, gains: Mapping[str, float]) -> Join
         half = float(np.hypot((term.interval95[1] - term.interval95[0]) / 2, 1.96 * np.sqrt(more)))
         middle = sum(term.interval95) / 2
         terms.append(replace(term, standard_error=error, interval95=(middle - half, middle + half)))
-    return replace(
-        model, terms=tuple(terms), covariance=tuple(map(tuple, covariance.tolist())), fitted=fitted
-    )
+    return replace(model, terms=tuple(terms), covariance=tuple(map(tuple, covariance.tolist())))
 
 
 def gain_errors(model: JointModel) -> Array:

@@ -17,7 +17,7 @@ def plain_equation(joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[
     """Return the equation as text; the rates of internal states, and their limits, stand behind it."""
     rotates = joint.motion == "rotation"
     parts = [_product(t.symbol, formula_pretty(t.expression, joint.motion), "·") for t in _ordered(terms)]
-    if joint.inertia is not None:
+    if joint.inertia:
         parts.insert(0, "I·θ̈" if rotates else "m·ẍ")
     rates = []
     for each, written in zip(elements, numbered(elements), strict=True):
@@ -38,7 +38,7 @@ def latex_equation(joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[
         return _product(latex_symbol(symbol), formula, r"\,")
 
     parts = [product(t.symbol, formula_latex(t.expression, joint.motion)) for t in _ordered(terms)]
-    if joint.inertia is not None:
+    if joint.inertia:
         parts.insert(0, r"I\,\ddot{\theta}" if rotates else r"m\,\ddot{x}")
     rates = []
     for each, written in zip(elements, numbered(elements), strict=True):

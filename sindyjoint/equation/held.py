@@ -44,15 +44,7 @@ def model_at(model: Model, given: Mapping[str, float]) -> Model:
     values = tuple(sorted(input_values(model, given).items()))
     if not model.inputs:
         return model
-    written = tuple((term.formula, term.parameters, term.inputs) for term in model.terms)
-    joined, formulas = _plan(written, values)
-    size, count = model.numbers.size, len(model.terms)
-    rows = [place for place, target in enumerate(joined) if target is not None and target[0] == place]
-    matrix = np.zeros((len(rows) + size - count, size))
-    matrix[len(rows) :, count:] = np.eye(size - count)
-    for place, target in enumerate(joined):
-        if target is not None:
-            matrix[rows.index(target[0]), place] = target[1]
+    rows, formulas, matrix = _held(model, values)
     numbers = matrix @ model.numbers
     covariance = matrix @ model.covariance_matrix @ matrix.T if model.covariance else None
     terms = tuple(
@@ -63,6 +55,31 @@ def model_at(model: Model, given: Mapping[str, float]) -> Model:
     at = dict(values)
     inputs = tuple(replace(each, reference=at[each.name]) for each in model.inputs)
     return replace(model, terms=terms, covariance=kept, inputs=inputs)
+
+
+def held_numbers(model: Any, given: Mapping[str, float]) -> np.ndarray:
+    """Return the matrix that makes the numbers of a model with its inputs held of those of the model.
+
+    Raises
+    ------
+    UnknownNameError
+        For a name that is no input of the model.
+    """
+    return _held(model, tuple(sorted(input_values(model, given).items())))[2]
+
+
+def _held(model: Any, values: tuple[tuple[str, float], ...]) -> tuple[list[int], tuple[str, ...], np.ndarray]:
+    """Return the places of the terms that stay, the formulas of all, and the matrix of their numbers."""
+    written = tuple((term.formula, term.parameters, term.inputs) for term in model.terms)
+    joined, formulas = _plan(written, values)
+    size, count = model.numbers.size, len(model.terms)
+    rows = [place for place, target in enumerate(joined) if target is not None and target[0] == place]
+    matrix = np.zeros((len(rows) + size - count, size))
+    matrix[len(rows) :, count:] = np.eye(size - count)
+    for place, target in enumerate(joined):
+        if target is not None:
+            matrix[rows.index(target[0]), place] = target[1]
+    return rows, formulas, matrix
 
 
 def _term(term: ModelTerm, formula: str, value: float, covariance: np.ndarray | None, row: int) -> ModelTerm:

@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sindyjoint.equation.operations import program, run_rows
-from sindyjoint.equation.pointers import pointer, stacked
+from sindyjoint.equation.operations import program, run_lanes
+from sindyjoint.equation.pointers import pointer, shifted
 
 if TYPE_CHECKING:
     from sindyjoint.equation.evaluation import TermFunction
@@ -83,87 +83,152 @@ def integrate_runs(angle, rate, ends, timing, parameters, limits, program):
 
     ``timing`` holds the step, the passes, the substeps and the first state of a slider of each run. Between samples the
     motion is interpolated linearly. With more than one pass a run is one period, and is run through that many times.
+
+    Runs of as many substeps go side by side, each a lane of the registers; one that is done gives up its lane.
     """
-    steps, passes, substeps, first = timing
     states = np.empty((program.outputs.size, angle.size))
-    begin = 0
+    begun = np.zeros(ends.size, dtype=np.bool_)
     for run in range(ends.size):
-        end = ends[run]
-        motion = (
-            angle[begin:end],
-            rate[begin:end],
-            steps[run] / substeps[run],
-            passes[run],
-            substeps[run],
-            first[run],
-        )
-        _integrate_run(states[:, begin:end], motion, parameters, limits, program)
-        begin = end
+        if not begun[run]:
+            alike = np.nonzero(timing[2] == timing[2][run])[0]
+            begun[alike] = True
+            _side_by_side(states, alike, (angle, rate, ends), timing, parameters, limits, program)
     return states
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _integrate_run(states, motion, parameters, limits, program):
-    """Fill in the states of one run; operations on parameters alone are done once."""
-    angle, rate, h, passes, substeps, first = motion
-    n, k = angle.size, program.outputs.size
-    # What has no limit begins at zero.
-    z, slope, last, older = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-    for j in range(k):
-        z[j] = last[j] = older[j] = first if np.isfinite(limits[j]) else 0.0
-    known = parameters.size + program.constants.size
+def _side_by_side(states, runs, motion, timing, parameters, limits, program):
+    """Fill in the states of some runs of as many substeps."""
+    angle, rate, ends = motion
+    steps, passes, substeps, first = timing
+    k, lanes, parts = program.outputs.size, runs.size, substeps[runs[0]]
+    registers, base = _registers(lanes, parameters, program)
+    # State now, at the end of the last pass and of that before it, and its rate, for each state and lane.
+    z, last, older, slope = (
+        np.empty((k, lanes)),
+        np.empty((k, lanes)),
+        np.empty((k, lanes)),
+        np.empty((k, lanes)),
+    )
+    # First sample, that before the step, that after it, the one past the last, pass and passes of each lane.
+    begin, before, now, end, turn, most = np.empty((6, lanes), dtype=np.int64)
+    h = np.empty(lanes)
+    for lane in range(lanes):
+        run = runs[lane]
+        begin[lane] = ends[run - 1] if run > 0 else 0
+        end[lane], turn[lane], most[lane], h[lane] = ends[run], 0, passes[run], steps[run] / parts
+        for j in range(k):
+            # What has no limit begins at zero.
+            z[j, lane] = first[run] if np.isfinite(limits[j]) else 0.0
+            states[j, begin[lane]] = last[j, lane] = older[j, lane] = z[j, lane]
+        before[lane], now[lane] = begin[lane], begin[lane] + 1
+    held = (pointer(registers), pointer(z), pointer(slope), pointer(h))
+    rates = (
+        pointer(program.operations), pointer(program.moving), pointer(program.by_state), pointer(program.ends),
+        pointer(program.outputs), pointer(limits),
+    )  # fmt: skip
+    sizes = (k, lanes, base, program.moving.size)
+    active = lanes
+    while active > 0:
+        for _ in range(np.min(end[:active] - now[:active])):
+            for s in range(parts):
+                share = (s + 0.5) / parts
+                for lane in range(active):
+                    i, last_one = now[lane], before[lane]
+                    registers[0, lane] = angle[last_one] + share * (angle[i] - angle[last_one])
+                    registers[1, lane] = rate[last_one] + share * (rate[i] - rate[last_one])
+                _step(held, active, sizes, rates)
+            for lane in range(active):
+                for j in range(k):
+                    states[j, now[lane]] = z[j, lane]
+                before[lane] = now[lane]
+                now[lane] += 1
+        lane = 0
+        while lane < active:
+            if now[lane] == end[lane]:
+                own, mine = states[:, begin[lane] : end[lane]], (z[:, lane], last[:, lane], older[:, lane])
+                turn[lane] = most[lane] if _pass_ends(own, mine, limits, turn[lane]) else turn[lane] + 1
+                now[lane] = begin[lane]
+            if turn[lane] < most[lane]:
+                lane += 1
+                continue
+            active -= 1
+            for each in (begin, before, now, end, turn, most):
+                each[lane] = each[active]
+            h[lane] = h[active]
+            for each in (z, last, older):
+                each[:, lane] = each[:, active]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _registers(lanes, parameters, program):
+    """Return registers with parameters and constants in every lane, and the first one of the operations."""
+    k, known = program.outputs.size, parameters.size + program.constants.size
     base = 2 + k + known
-    registers = stacked(base + program.operations.shape[0])
+    registers = np.empty((base + program.operations.shape[0], lanes))
     for i in range(known):
         given = i < parameters.size
         registers[2 + k + i] = parameters[i] if given else program.constants[i - parameters.size]
-    operations, moving, by_state = (
-        pointer(program.operations),
-        pointer(program.moving),
-        pointer(program.by_state),
-    )
-    run_rows(registers, base, operations, pointer(program.fixed), 0, program.fixed.size)
-    for turn in range(passes):
-        for i in range(n):
-            if i == 0 and turn == 0:
-                states[:, 0] = z
-                continue
-            before = i - 1 if i > 0 else n - 1
-            for s in range(substeps):
-                part = (s + 0.5) / substeps
-                registers[0] = angle[before] + part * (angle[i] - angle[before])
-                registers[1] = rate[before] + part * (rate[i] - rate[before])
-                for j in range(k):
-                    registers[2 + j] = z[j]
-                run_rows(registers, base, operations, moving, 0, program.moving.size)
-                for j in range(k):
-                    slope[j] = registers[program.outputs[j]]
-                for j in range(k):
-                    # ∂f_j/∂z_j by a small step: the states of the shipped effects do not feed each other.
-                    step = 1e-6 * (abs(z[j]) + abs(h * slope[j]) + 1e-300)
-                    registers[2 + j] = z[j] + step
-                    begin = program.ends[j - 1] if j > 0 else 0
-                    run_rows(registers, base, operations, by_state, begin, program.ends[j])
-                    stiffness = (registers[program.outputs[j]] - slope[j]) / step
-                    registers[2 + j] = z[j]
-                    if stiffness > 0.0:
-                        stiffness = 0.0
-                    x = h * stiffness
-                    value = z[j] + h * slope[j] * (np.expm1(x) / x if x < -1e-9 else 1.0)
-                    z[j] = min(max(value, -limits[j]), limits[j])
-            states[:, i] = z
-        # A state that forgets within a period needs two passes, not all of them.
-        settled = True
-        for j in range(k):
-            largest = np.max(np.abs(states[j]))
-            if abs(z[j] - last[j]) > 1e-7 * largest:
-                settled = False
-        if settled and turn > 0:
-            break
-        # Of one that forgets slowly three ends of passes tell the limit, as of a geometric series (Aitken 1926).
-        for j in range(k):
-            came, comes = last[j] - older[j], z[j] - last[j]
-            older[j], last[j] = last[j], z[j]
-            if turn % 3 == 2 and abs(comes) < abs(came):
-                value = z[j] + comes * comes / (came - comes)
-                z[j] = last[j] = min(max(value, -limits[j]), limits[j])
+    # Operations on parameters alone are done once.
+    run_lanes(
+        pointer(registers), lanes, lanes, base, pointer(program.operations), pointer(program.fixed), 0,
+        program.fixed.size,
+    )  # fmt: skip
+    return registers, base
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _step(held, active, sizes, rates):
+    """Take the states of all active lanes over one part of a step; what is held by arrays comes as pointers."""
+    registers, z, slope, h = held
+    operations, moving, by_state, ends, outputs, limits = rates
+    k, lanes, base, n_moving = sizes
+    for j in range(k):
+        for lane in range(active):
+            registers[(2 + j) * lanes + lane] = z[j * lanes + lane]
+    run_lanes(registers, active, lanes, base, operations, moving, 0, n_moving)
+    for j in range(k):
+        for lane in range(active):
+            slope[j * lanes + lane] = registers[outputs[j] * lanes + lane]
+    for j in range(k):
+        mine, rate = shifted(registers, (2 + j) * lanes), shifted(registers, outputs[j] * lanes)
+        state, slopes, limit = shifted(z, j * lanes), shifted(slope, j * lanes), limits[j]
+        # ∂f_j/∂z_j by a small step: the states of the shipped effects do not feed each other.
+        for lane in range(active):
+            mine[lane] = state[lane] + _small(state[lane], h[lane] * slopes[lane])
+        begin = ends[j - 1] if j > 0 else 0
+        run_lanes(registers, active, lanes, base, operations, by_state, begin, ends[j])
+        for lane in range(active):
+            stiffness = (rate[lane] - slopes[lane]) / _small(state[lane], h[lane] * slopes[lane])
+            mine[lane] = state[lane]
+            if stiffness > 0.0:
+                stiffness = 0.0
+            x = h[lane] * stiffness
+            value = state[lane] + h[lane] * slopes[lane] * (np.expm1(x) / x if x < -1e-9 else 1.0)
+            state[lane] = min(max(value, -limit), limit)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _small(state, change):
+    return 1e-6 * (abs(state) + abs(change) + 1e-300)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _pass_ends(states, ends, limits, turn):
+    """Return whether the states repeat; where they do not, note the end of the pass, and what it tells of the limit."""
+    z, last, older = ends
+    # A state that forgets within a period needs two passes, not all of them.
+    settled = turn > 0
+    for j in range(z.size):
+        if abs(z[j] - last[j]) > 1e-7 * np.max(np.abs(states[j])):
+            settled = False
+    if settled:
+        return True
+    # Of one that forgets slowly three ends of passes tell the limit, as of a geometric series (Aitken 1926).
+    for j in range(z.size):
+        came, comes = last[j] - older[j], z[j] - last[j]
+        older[j], last[j] = last[j], z[j]
+        if turn % 3 == 2 and abs(comes) < abs(came):
+            value = z[j] + comes * comes / (came - comes)
+            z[j] = last[j] = min(max(value, -limits[j]), limits[j])
+    return False

@@ -85,6 +85,10 @@ class Fitted:
         Names and versions of what fitted it.
     gains : tuple of (str, float)
         Declared relative uncertainty of the gain of each channel, which is in the intervals.
+    mean_known : bool
+        Whether the mean angle was measured; otherwise the equation holds about the mean position of the runs.
+    quasi_static : bool
+        Whether the samples had no time: the rate is then that of the path, one.
     """
 
     moment_rms: float
@@ -100,6 +104,8 @@ class Fitted:
     data: str = ""
     versions: tuple[tuple[str, str], ...] = ()
     gains: tuple[tuple[str, float], ...] = ()
+    mean_known: bool = True
+    quasi_static: bool = False
 
     @property
     def misfit(self) -> float:

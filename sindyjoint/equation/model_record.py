@@ -133,6 +133,8 @@ class FittedRecord(_Part):
     data: Text = ""
     versions: dict[Text, Text] = {}
     gains: dict[Text, Size] = {}
+    mean_known: bool = True
+    quasi_static: bool = False
 
 
 class ModelRecord(_Part):
@@ -153,6 +155,10 @@ def to_record(model: Any) -> dict[str, Any]:
     """Return a model as plain JSON data, schema 2."""
     fitted = asdict(model.fitted)
     del fitted["gains"]  # written where there are some
+    if fitted["mean_known"]:
+        del fitted["mean_known"]
+    if not model.fitted.quasi_static:
+        del fitted["quasi_static"]  # likewise
     for name in MAY_BE_UNKNOWN:
         if not math.isfinite(fitted[name]):
             fitted[name] = None  # JSON has no NaN

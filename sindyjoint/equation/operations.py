@@ -86,11 +86,33 @@ def operated(code, a, b):
 
 
 @njit(cache=True, error_model="numpy")
-def run_rows(registers, start, operations, rows, begin, end):
-    """Fill the registers of operations ``rows[begin:end]``, in their order; all are pointers.
+def run_lanes(registers, lanes, stride, start, operations, rows, begin, end):
+    """Fill the registers of operations ``rows[begin:end]`` for several motions at once; all are pointers.
 
-    ``start`` is the register of the first operation: behind those of arguments and constants.
+    A register holds one number for each lane, ``stride`` apart from the next register: an operation is looked up once
+    for all lanes, and the plain ones are carried out several lanes at a time.
     """
     for i in range(begin, end):
         operation = shifted(operations, 3 * rows[i])
-        registers[start + rows[i]] = operated(operation[0], registers[operation[1]], registers[operation[2]])
+        code = operation[0]
+        a = shifted(registers, stride * operation[1])
+        b = shifted(registers, stride * operation[2])
+        out = shifted(registers, stride * (start + rows[i]))
+        if code == 12:
+            for lane in range(lanes):
+                out[lane] = a[lane] * b[lane]
+        elif code == 10:
+            for lane in range(lanes):
+                out[lane] = a[lane] + b[lane]
+        elif code == 11:
+            for lane in range(lanes):
+                out[lane] = a[lane] - b[lane]
+        elif code == 13:
+            for lane in range(lanes):
+                out[lane] = a[lane] / b[lane]
+        elif code == 0:
+            for lane in range(lanes):
+                out[lane] = abs(a[lane])
+        else:
+            for lane in range(lanes):
+                out[lane] = operated(code, a[lane], b[lane])

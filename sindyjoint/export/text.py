@@ -84,10 +84,21 @@ def heading(model: JointModel, target: str) -> list[str]:
         f"Written by sindyjoint for {target}. Units: {words.angle_unit}, {words.moment_unit}, s, {words.inertia_unit} "
         "(SI)",
         f"Equation: {equation(model)}",
-        f"Tested up to {fitted.angle:.6g} {words.angle_unit} and {fitted.rate:.6g} {words.angle_unit}/s; RMS "
+        f"Tested up to {fitted.angle:.6g} {words.angle_unit} and {_rate(model)}; RMS "
         f"{words.moment} {fitted.moment_rms:.6g} {words.moment_unit}"
-        + ("; from simulated tests" if fitted.simulated else ""),
+        + ("; from simulated tests" if fitted.simulated else "")
+        + (
+            ""
+            if fitted.mean_known
+            else f"; about the mean {words.angle} of the tests, which was not measured"
+        ),
     ]
+
+
+def _rate(model: JointModel) -> str:
+    """Return the largest tested rate; of samples without time there is none."""
+    fitted = model.fitted
+    return "without time" if fitted.quasi_static else f"{fitted.rate:.6g} {words_of(model).angle_unit}/s"
 
 
 def equation(model: JointModel) -> str:

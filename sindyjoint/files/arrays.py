@@ -21,8 +21,9 @@ from sindyjoint.files.stated_units import unit_in_name
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import with_range
+from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.options import refuse_unknown
-from sindyjoint.record import Campaign, Joint, Motion, Run, Use
+from sindyjoint.record import Campaign, Joint, Motion, Use
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ CHANNELS = {
     key: quantity for keys in KEYS.values() for quantity, (key, _) in keys.items() if quantity != "inertia"
 }
 FOUND = "found"
+# Stands for the sampling rate of samples without time.
+PATH = 1.0
 
 
 def campaign_from_arrays(
@@ -39,7 +42,8 @@ def campaign_from_arrays(
     angle: Any = None,
     force: Any = None,
     displacement: Any = None,
-    time: Any = None,
+    acceleration: Any = None,
+    time: Any = FOUND,
     rate: float | str | None = None,
     units: Mapping[str, str] | None = None,
     frequency: float | str | None | Sequence[float | None] = FOUND,
@@ -60,8 +64,10 @@ def campaign_from_arrays(
         Of a joint that rotates: one run, or one entry for each run.
     force, displacement : array_like, shape (n,), or a sequence of these
         Of a joint that slides, instead of the two above.
+    acceleration : array_like, shape (n,), or a sequence of these, optional
+        Of the joint's motion, instead of angle or displacement, or beside it.
     time : array_like, shape (n,), or a sequence of these, optional
-        Sampling instants.
+        Sampling instants; ``None``: there are none, the samples are quasi-static and have only an order.
     rate : float or str, optional
         Sampling rate instead of them: Hz, or ``"1 kHz"``.
     units : mapping of str to str, optional
@@ -89,19 +95,23 @@ def campaign_from_arrays(
     InputError, UnitError
         For arrays, units or options that cannot be used.
     """
-    given = {"moment": moment, "angle": angle, "force": force, "displacement": displacement}
+    given = {
+        "moment": moment, "angle": angle, "force": force, "displacement": displacement, "acceleration": acceleration,
+    }  # fmt: skip
     present = [key for key, values in given.items() if values is not None]
-    if present not in (["moment", "angle"], ["force", "displacement"]):
+    ways = [["moment", "angle"], ["force", "displacement"]]
+    ways += [[way[0], *more, "acceleration"] for way in ways for more in ([], way[1:])]
+    if present not in ways:
         raise InputError(
             f"arrays were given of {', '.join(present) or 'nothing'}; expected moment and angle, or force and "
-            "displacement"
+            "displacement; acceleration instead of angle or displacement, or beside it"
         )
-    motion: Motion = "rotation" if "angle" in present else "translation"
+    motion: Motion = "rotation" if "moment" in present else "translation"
     stated = {key: KEYS[motion][CHANNELS[key]][1] for key in present} | {"time": "s"}
     refuse_unknown("units", units or {}, [*stated, *(inputs or {})])
     stated |= dict(units or {})
     columns = {key: _as_runs(given[key]) for key in present}
-    if time is not None:
+    if time is not None and not isinstance(time, str):
         stamps = _as_runs(time)
         runs_given = len(columns[present[0]])
         columns["time"] = stamps * runs_given if len(stamps) == 1 else stamps
@@ -123,6 +133,8 @@ def campaign_from_arrays(
     return campaign_from_frames(
         frames, units=stated, rate=rate, frequency=frequency, level=level, use=use, name=name, inertia=inertia,
         motion=motion, simulated=simulated, inputs=inputs, references=references,
+        time=time if time is None else FOUND,
+        columns=None if acceleration is None else {"acceleration": "acceleration"},
     )  # fmt: skip
 
 
@@ -141,6 +153,7 @@ def campaign_from_frames(
     simulated: bool = False,
     inputs: Mapping[str, Any] | None = None,
     references: Mapping[str, str | float] | None = None,
+    time: str | None = FOUND,
 ) -> Campaign:
     """Return a campaign of data frames, one for each run.
 
@@ -152,10 +165,13 @@ def campaign_from_frames(
     units : mapping of str to str, optional
         Unit of each column by its name; where the name states it (``"angle [mrad]"``) it may be left out.
     columns : mapping of str to str, optional
-        Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``.
+        Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``. An acceleration
+        beside an angle is used where it is named here.
     motion : {"rotation", "translation"}, optional
     rate, frequency, level, use, name, inertia, simulated, inputs, references
         As for :func:`campaign_from_arrays`; of an input also the name of a column.
+    time : None, optional
+        The samples are quasi-static, whatever columns there are.
 
     Raises
     ------
@@ -172,28 +188,32 @@ def campaign_from_frames(
     _refuse_strange_units(units or {}, bundles, inputs or {})
     declared, values = inputs_of_runs(inputs or {}, units or {}, references or {}, frames)
     found: Motion = find_motion(bundles, doubts)
-    runs = [_signals(bundle, found, rate, doubts) for bundle in bundles]
+    if time is None and rate is not None:
+        raise InputError(
+            f"time=None says that the samples have no time, and rate is {rate!r}; give one of the two"
+        )
+    runs = [_signals(bundle, found, rate if time else PATH, doubts) for bundle in bundles]
     if doubts.questions:
         question = next(iter(doubts.questions.values()))
         raise InputError(f"{question.text} Give columns={{{question.key!r}: ...}} (guess: {question.guess})")
-    peaks = [float(np.ptp(run["angle"])) / 2 for run, _ in runs]
-    labels = name_levels([""] * len(runs), peaks, KEYS[found]["angle"][1]) if level is None else level
-    made = tuple(
-        Run(
-            title,
-            signals["moment"],
-            signals["angle"],
-            sample_rate,
-            rate=signals.get("rate"),
-            frequency=_frequency(_of(frequency, i, len(runs)), signals, sample_rate, title),
-            level=_of(labels, i, len(runs)),
-            use=_of(use, i, len(runs)),
-            inputs=values[i],
-        )
-        for i, (title, (signals, sample_rate)) in enumerate(zip(frames, runs, strict=True))
-    )
+    quantity = "angle" if all("angle" in run for run, _ in runs) else "acceleration"
+    peaks = [float(np.ptp(run[quantity] if quantity in run else run["angle"])) / 2 for run, _ in runs]
+    labels = name_levels([""] * len(runs), peaks, KEYS[found][quantity][1]) if level is None else level
+    made = []
+    for i, (title, (signals, sample_rate)) in enumerate(zip(frames, runs, strict=True)):
+        known: dict[str, Any] = {"level": _of(labels, i, len(runs)), "use": _of(use, i, len(runs))}
+        asked = _of(frequency, i, len(runs))
+        if time is None:
+            asked = None if asked == FOUND else asked
+            moment, angle = signals["moment"], signals["angle"]
+            made.append(travelled_run(title, moment, angle, values[i], frequency=asked, **known))
+            continue
+        known["frequency"] = _frequency(asked, signals, sample_rate, title)
+        made.append(measured_run(title, signals, sample_rate, inputs=values[i], **known))
     joint = Joint(name, found, _inertia(inertia, found))
-    return Campaign(joint, made, simulated=simulated, inputs=with_range(declared, made, references or {}))
+    return Campaign(
+        joint, tuple(made), simulated=simulated, inputs=with_range(declared, made, references or {})
+    )
 
 
 def _as_runs(values: Any) -> list[Array]:
@@ -264,7 +284,8 @@ def _signals(
         return signals, parse_quantity(rate, "Hz", "rate") if isinstance(rate, str) else float(rate)
     if stamps is None:
         raise InputError(
-            f"run {bundle.name!r}: neither time nor rate was given; give rate='1 kHz', or the instants"
+            f"run {bundle.name!r}: neither time nor rate was given; give rate='1 kHz', or the instants, or time=None "
+            "where the samples are quasi-static"
         )
     where = f"run {bundle.name!r}: time"
     check_order(stamps, where, lambda index: f"sample {index}")
@@ -273,7 +294,8 @@ def _signals(
 
 def _frequency(given: Any, signals: Mapping[str, ArrayLike], rate: float, title: str) -> float | None:
     if given == FOUND:
-        return find_frequency(np.asarray(signals["angle"]), np.asarray(signals["moment"]), rate, title)
+        motion = np.asarray(signals["angle"] if "angle" in signals else signals["acceleration"])
+        return find_frequency(motion, np.asarray(signals["moment"]), rate, title)
     return parse_quantity(given, "Hz", "frequency") if isinstance(given, str) else given
 
 

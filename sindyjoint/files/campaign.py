@@ -18,6 +18,7 @@ from sindyjoint.files.readers import read_table, sha256_of
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
+from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.record import Campaign, Joint, Motion, Run
 from sindyjoint.source import LongRecord, Source
 
@@ -172,22 +173,24 @@ class _RunLoader:
         signals, rate = reader.read()
         measured = {key.removeprefix(INPUT): each for key, each in signals.items() if key.startswith(INPUT)}
         inputs = self.inputs.values(table, measured, rate, entry)
+        name = str(PurePosixPath(table.file).with_suffix("")) if table.name is None else table.name
         try:
-            run = Run(
-                str(PurePosixPath(table.file).with_suffix("")) if table.name is None else table.name,
-                signals["moment"],
-                signals["angle"],
-                rate,
-                rate=signals.get("rate"),
-                valid=signals.get("valid"),
+            noise = declared_noise(channels, self.motion, f"{self.file}: [channels]")
+            if channels.time == "none":
+                made = travelled_run(name, signals["moment"], signals["angle"], inputs, noise)
+            else:
+                valid = signals.get("valid")
+                made = measured_run(
+                    name, signals, rate, valid=valid, noise=noise, inputs=inputs, frequency=frequency
+                )
+            run = replace(
+                made,
                 frequency=frequency,
                 level=None if table.level is None else str(table.level),
                 use=table.use,
                 source=Source(table.file, sha256, reader.stated_units()),
                 whole=whole,
-                noise=declared_noise(channels, self.motion, f"{self.file}: [channels]"),
                 file_units=reader.file_units(),
-                inputs=inputs,
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error
@@ -224,6 +227,8 @@ class _RunLoader:
         """Return how a file is cut that is too long to be read at once; None for one that is not."""
         # A row is eight letters at least: most files need not be opened to know.
         if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
+            return None
+        if channels.time == "none":
             return None
         # Channels of several files have to lie side by side in memory.
         apart = any(getattr(getattr(channels, key), "file", None) for key in CHANNEL_KEYS)

@@ -1,4 +1,4 @@
-"""From the columns of one run file to moment, angle and perhaps rate in SI units on a uniform time axis."""
+"""From the columns of one run file to moment and what was measured of the motion, SI, on a uniform time axis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, UnitError
-from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable
+from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import (
     advanced,
@@ -22,6 +22,7 @@ from sindyjoint.files.timeaxis import (
     with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
+from sindyjoint.numeric import delayed
 from sindyjoint.record import Motion
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
 from sindyjoint.source import ColumnUnit, FileUnit, SensorNoise
@@ -35,16 +36,20 @@ KEYS: dict[Motion, dict[str, tuple[str, str]]] = {
         "angle": ("angle", "rad"),
         "rate": ("rate_of_angle", "rad/s"),
         "inertia": ("inertia", "kg*m**2"),
+        "acceleration": ("acceleration", "rad/s**2"),
     },
     "translation": {
         "moment": ("force", "N"),
         "angle": ("displacement", "m"),
         "rate": ("rate_of_displacement", "m/s"),
         "inertia": ("mass", "kg"),
+        "acceleration": ("acceleration", "m/s**2"),
     },
 }
 
 
+# What sensors measure, in the order of their messages.
+MEASURED = ("moment", "angle", "rate", "acceleration")
 # Among the channels that were read: False at samples that the recorder lost.
 VALID = "valid"
 # Begins the names of inputs of the law among them.
@@ -72,7 +77,12 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
             raise InputError(f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion")
     if (channels.time is None) == (channels.rate is None):
         given = "neither" if channels.time is None else "both"
-        raise InputError(f"{where}: expected time (a column) or rate (such as '1 kHz'), not {given}")
+        raise InputError(
+            f"{where}: expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz'), not "
+            f"{given}"
+        )
+    if channels.time == "none":
+        _refuse_timed(channels, motion, where)
     if channels.skew is not None and channels.skew_removed is not None:
         raise InputError(f"{where} skew: skew_removed states that it is removed already; give one of the two")
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
@@ -83,10 +93,23 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
         in_rig = rig is not None and getattr(rig, raw) is not None
         if in_rig and channel is not None:
             raise InputError(f"{where} {key}: [rig] {raw} gives it already; give one of the two")
-        if not in_rig and channel is None:
-            raise InputError(f"{where}: key {key!r} is missing" + (f" (or [rig] {raw})" if rig else ""))
+        if not in_rig and channel is None and (quantity == "moment" or channels.acceleration is None):
+            instead = ", or acceleration in its place" if quantity == "angle" else ""
+            in_rig_instead = f" (or [rig] {raw})" if rig else ""
+            raise InputError(f"{where}: key {key!r} is missing{in_rig_instead}{instead}")
         if quantity == "angle" and channel is not None and channel.constant is not None:
             raise InputError(f"{where} {key}: cannot be a constant; expected a joint that moves")
+    if channels.acceleration is not None and channels.time == "none":
+        raise InputError(f"{where} acceleration: samples without time have none; leave it out")
+    if channels.acceleration is not None and channels.acceleration.column is None:
+        raise InputError(f"{where} acceleration: expected a column with its unit")
+
+
+def _refuse_timed(channels: Channels, motion: Motion, where: str) -> None:
+    """Refuse keys that have no meaning for samples without time."""
+    for key in (KEYS[motion]["rate"][0], "skew", "skew_removed", "resample"):
+        if getattr(channels, key):
+            raise InputError(f"{where} {key}: time = 'none' says that the samples have no time; leave it out")
 
 
 @dataclass(frozen=True)
@@ -117,9 +140,10 @@ class RunReader:
     """Whether the table is a part of a longer one, of which no sample may be missing."""
 
     def read(self) -> tuple[dict[str, Any], float]:
-        """Return moment, angle and perhaps rate in SI units, each shape (n,), and the sampling rate, Hz.
+        """Return moment, angle, rate and acceleration, as far as measured, SI, shape (n,), and the sampling rate, Hz.
 
-        Where the recorder lost samples, ``"valid"`` is False and the channels are interpolated.
+        Without time that is zero. Where the recorder lost samples, ``"valid"`` is False and the channels are
+        interpolated.
 
         Raises
         ------
@@ -129,7 +153,7 @@ class RunReader:
         columns = self._columns()
         signals: dict[str, Array] = {}
         constants: dict[str, float] = {}
-        for quantity in ("moment", "angle", "rate"):
+        for quantity in MEASURED:
             key, unit = KEYS[self.motion][quantity]
             channel: Channel | None = getattr(self.channels, key)
             where = f"{self.manifest}: [channels] {key}"
@@ -146,15 +170,16 @@ class RunReader:
         signals, rate = self._timed(signals, columns)
         self._refuse_dead(signals)
         signals = self._remove_delay(signals, rate)
-        n = signals["angle"].size
+        signals = self._advance_acceleration(signals, rate)
+        n = next(iter(signals.values())).size
         return signals | {name: np.full(n, value) for name, value in constants.items()}, rate
 
     def stated_units(self) -> tuple[ColumnUnit, ...]:
         """Return the units that the file states for its columns otherwise than they are declared."""
         wanted: list[tuple[str, Column, str]] = []
-        if self.channels.time is not None:
+        if isinstance(self.channels.time, TimeChannel):
             wanted.append(("time", self.channels.time.column, self.channels.time.unit))
-        for quantity in ("moment", "angle", "rate"):
+        for quantity in MEASURED:
             channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
             if channel is not None and channel.column is not None and channel.unit is not None:
                 wanted.append((quantity, channel.column, channel.unit))
@@ -170,7 +195,7 @@ class RunReader:
     def file_units(self) -> tuple[FileUnit, ...]:
         """Return the units in which the channels stand in the file."""
         found = []
-        for quantity in ("moment", "angle", "rate"):
+        for quantity in MEASURED:
             key, unit = KEYS[self.motion][quantity]
             channel: Channel | None = getattr(self.channels, key)
             if channel is not None and channel.unit is not None:
@@ -180,8 +205,9 @@ class RunReader:
 
     def _columns(self) -> dict[Column, Array]:
         """Return all columns that this run needs, read in one go."""
-        wanted: list[Column] = [] if self.channels.time is None else [self.channels.time.column]
-        for quantity in ("moment", "angle", "rate"):
+        axis = self.channels.time
+        wanted: list[Column] = [axis.column] if isinstance(axis, TimeChannel) else []
+        for quantity in MEASURED:
             channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
             if channel is not None and channel.column is not None:
                 wanted.append(channel.column)
@@ -227,9 +253,9 @@ class RunReader:
         known = KEYS[self.motion]
         sizes = {known[name][0] if name in known else name: values.size for name, values in signals.items()}
         axis = self.channels.time
-        if axis is None:
+        if not isinstance(axis, TimeChannel):
             self._refuse_lengths(sizes)
-            return signals, self._declared_rate()
+            return signals, 0.0 if axis == "none" else self._declared_rate()
         where = f"{self.table.path}: column {axis.column!r}"
         factor = conversion(axis.unit, "s", f"{self.manifest}: [channels] time")
         time = _scaled(columns[axis.column], factor, 0.0, where)
@@ -286,7 +312,7 @@ class RunReader:
         if samples == 0:
             return signals
         lost = margin(samples)
-        n = signals["angle"].size
+        n = signals["moment"].size
         if n <= 4 * lost:
             raise InputError(
                 f"{self.manifest}: [channels] skew: removing {self.channels.skew!r} takes {float(lost):.6g} "
@@ -296,6 +322,21 @@ class RunReader:
             name: advanced(values, samples) if name == "moment" else values[lost : n - lost]
             for name, values in signals.items()
         }
+
+    def _advance_acceleration(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
+        """Move the acceleration ahead by its own declared delay; every channel loses the edges that this needs."""
+        channel = self.channels.acceleration
+        if channel is None or channel.delay is None:
+            return signals
+        where = f"{self.manifest}: [channels] acceleration.delay"
+        samples = parse_quantity(channel.delay, "s", where) * rate
+        lost, n = int(np.ceil(abs(samples))), signals["acceleration"].size
+        if 4 * lost >= n:
+            raise InputError(
+                f"{where}: {channel.delay!r} is more than a quarter of {self.table.path.name}; check the unit"
+            )
+        ahead = signals | {"acceleration": delayed(signals["acceleration"], -samples)}
+        return {name: values[lost : n - lost] for name, values in ahead.items()}
 
 
 def _measured(channel: Channel, columns: dict[Column, Array], unit: str, where: str) -> Array:

@@ -102,6 +102,10 @@ class DeclaredInputs:
                 found[name] = value_in(each, given, f"{where} inputs.{name}")
                 continue
             values = each.zero + each.factor * measured[name]
+            if not rate and (table.delay is not None or each.lag):
+                raise InputError(
+                    f"{place}: samples without time have neither a delay nor a lag; leave it out"
+                )
             if table.delay is not None:
                 # What is shown now happened earlier: the signal is moved ahead, its last value goes on.
                 samples = parse_quantity(table.delay, "s", f"{place}.delay") * rate

@@ -88,6 +88,14 @@ class Channel(StrictTable):
         return self
 
 
+class AccelerationChannel(Channel):
+    """A measured acceleration."""
+
+    delay: str | None = Field(
+        default=None, description="Time by which it lags the other channels; it is removed on reading."
+    )
+
+
 class TimeChannel(StrictTable):
     """The column of time stamps."""
 
@@ -98,8 +106,10 @@ class TimeChannel(StrictTable):
 class Channels(StrictTable):
     """Which column holds which quantity."""
 
-    time: TimeChannel | None = Field(
-        default=None, description="Column of time stamps, also clock times and dates; or give rate."
+    time: TimeChannel | Literal["none"] | None = Field(
+        default=None,
+        description="Column of time stamps, also clock times and dates; or give rate. 'none': quasi-static samples, in "
+        "their order.",
     )
     rate: float | str | None = Field(
         default=None, description="Sampling rate instead of a time column: '1 kHz', or Hz."
@@ -113,6 +123,10 @@ class Channels(StrictTable):
     )
     rate_of_displacement: Channel | None = Field(
         default=None, description="Measured velocity; translation only."
+    )
+    acceleration: AccelerationChannel | None = Field(
+        default=None,
+        description="Measured acceleration of the joint's motion, instead of angle or displacement or beside it.",
     )
     skew: str | None = Field(
         default=None, description="Time by which moment or force lags; it is removed on reading."

@@ -27,6 +27,7 @@ QUANTITIES = {
     "m": "a length, such as 'm', 'mm' or 'inch'",
     "rad/s": "an angular rate, such as 'rad/s' or 'deg/s'",
     "m/s": "a velocity, such as 'm/s' or 'mm/s'",
+    "rad/s**2": "an angular acceleration, such as 'rad/s^2'; of one in 'g' give gain = '5 rad/m', one over the radius",
     "kg*m**2": "a moment of inertia, such as 'kg*m^2'",
     "kg": "a mass, such as 'kg'",
     "N*m**2": "a bending stiffness, such as 'N*m^2'",
@@ -36,6 +37,7 @@ QUANTITIES = {
     "Pa": "a modulus, such as 'GPa'",
     "kg/m**3": "a density, such as 'kg/m^3'",
     "kg/m": "a mass per length, such as 'kg/m'",
+    "m/s**2": "an acceleration, such as 'm/s^2' or 'g'",
 }
 
 # A quantity as a manifest writes it, by SI unit, where "5" of the unit would be no usual one.
@@ -60,6 +62,8 @@ USUAL = {
     "m": {"mm": 1e-3, "um": 1e-6, "cm": 1e-2},
     "rad/s": {"mrad/s": 1e-3, "deg/s": math.pi / 180},
     "m/s": {"mm/s": 1e-3},
+    "rad/s**2": {"rad/s^2": 1.0},
+    "m/s**2": {"m/s^2": 1.0, "g": 9.80665},
     "kg*m**2": {"kg*m^2": 1.0},
     "N*m**2": {"N*m^2": 1.0},
 }
@@ -68,6 +72,9 @@ USUAL = {
 INPUT_UNITS = ("K", "V", "A", "N", "N*m", "Pa", "m", "rad", "s", "Hz", "m/s", "rad/s", "kg", "m/m")
 
 _EXPONENT = r"(?:\*\*|\^)\s*\(?\s*[+-]?\d{1,2}(?:\.\d{1,3})?\s*\)?"
+# Of an acceleration, "g" is no gram.
+_GRAVITY = re.compile(r"(?<![\w.])g(?!\w)")
+ACCELERATIONS = ("rad/s**2", "m/s**2")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.*?)\s*", re.DOTALL)
 
 
@@ -148,6 +155,8 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
     usual = {expected: 1.0, **USUAL.get(expected, {})}
     if gain is None and unit in usual:
         return usual[unit]
+    if expected in ACCELERATIONS:
+        unit, gain = _GRAVITY.sub("standard_gravity", unit), gain and _GRAVITY.sub("standard_gravity", gain)
     number, total = 1.0, _parse_unit(unit, where)
     if gain is not None:
         number, gain_unit = split_quantity(gain, f"{where} gain", expected)

@@ -97,9 +97,13 @@ def write_campaign(
 
 def _columns(run: Run, joint: Joint, rig: SensorRig | None) -> dict[str, NDArray[np.float64]]:
     """Return what one run file holds, in SI units."""
-    moment, angle, rate = list(UNITS[joint.motion])[:3]
+    moment, angle, rate, *_ = UNITS[joint.motion]
     columns = {"time": run.time}
-    if rig is None:
+    if run.fusion is not None and rig is None:
+        columns |= {moment: run.moment + run.fusion.constant, "acceleration": run.fusion.acceleration}
+        beside = {angle: run.fusion.angle, rate: run.fusion.rate}
+        columns |= {name: values for name, values in beside.items() if values is not None}
+    elif rig is None:
         columns |= {moment: run.moment, angle: run.angle}
     else:
         columns |= {f"e{number}": strain for number, strain in enumerate(rig.strains(run.moment), start=1)}
@@ -192,7 +196,7 @@ def _number(each: Input, value: float) -> str:
 
 def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> dict[str, str]:
     """Return the ``[channels]`` entries of one run as TOML text."""
-    moment, angle, rate, _ = units
+    moment, angle, rate, *_ = units
     channels = {"rate": _quantity(run.sample_rate, "Hz")}
     if rig is None:
         # A moment that never changes, as in a free decay, is declared: a constant column is a dead channel.
@@ -200,12 +204,15 @@ def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> d
         value = _quantity(run.moment[0], units[moment])
         written = _channel(moment, units[moment], run.noise.moment)
         channels[moment] = f"{{ constant = {value} }}" if constant else written
-        channels[angle] = _channel(angle, units[angle], run.noise.angle)
+        if run.fusion is None or run.fusion.angle is not None:
+            channels[angle] = _channel(angle, units[angle], run.noise.angle)
     else:
         for key, noise in ((moment, run.noise.moment), (angle, run.noise.angle)):
             if noise is not None:
                 channels[key] = f"{{ noise = {_quantity(noise, units[key])} }}"
-    if run.rate is not None:
+    if run.fusion is not None and rig is None:
+        channels["acceleration"] = _channel("acceleration", units["acceleration"], run.noise.acceleration)
+    if run.rate is not None or (run.fusion is not None and run.fusion.rate is not None):
         channels[rate] = _channel(rate, units[rate], run.noise.rate)
     return channels
 

@@ -19,7 +19,8 @@ from sindyjoint.judgement.policy import POLICY
 from sindyjoint.shown import Shown
 
 Answer = Literal["changed", "changed within margin", "the same within margin", "cannot tell", "not compared"]
-NORMAL95 = 1.959963984540054
+# Degrees of freedom that are as good as any number of them.
+MANY = 1e6
 
 
 @dataclass(frozen=True)
@@ -183,9 +184,9 @@ def compare_models(
             f"{', '.join(only)} stand(s) in one of the two only; what is left to the others differs by that: give both "
             "campaigns, and the same terms are fitted to both"
         )
-    critical = _critical(len(both))
+    level = POLICY.change_level / max(len(both), 1)
     errors = [np.zeros(len(m.terms)) if not same_sensors else gain_errors(m) for m in (before, after)]
-    shifts = tuple(_shift(name, before, after, errors, critical, margin) for name in ids)
+    shifts = tuple(_shift(name, before, after, errors, level, margin) for name in ids)
     return Change(before, after, shifts, margin, names, tuple(notes))
 
 
@@ -205,16 +206,21 @@ def _at_references(model: JointModel, common: dict[str, float]) -> JointModel:
     )
 
 
-def _critical(count: int) -> float:
-    from scipy.special import ndtri
+def _error_of(term: ModelTerm, common: float) -> tuple[float, float]:
+    """Return the standard error of a coefficient less what a common error makes of it, and its degrees of freedom.
 
-    return float(ndtri(1 - POLICY.change_level / (2 * max(count, 1))))
+    The degrees are those by which its 95 % interval is wider than one of a normal distribution.
+    """
+    from scipy.optimize import brentq
+    from scipy.special import stdtrit
 
-
-def _half_width(term: ModelTerm, common: float) -> float:
-    """Return half the 95 % interval of a coefficient, less what a common error makes of it."""
-    half = (term.interval95[1] - term.interval95[0]) / 2
-    return float(np.sqrt(max(half**2 - (NORMAL95 * common) ** 2, 0.0)))
+    error = term.standard_error
+    left = float(np.sqrt(max(error**2 - common**2, 0.0)))
+    ratio = (term.interval95[1] - term.interval95[0]) / 2 / error if error > 0 else 0.0
+    if ratio <= stdtrit(MANY, 0.975):
+        return left, MANY
+    few = brentq(lambda log: stdtrit(np.exp(log), 0.975) - min(ratio, stdtrit(1, 0.975)), 0.0, np.log(MANY))
+    return left, float(np.exp(few))
 
 
 def _shift(
@@ -222,10 +228,10 @@ def _shift(
     before: JointModel,
     after: JointModel,
     common: list[np.ndarray],
-    critical: float,
+    level: float,
     margin: float,
 ) -> Shift:
-    from scipy.special import ndtr
+    from scipy.special import stdtr, stdtrit
 
     nan, unknown = float("nan"), (float("nan"), float("nan"))
     if name not in before or name not in after:
@@ -238,17 +244,23 @@ def _shift(
             nan, unknown, nan, "not compared",
         )  # fmt: skip
     one, other = before[name], after[name]
-    halves = [
-        _half_width(model[name], float(error[model.ids.index(name)]))
+    errors = [
+        _error_of(model[name], float(error[model.ids.index(name)]))
         for model, error in zip((before, after), common, strict=True)
     ]
-    half = float(np.hypot(halves[0], halves[1]))
+    # The degrees of a difference of which neither variance is known (Welch 1947, Satterthwaite 1946).
+    variances = np.array([error**2 for error, _ in errors])
+    total = float(variances.sum())
+    degrees = total**2 / float(np.sum(variances**2 / [d for _, d in errors])) if total > 0 else MANY
+    error = float(np.sqrt(total))
     difference = other.coefficient - one.coefficient
     size = abs(one.coefficient) or nan
-    score = abs(difference) / half * NORMAL95 if half > 0 else (np.inf if difference else 0.0)
-    found = score > critical
+    score = abs(difference) / error if error > 0 else (np.inf if difference else 0.0)
+    chance = float(2 * stdtr(degrees, -score))
+    found = chance < level
     # Two one-sided tests at 5 % each: an interval of 90 %.
-    within = abs(difference) + half * 1.644853626951473 / NORMAL95 < margin * size
+    within = abs(difference) + error * stdtrit(degrees, 0.95) < margin * size
+    half = float(error * stdtrit(degrees, 0.975))
     answer: Answer = (
         ("changed within margin" if within else "changed")
         if found
@@ -257,5 +269,5 @@ def _shift(
     change = difference / size
     return Shift(
         one.id, one.symbol, one.name, one.unit, one.coefficient, other.coefficient, one.interval95, other.interval95,
-        change, (change - half / size, change + half / size), float(2 * ndtr(-score)), answer,
+        change, (change - half / size, change + half / size), chance, answer,
     )  # fmt: skip

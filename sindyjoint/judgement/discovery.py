@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay
+from sindyjoint.discovery.uncertainty import in_words, inseparable
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, is_of_the_paper, make_headline
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
@@ -18,6 +19,7 @@ from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
+from sindyjoint.text import in_words_of
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias
@@ -153,6 +155,7 @@ class Discovery(Shown):
                 "missing": list(self.verdict.missing),
                 "extra": list(self.verdict.extra),
                 "reason": self.verdict.reason,
+                "dependences": [{"term": term, "input": name} for term, name in self.verdict.dependences],
             },
             "fit": {
                 "moment_rms": fitted.moment_rms,
@@ -189,6 +192,8 @@ def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
         rate=unknown,
         frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
         simulated=campaign.simulated,
+        mean_known=campaign.mean_known,
+        quasi_static=campaign.quasi_static,
     )
     return Discovery(
         model=JointModel(campaign.joint, (), (), fitted),
@@ -203,3 +208,19 @@ def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
         soundness=checked.soundness,
         stopped=checked,
     )
+
+
+def undetermined(found: Discovery) -> tuple[str, ...]:
+    """Return in words which terms of the model the runs cannot tell apart."""
+    evidence, model = found.regressor.evidence_, found.model
+    columns = [evidence.ids.index(term) for term in model.ids if term in evidence.ids]
+    pairs = inseparable(evidence, columns) if columns else ()
+    return tuple(in_words_of(model.joint.motion, in_words(pair, *_reach(model))) for pair in pairs)
+
+
+def _reach(model: JointModel) -> tuple[float | None, float | None]:
+    """Return the largest angle tested and the softening limit of a model, where it has one."""
+    if not {"linear_stiffness", "cubic_stiffness"} <= set(model.ids):
+        return None, None
+    k1, k3 = model["linear_stiffness"].coefficient, model["cubic_stiffness"].coefficient
+    return (model.fitted.angle, float(np.sqrt(k1 / (-3 * k3)))) if k3 < 0 < k1 else (None, None)

@@ -212,5 +212,7 @@ def campaign_model(
         rate=model.fitted.rate,
         frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
         simulated=campaign.simulated,
+        mean_known=campaign.mean_known,
+        quasi_static=campaign.quasi_static,
     )
     return replace(model, joint=campaign.joint, fitted=fitted)

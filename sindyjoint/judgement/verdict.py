@@ -11,6 +11,7 @@ import numpy as np
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
+from sindyjoint.judgement.at_each_level import LevelLaw, law_at_levels, vanishing
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.finding import Finding
@@ -33,12 +34,15 @@ class Verdict:
         Ids of the paper's terms that were not found, and of found terms that the paper lacks.
     reason : str
         One sentence.
+    dependences : tuple of (str, str)
+        Ids of the paper's terms that depend on an input, and that input: at each level they are still the paper's.
     """
 
     verdict: str
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     reason: str
+    dependences: tuple[tuple[str, str], ...] = ()
 
 
 def unjudged(reason: str) -> Verdict:
@@ -61,6 +65,18 @@ def undecided_by_data(verdict: Verdict, findings: Sequence[Finding]) -> Verdict:
     reason = f"the data are not sound ({faults}: {findings[0].effect})"
     reason += f"; without that: {verdict.verdict}, {verdict.reason}"
     return replace(verdict, verdict="undecided", reason=reason)
+
+
+def undecided_without_time(verdict: Verdict) -> Verdict:
+    """Return the verdict on samples without time: viscous damping, one of the five terms, is not in question there."""
+    others = [term for term in PAPER_TERMS if term != "linear_damping"]
+    missing = tuple(term for term in others if term in verdict.missing)
+    reason = "the samples have no time, so that viscous damping cannot be judged; of the other four terms "
+    reason += f"{_spell_terms(missing)} was not found" if missing else "all were found"
+    reason += (
+        f", and beyond them {_spell_terms(verdict.extra)}" if verdict.extra else ", and nothing beyond them"
+    )
+    return replace(verdict, verdict="undecided", missing=missing, reason=reason)
 
 
 def judge(
@@ -86,10 +102,12 @@ def judge(
     unresolved : ChannelDelay, optional
         Delay between the channels that was found and not removed.
     """
-    found = [term for term in model.ids if term != INERTIA]
-    missing = tuple(term for term in PAPER_TERMS if term not in found)
-    extra = tuple(term for term in found if term not in PAPER_TERMS)
+    law = law_at_levels(model)
+    missing = tuple(term for term in PAPER_TERMS if term not in law.ids)
+    extra = tuple(term for term in law.ids if term not in PAPER_TERMS)
     verdict, reason = _reach_verdict(regressor, model, missing, extra)
+    if law.dependences:
+        verdict, reason = _at_each_level(verdict, reason, model, law)
     if completed and extra and verdict == "refuted" and _paper_terms_suffice(regressor, model):
         verdict, reason = (
             "undecided",
@@ -99,7 +117,21 @@ def judge(
         )
     if verdict != "undecided" and unresolved is not None:
         verdict, reason = "undecided", _spell_delay(unresolved)
-    return Verdict(verdict, missing, extra, in_words_of(model.joint.motion, reason))
+    return Verdict(verdict, missing, extra, in_words_of(model.joint.motion, reason), law.dependences)
+
+
+def _at_each_level(verdict: str, reason: str, model: JointModel, law: LevelLaw) -> tuple[str, str]:
+    """Return verdict and reason of a law of which coefficients depend on inputs."""
+    gone = vanishing(model, law)
+    if verdict == "confirmed" and gone:
+        term, name = gone[0]
+        return "undecided", (
+            f"{spelled(term)} changes its sign over the tested range of {name}: at a level between, it is not there "
+            f"({law.words(model)})"
+        )
+    if verdict == "confirmed":
+        reason = f"at each level {reason}"
+    return verdict, f"{reason}; {law.words(model)}"
 
 
 def _spell_delay(delay: ChannelDelay) -> str:
@@ -126,7 +158,10 @@ def _reach_verdict(
     withheld = [term for term in PAPER_TERMS if term not in offered]
     if withheld:
         return "undecided", f"{_spell_terms(withheld)} was not among the candidates: others may replace it"
-    gap, least = model.fitted.misfit, min(term.unique_share for term in model.terms if term.id != INERTIA)
+    gap = model.fitted.misfit
+    # What a coefficient's dependence carries is no term of its own at any level.
+    plain = [term for term in model.terms if term.id != INERTIA and not term.inputs]
+    least = min(term.unique_share for term in plain or model.terms)
     if gap > _tolerated(model, least):
         # What is not understood is larger than the weakest term found: it may be a term, or stand behind one.
         those = "five terms" if not (missing or extra) else "terms found"

@@ -47,6 +47,14 @@ def element_mass(mass_per_length: float, length: float) -> Array:
     return mass_per_length * a / 420 * np.array(shape)
 
 
+def hermite_shapes(fraction: float, length: float) -> Array:
+    """Deflection at a fraction of a beam element by its freedoms (w₁, φ₁, w₂, φ₂), shape (4,): cubic Hermite shapes."""
+    x = fraction
+    return np.array([
+        1 - 3 * x**2 + 2 * x**3, length * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3, length * (x**3 - x**2),
+    ])  # fmt: skip
+
+
 def rectangular_section(
     youngs_modulus: float, density: float, width: float, height: float
 ) -> tuple[float, float]:

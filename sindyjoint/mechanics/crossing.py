@@ -22,9 +22,7 @@ class Stepper:
 
     def __init__(self, structure: Structure, load: Array, step: float):
         self.structure, self.load, self.step = structure, load, step
-        omega = 2 * np.pi * structure.frequencies(1)[0]
-        self.mass, self.stiffness = structure.mass, structure.stiffness
-        self.damping = structure.loss / omega
+        self.mass, self.stiffness, self.damping = structure.mass, structure.stiffness, structure.damping
         compiled = [as_compiled(hinge.law) for hinge in structure.hinges]
         joints = len(compiled)
         width = max([c.numbers.size for c in compiled], default=0) or 1

@@ -72,6 +72,12 @@ class Excitation:
         return not (self.periodic or self.ramp) and time >= self.step * len(self.pieces)
 
     @cached_property
+    def _integrated(self) -> tuple[Array, Array]:
+        """The pieces at their scale, and the integral up to the beginning of each."""
+        c = self.pieces * self.scale
+        return c, np.concatenate([[0.0], np.cumsum(c @ [1, 1 / 2, 1 / 3, 1 / 4])]) * self.step
+
+    @cached_property
     def _last(self) -> Array:
         return np.asarray(self.pieces[-1].sum() * self.scale)
 
@@ -106,8 +112,7 @@ class Excitation:
             )
         if isinstance(start, float) and self._is_over(start):
             return self._last
-        c = self.pieces * self.scale
-        whole = np.concatenate([[0.0], np.cumsum(c @ [1, 1 / 2, 1 / 3, 1 / 4])]) * self.step
+        c, whole = self._integrated
         last = c[-1].sum()
 
         def integral(t: ArrayLike) -> Array:

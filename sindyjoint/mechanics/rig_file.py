@@ -36,7 +36,13 @@ class PartTable(StrictTable):
     mass_per_length: str | None = Field(default=None, description="Of a beam.")
     elements: int = Field(default=8, ge=1, le=MOST_ELEMENTS, description="Finite elements of a beam.")
     loss_factor: float = Field(default=0.0, description="Of the beam's material.")
-    law: str | None = Field(default=None, description="Of a joint: a shipped joint, or 'model'.")
+    law: str | None = Field(
+        default=None, description="Of a joint: a shipped joint, 'model', or 'unknown' where it is sought."
+    )
+    kind: str | None = Field(default=None, description="Of a joint: joints of one kind share a law.")
+    stiffness_uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Of a beam, relative.")
+    mass_uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Of a beam or a mass, relative.")
+    loss_uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Of a beam's loss factor, relative.")
     value: str | None = Field(default=None, description="Of a mass, or what a joint weighs: '8 kg'.")
     inertia: str | None = Field(default=None, description="Of a mass or a joint.")
 
@@ -112,6 +118,86 @@ class BaseTable(StrictTable):
     clamp_stiffness: str | None = Field(default=None, description="Rotational; omitted: rigid.")
 
 
+class StationTable(StrictTable):
+    """A place along a beam."""
+
+    beam: str = Field(description="Its name.")
+    at: str = Field(description="How far from its end at the base.")
+
+
+class SensorTable(StrictTable):
+    """A sensor on the structure and its column in the files of the runs."""
+
+    column: str | int = Field(description="Its name, or its number from 1; also the sensor's name.")
+    quantity: Literal["acceleration", "velocity", "displacement"] = Field(
+        default="acceleration", description="What it measures."
+    )
+    unit: str = Field(description="Of the column.")
+    point: str | StationTable = Field(description="A part's far end, a freedom, or a place along a beam.")
+    noise: str | None = Field(
+        default=None, description="Standard deviation; default: by what does not repeat."
+    )
+
+
+class DriveTable(StrictTable):
+    """What drives the structure, as it was measured."""
+
+    quantity: Literal["force", "base acceleration"] = Field(default="force", description="What it is.")
+    point: str | StationTable = Field(default="tip", description="Where a force acts.")
+    column: str | int = Field(default="force", description="Its name, or its number from 1.")
+    unit: str = Field(default="N", description="Of the column.")
+    noise: str | None = Field(
+        default=None, description="Standard deviation; default: by what does not repeat."
+    )
+
+
+class RunTable(StrictTable):
+    """One run of the structure: a file, or what a virtual test shall drive it by."""
+
+    file: str | None = Field(default=None, description="With time, drive and sensors.")
+    name: str | None = Field(default=None, description="Default: the file's.")
+    frequency: str | None = Field(default=None, description="At which the drive repeats.")
+    level: str | None = Field(default=None, description="Free label.")
+    use: Literal["identify", "validate"] = Field(default="identify", description="What it is for.")
+    shape: Literal["sine", "multisine"] | None = Field(default=None, description="For simulate.")
+    amplitude: str | None = Field(default=None, description="For simulate: peak of the drive.")
+    band: tuple[str, str] | None = Field(default=None, description="For simulate: of a multisine.")
+
+
+class RecorderTable(StrictTable):
+    """How simulate records the runs."""
+
+    sample_rate: str = Field(default="500 Hz", description="Of the files.")
+    duration: str = Field(default="20 s", description="Of each.")
+    settling: str = Field(default="10 s", description="With the drive on, before the record begins.")
+    noise: float = Field(default=0.01, ge=0, lt=1, description="White, as a fraction of each channel's RMS.")
+
+
+class MatrixJointTable(StrictTable):
+    """A joint between two freedoms of a structure that is given by its matrices."""
+
+    name: str = Field(description="In results.")
+    between: list[str] = Field(
+        min_length=1, max_length=2, description="Freedoms; one of them alone: against the ground."
+    )
+    kind: str | None = Field(default=None, description="Joints of one kind share a law.")
+
+
+class MatricesTable(StrictTable):
+    """A structure by its matrices, without the joints, instead of a chain."""
+
+    file: str = Field(
+        description="NPZ or MAT with mass, stiffness and perhaps damping, and base: the rigid motion with the base."
+    )
+    freedoms: list[str] = Field(min_length=1, description="Their names, in the order of the matrices.")
+    joint: list[MatrixJointTable] = Field(min_length=1, description="Where the joints sit.")
+    motion: Literal["rotation", "translation"] = Field(default="rotation", description="Of the joints.")
+    stiffness_uncertainty: float = Field(
+        default=0.0, ge=0, lt=1, description="Of the whole matrix, relative."
+    )
+    mass_uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Of the whole matrix, relative.")
+
+
 class RigFile(StrictTable):
     """All of ``rig.toml``."""
 
@@ -119,9 +205,20 @@ class RigFile(StrictTable):
     description: str = Field(default="", description="One sentence.")
     base: BaseTable = Field(default=BaseTable(), description="The clamp.")
     chain: list[PartTable] = Field(
-        min_length=1, max_length=MOST_PARTS, description="Parts from the base to the tip."
+        default=[], max_length=MOST_PARTS, description="Parts from the base to the tip."
     )
-    pulse: PulseTable = Field(description="What moves the structure.")
+    matrices: MatricesTable | None = Field(default=None, description="Instead of a chain.")
+    loss_frequency: str | None = Field(
+        default=None, description="At which the loss factors hold. Default: the first mode."
+    )
+    pulse: PulseTable | None = Field(default=None, description="What moves the structure, of a pulse test.")
+    time: ColumnTable = Field(
+        default=ColumnTable(column="time", unit="s"), description="In the files of the runs."
+    )
+    drive: DriveTable = Field(default=DriveTable(), description="In the files of the runs.")
+    sensor: list[SensorTable] = Field(default=[], description="In the files of the runs.")
+    run: list[RunTable] = Field(default=[], description="Runs from which the law of the joints is sought.")
+    recorder: RecorderTable = Field(default=RecorderTable(), description="Of virtual runs.")
     output: OutputTable = Field(default=OutputTable(), description="What is simulated.")
     measured: list[MeasuredTable] = Field(
         default=[], description="One record, or several of the same pulse, the main one first."
@@ -131,3 +228,11 @@ class RigFile(StrictTable):
     @classmethod
     def _one_or_several(cls, given: Any) -> Any:
         return [given] if isinstance(given, dict) else given
+
+    @model_validator(mode="after")
+    def _chain_or_matrices(self) -> RigFile:
+        if bool(self.chain) == (self.matrices is not None):
+            raise ValueError("expected either [[chain]] or [matrices]")
+        if self.pulse is None and not (self.run and self.sensor):
+            raise ValueError("expected [pulse], or [[sensor]] and [[run]]")
+        return self

@@ -164,7 +164,11 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
 
 
 def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
-    items = tuple(_build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
+    if given.pulse is None or not given.chain:
+        raise InputError(
+            "no [pulse] on a [[chain]]: of runs and sensors discover and simulate make something"
+        )
+    items = tuple(build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
     clamp = given.base.clamp_stiffness
     stiffness = (
         float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
@@ -188,7 +192,9 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
     return rig
 
 
-def _build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
+def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
+    """Return a part of a chain in SI units; laws are those by name that its joints may have."""
+
     def number(name: str, unit: str) -> float:
         text = getattr(part, name)
         value = 0.0 if text is None else parse_quantity(text, unit, f"{where} {name}")

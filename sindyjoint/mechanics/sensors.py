@@ -82,6 +82,17 @@ def delayed(time: Array, fine_time: Array, fine_signal: Array, delay: float) -> 
     return np.interp(time - delay, fine_time, fine_signal)
 
 
+def anti_aliased(signal: Array, finer: int) -> Array:
+    """Return every so many-th sample of a finely sampled signal behind an anti-alias filter without phase.
+
+    An acceleration jumps where friction does. Sampled without a filter, the place of a jump between two samples is
+    lost, and with it what the jump does to the rate.
+    """
+    from scipy.signal import resample_poly
+
+    return signal if finer == 1 else np.asarray(resample_poly(signal, 1, finer))
+
+
 def raw_channels(
     moment: ArrayLike, angle: ArrayLike, channel: Channel, generator: np.random.Generator
 ) -> dict[str, Array]:

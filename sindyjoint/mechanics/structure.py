@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.mechanics.beam import Beam, element_mass, element_stiffness
+from sindyjoint.mechanics.beam import Beam, element_mass, element_stiffness, hermite_shapes
 from sindyjoint.mechanics.laws import Law
 
 Array = NDArray[np.float64]
@@ -64,6 +64,14 @@ class Structure:
     hinges : tuple of Hinge
     points : dict of str to ndarray, shape (n,)
         How the deflection at each named point follows from the coordinates.
+    loss_frequency : float, optional
+        Hz, at which the beams' loss factors hold: their loss is made viscous there. Default: the first mode.
+    viscous : ndarray, shape (n, n), optional
+        Damping matrix beside that of the beams' loss.
+    base : ndarray, shape (n,), optional
+        The coordinates of a rigid motion of one metre of everything that the base carries.
+    basis : ndarray, shape (whole, n), optional
+        Of a reduced structure: the shapes that its coordinates stand for.
     """
 
     mass: Array
@@ -71,11 +79,23 @@ class Structure:
     loss: Array
     hinges: tuple[Hinge, ...]
     points: dict[str, Array]
+    loss_frequency: float | None = None
+    viscous: Array | None = None
+    base: Array | None = None
+    basis: Array | None = None
 
     @property
     def n_joints(self) -> int:
         """Number of joints."""
         return len(self.hinges)
+
+    @property
+    def damping(self) -> Array:
+        """Viscous damping matrix C = L/(2π f) + C₀, shape (n, n): the material loss L as at the loss frequency f."""
+        lossy = bool(self.loss.any())
+        frequency = (self.loss_frequency or float(self.frequencies(1)[0])) if lossy else 1.0
+        damping = self.loss / (2 * np.pi * frequency)
+        return damping if self.viscous is None else damping + self.viscous
 
     def tangent_stiffness(self) -> Array:
         """Stiffness of each joint at standstill in the middle, N·m/rad, shape (n_joints,)."""
@@ -166,7 +186,12 @@ def _check_chain(items: Sequence[Item]) -> None:
                     )
 
 
-def assemble(items: Sequence[Item], clamp_stiffness: float = np.inf) -> Structure:
+def assemble(
+    items: Sequence[Item],
+    clamp_stiffness: float = np.inf,
+    stations: Mapping[str, tuple[str, float]] | None = None,
+    loss_frequency: float | None = None,
+) -> Structure:
     """Assemble a chain from the base to its free end.
 
     Parameters
@@ -175,6 +200,10 @@ def assemble(items: Sequence[Item], clamp_stiffness: float = np.inf) -> Structur
         In order from the base.
     clamp_stiffness : float
         Rotational stiffness of the base, N·m/rad; infinite for a rigid clamp.
+    stations : mapping of str to (str, float), optional
+        Further points by name: a beam, and how far from its end at the base, m.
+    loss_frequency : float, optional
+        Hz; see :class:`Structure`.
 
     Raises
     ------
@@ -195,30 +224,58 @@ def assemble(items: Sequence[Item], clamp_stiffness: float = np.inf) -> Structur
     if soft_clamp:
         built.stiffness[phi[0], phi[0]] += clamp_stiffness
     points: dict[str, Array] = {}
+    base = np.zeros(size)
 
     def mark(name: str) -> None:
         points[name] = np.zeros(size)
         points[name][w] = 1.0
+
+    def mark_along(beam: Beam, start: float, length: float, freedoms: Sequence[Sequence[int]]) -> None:
+        for name, (where, at) in (stations or {}).items():
+            # The far end of an element belongs to it; that of the base stands still in any case.
+            if where == beam.name and start < at <= start + length:
+                points[name] = np.zeros(size)
+                shapes = hermite_shapes((at - start) / length, length)
+                for value, unknowns in zip(shapes, freedoms, strict=True):
+                    points[name][list(unknowns)] += value
 
     for item in items:
         if isinstance(item, Beam):
             length = item.length / item.elements
             stiffness = element_stiffness(item.bending_stiffness, length)
             mass = element_mass(item.mass_per_length, length)
-            for _ in range(item.elements):
+            for number in range(item.elements):
                 ahead = [next(free)], [next(free)]
                 freedoms = [w, phi, *ahead]
                 built.add(built.stiffness, stiffness, freedoms)
                 built.add(built.loss, item.loss_factor * stiffness, freedoms)
                 built.add(built.mass, mass, freedoms)
+                mark_along(item, number * length, length * (1 + 1e-9), freedoms)
                 w, phi = ahead
+                base[w] = 1.0
         else:
             if isinstance(item, Hinge):
                 phi = [*phi, next(joints)]
             built.add(built.mass, np.diag([item.mass, item.inertia]), [w, phi])
         mark(item.name)
     mark("tip")
-    return Structure(built.mass, built.stiffness, built.loss, hinges, points)
+    _check_stations(items, stations or {}, points)
+    return Structure(built.mass, built.stiffness, built.loss, hinges, points, loss_frequency, base=base)
+
+
+def _check_stations(
+    items: Sequence[Item], stations: Mapping[str, tuple[str, float]], points: Mapping[str, Array]
+) -> None:
+    lengths = {item.name: item.length for item in items if isinstance(item, Beam)}
+    for name, (beam, at) in stations.items():
+        if beam not in lengths:
+            raise UnknownNameError(
+                f"point {name!r}: beam {beam!r} is not in the chain; expected one of {', '.join(lengths)}"
+            )
+        if name not in points:
+            raise InputError(
+                f"point {name!r}: at is {at:g} m; expected a place above 0 up to the {lengths[beam]:g} m of {beam!r}"
+            )
 
 
 def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) -> Structure:
@@ -241,7 +298,7 @@ def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) 
     """
     rows = np.stack([structure.point(name) for name in dict.fromkeys(points)]) if points else np.zeros((0, 0))
     n = len(structure.mass)
-    if len(points) and not np.all(rows.sum(axis=1)):
+    if len(points) and not np.all(rows.any(axis=1)):
         still = [name for name in points if not structure.point(name).any()]
         raise InputError(f"point(s) {', '.join(still)} do not move: they sit at the base")
     kept = np.concatenate(
@@ -269,5 +326,6 @@ def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) 
     reduced_points: Mapping[str, Array] = {name: row @ basis for name, row in structure.points.items()}
     return Structure(
         project(structure.mass), project(structure.stiffness), project(structure.loss), structure.hinges,
-        dict(reduced_points),
+        dict(reduced_points), structure.loss_frequency,
+        viscous=None if structure.viscous is None else project(structure.viscous), basis=basis,
     )  # fmt: skip

@@ -7,7 +7,7 @@ instant. The implicit midpoint rule (the average-acceleration rule for linear pa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,8 @@ class Response:
         s.
     events : int
         Times a joint stuck, broke away or reversed.
+    velocity : dict of str to ndarray, shape (n,)
+        Of each output point, m/s.
     """
 
     time: Array
@@ -67,6 +69,7 @@ class Response:
     beam_dissipation: float
     step: float
     events: int
+    velocity: dict[str, Array] = field(default_factory=dict)
 
 
 def _check_step(structure: Structure, step: float, duration: float, sample_rate: float) -> int:
@@ -96,8 +99,9 @@ def respond(
     limits: str | None = "softening",
     initial_angle: Sequence[float] | None = None,
     initial_force: float = 0.0,
+    initial: tuple[Array, Array] | None = None,
 ) -> Response:
-    """Simulate a structure under a force, from standstill.
+    """Simulate a structure under a force, from standstill unless it is said how it moves at the start.
 
     Parameters
     ----------
@@ -120,6 +124,8 @@ def respond(
         Joint angles at the start, rad.
     initial_force : float
         Static force at the point that bends the structure at the start and is then released, N. Joints do not move.
+    initial : tuple of two ndarray, shape (n,)
+        Coordinates of the structure and their rates at the start.
 
     Returns
     -------
@@ -137,6 +143,11 @@ def respond(
     stepper = Stepper(reduced, reduced.point(at).copy(), 1 / (sample_rate * parts))
     record = _Record.begin(stepper, excitation, round(duration * sample_rate) * parts)
     joints = reduced.n_joints
+    if initial is not None:
+        # What the reduction keeps of a motion, by kinetic energy: the rates' projection on its shapes.
+        assert reduced.basis is not None
+        weighted = structure.mass @ reduced.basis
+        record.q[0], record.v[0] = (np.linalg.solve(reduced.mass, weighted.T @ given) for given in initial)
     if initial_angle is not None:
         record.q[0, :joints] = initial_angle
     if initial_force:
@@ -190,11 +201,12 @@ def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: 
     """Fill the record from its first row on; return the number of events."""
     grid, q, v, z = record.grid, record.q, record.v, record.z
     hinges, joints, last = stepper.structure.hinges, stepper.structure.n_joints, len(grid) - 1
-    direction = np.zeros(joints)
+    direction = np.sign(v[0, :joints])
+    still = direction == 0
     start = stepper.moments(direction, record.force[0], q[0], v[0], z[0])
-    direction[:] = [side_of(row) for row in start]
+    direction[still] = [side_of(row) for row in start[still]]
     record.moments[0] = start
-    record.moments[0, :, 0] = np.clip(start[:, 0], start[:, 1], start[:, 2])
+    record.moments[0, still, 0] = np.clip(start[still, 0], start[still, 1], start[still, 2])
     record.stuck[0] = direction == 0
     reached, events = 0, 0
     while reached < last:
@@ -248,11 +260,13 @@ def _collect_response(
     )
     for j, hinge in enumerate(structure.hinges):
         energy += _integrate_elastic_energy(hinge.law, q[:, j])
+    rows = {name: structure.point(name) for name in points}
     return Response(
-        time=record.grid[keep], displacement={name: q @ structure.point(name) for name in points},
+        time=record.grid[keep], displacement={name: q @ row for name, row in rows.items()},
         force=record.force[keep], joints=tuple(hinge.name for hinge in structure.hinges),
         angle=q[:, :joints].T, rate=v[:, :joints].T, moment=record.moments[keep, :, 0].T, stuck=record.stuck[keep].T,
         energy=energy, joint_dissipation=record.work[0, :, 1], beam_dissipation=lost, step=stepper.step, events=events,
+        velocity={name: v @ row for name, row in rows.items()},
     )  # fmt: skip
 
 

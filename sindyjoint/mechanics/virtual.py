@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.measured import measured_run
 from sindyjoint.mechanics.excitation import Excitation, harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
-from sindyjoint.mechanics.sensors import Channel, delayed, from_raw_channels, raw_channels
+from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.record import Campaign, Joint, Run
 
@@ -21,6 +22,7 @@ Drive = Literal["moment", "rig", "displacement"]
 
 JOINTS: dict[str, Law] = {"inter-panel": INTER_PANEL, "panel-root": PANEL_ROOT}
 DRIVES = ("moment", "rig", "displacement")
+Accelerometer = Literal["", "instead", "beside"]
 
 #: Peak angles as fractions of the softening limit.
 LEVELS = (0.92, 0.63, 0.35)
@@ -69,6 +71,11 @@ class VirtualTest:
     settling : float
         Time simulated before the record begins, s. Zero: the start-up transient is part of the record.
     moment_channel, angle_channel : Channel
+    accelerometer : {"", "instead", "beside"}
+        Whether the motion is measured by an accelerometer instead of the angle's sensor or beside it.
+    acceleration_channel : Channel
+    angle_drift : float
+        Of the angle's sensor over the record, as a share of the angle's RMS: a random walk and a straight line.
     raw : bool
         Whether moment and angle are read through strain gauges and laser spots (with the moment channel's errors).
     skew : float
@@ -93,12 +100,19 @@ class VirtualTest:
     raw: bool = False
     skew: float = 0.0
     beam_inertia: float = BEAM_INERTIA
+    accelerometer: Accelerometer = ""
+    acceleration_channel: Channel = field(default_factory=Channel)
+    angle_drift: float = 0.0
     angle_limit: float = 0.0
     rtol: float = 1e-7
 
     def __post_init__(self) -> None:
         if self.drive not in DRIVES:
             raise InputError(f"drive is {self.drive!r}; expected 'moment', 'rig' or 'displacement'")
+        if self.accelerometer not in ("", "instead", "beside"):
+            raise InputError(f"accelerometer is {self.accelerometer!r}; expected 'instead' or 'beside'")
+        if self.accelerometer and self.raw:
+            raise InputError("raw_channels and an accelerometer were given; expected one of the two")
         for name in ("frequencies", "levels"):
             values = getattr(self, name)
             if not values or not all(np.isfinite(v) and v > 0 for v in values):
@@ -109,7 +123,7 @@ class VirtualTest:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"{name} is {value!r}; expected a positive number")
-        for name in ("settling", "beam_inertia"):
+        for name in ("settling", "beam_inertia", "angle_drift"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError(f"{name} is {value!r}; expected a number that is not negative")
@@ -168,10 +182,10 @@ class VirtualTest:
         # Near a resonance the peak jumps with the amplitude; the side that stays below the angle is taken.
         return found if excess(found) < 1e-3 else found * (1 - 5e-4)
 
-    def ideal(self, frequency: float, amplitude: float) -> tuple[Array, Array]:
-        """Moment and angle at the sensors without errors but with the time delay, each of shape (n,)."""
+    def ideal(self, frequency: float, amplitude: float) -> tuple[Array, Array, Array]:
+        """Moment, angle and acceleration at the sensors, free of errors but the time delay, each of shape (n,)."""
         start, n = round(self.settling * self.sample_rate), round(self.duration * self.sample_rate)
-        finer = _OVERSAMPLING if self.skew else 1
+        finer = _OVERSAMPLING if self.skew or self.accelerometer else 1
         rate = self.sample_rate * finer
         # Room on both sides of the record for a shifted channel.
         total = (start + n + round(abs(self.skew) * self.sample_rate) + 2) / self.sample_rate
@@ -179,19 +193,21 @@ class VirtualTest:
             time = np.arange(round(total * rate)) / rate
             tone = harmonic(amplitude, frequency, _PHASE)
             angle = tone(time)
+            acceleration = tone.derivative(time, 2)
             moment, _ = transfer_moment(
-                self.law, angle, tone.derivative(time), rate, acceleration=tone.derivative(time, 2)
+                self.law, angle, tone.derivative(time), rate, acceleration=acceleration
             )
         else:
             motion = simulate(
                 self.law, self._excitation(amplitude, frequency), total, rate,
                 beam_inertia=self._exciter_inertia, rtol=self.rtol,
             )  # fmt: skip
-            time, angle, moment = motion.time, motion.angle, motion.moment
+            time, angle, moment, acceleration = motion.time, motion.angle, motion.moment, motion.acceleration
         kept = slice(start * finer, (start + n) * finer, finer)
+        shown = anti_aliased(acceleration, finer)[start : start + n]
         if not self.skew:
-            return moment[kept], angle[kept]
-        return delayed(time[kept], time, moment, self.skew), angle[kept]
+            return moment[kept], angle[kept], shown
+        return delayed(time[kept], time, moment, self.skew), angle[kept], shown
 
     def measured(
         self, moment: Array, angle: Array, generator: np.random.Generator
@@ -204,6 +220,14 @@ class VirtualTest:
         errors = Channel(noise=self.moment_channel.noise, bits=self.moment_channel.bits)
         raw = raw_channels(moment, angle, errors, generator)
         return *from_raw_channels(raw), raw
+
+    def drift(self, angle: Array, generator: np.random.Generator) -> Array:
+        """Return how the angle's sensor drifts, rad, shape (n,); zero without a drift."""
+        if not self.angle_drift:
+            return np.zeros(angle.size)
+        walk = np.cumsum(generator.standard_normal(angle.size)) / np.sqrt(angle.size)
+        line = generator.standard_normal() * np.linspace(0, 1, angle.size)
+        return np.asarray(self.angle_drift * np.std(angle) * (walk + line))
 
 
 @dataclass(frozen=True)
@@ -219,12 +243,20 @@ def run_tests(test: VirtualTest, generator: np.random.Generator) -> list[Virtual
     runs = []
     for frequency in test.frequencies:
         for level in test.levels:
-            moment, angle = test.ideal(frequency, test.amplitude(frequency, level))
+            moment, angle, acceleration = test.ideal(frequency, test.amplitude(frequency, level))
             moment, angle, raw = test.measured(moment, angle, generator)
-            run = Run(
-                name=f"{frequency:g}Hz-{level:g}", moment=moment, angle=angle, sample_rate=test.sample_rate,
-                frequency=frequency, level=f"{level:g}",
-            )  # fmt: skip
+            signals = {"moment": moment, "angle": angle + test.drift(angle, generator)}
+            if test.accelerometer:
+                signals["acceleration"] = test.acceleration_channel.read(acceleration, generator)
+            if test.accelerometer == "instead":
+                del signals["angle"]
+            run = measured_run(
+                f"{frequency:g}Hz-{level:g}",
+                signals,
+                test.sample_rate,
+                frequency=frequency,
+                level=f"{level:g}",
+            )
             runs.append(VirtualRun(run, raw))
     return runs
 
@@ -257,7 +289,8 @@ def virtual_test(
     return VirtualTest(
         law, tuple(map(float, frequencies)), tuple(map(float, levels)), angle_limit=float(limit), raw=raw_channels,
         moment_channel=Channel(noise, quantisation, moment_gain, moment_offset),
-        angle_channel=Channel(noise, quantisation, angle_gain, angle_offset), **options,
+        angle_channel=Channel(noise, quantisation, angle_gain, angle_offset),
+        acceleration_channel=Channel(noise, quantisation), **options,
     )  # fmt: skip
 
 
@@ -285,7 +318,8 @@ def virtual_campaign(
         (10 s), ``settling`` (s simulated before the record; 0 keeps the start-up transient), ``raw_channels`` (read
         through strain gauges and lasers), ``beam_inertia`` (kg·m², for "rig"), ``hidden`` (a law added to the
         joint's), ``skew`` (time delay between the channels: moment behind angle, s), ``angle_offset`` (rad),
-        ``moment_offset`` (N·m), ``angle_gain``, ``moment_gain``, ``rtol``.
+        ``moment_offset`` (N·m), ``angle_gain``, ``moment_gain``, ``accelerometer`` ("instead" of the angle's sensor or
+        "beside" it), ``angle_drift`` (of the angle's sensor, as a share of the angle's RMS), ``rtol``.
 
     Returns
     -------

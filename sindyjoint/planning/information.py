@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.equation.formula import compile_terms
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import POINTS, PlannedRun, motion
@@ -46,21 +46,33 @@ class Sensors:
         RMS noise of a sample as a share of the channel's RMS, where the next two do not say otherwise.
     moment, angle : float, optional
         RMS noise of a sample, N·m and rad.
+    moment_resolution, angle_resolution : float, optional
+        Step of the reading, N·m and rad: its error is taken for white noise of the RMS step/√12, which holds where
+        noise or motion cross many steps (Widrow and Kollár 2008, Quantization Noise).
     """
 
     sample_rate: float = 1000.0
     noise: float = 0.01
     moment: float | None = None
     angle: float | None = None
+    moment_resolution: float | None = None
+    angle_resolution: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("sample_rate", "noise", "moment", "angle"):
-            value = getattr(self, name)
+        for name, value in vars(self).items():
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InputError(f"{name} is {value!r}; expected a positive number")
 
     def of(self, moment: Array, angle: Array) -> tuple[float, float]:
-        """Return the RMS noise of moment and angle in a run."""
+        """Return the RMS noise of moment and angle in a run, that of the resolution included."""
+        moment_noise, angle_noise = self.analogue(moment, angle)
+        return (
+            float(np.hypot(moment_noise, (self.moment_resolution or 0.0) / np.sqrt(12))),
+            float(np.hypot(angle_noise, (self.angle_resolution or 0.0) / np.sqrt(12))),
+        )
+
+    def analogue(self, moment: Array, angle: Array) -> tuple[float, float]:
+        """Return the RMS noise of moment and angle before they are read in steps."""
         return (
             self.moment or self.noise * float(np.sqrt(np.mean(moment**2))),
             self.angle or self.noise * float(np.sqrt(np.mean(angle**2))),
@@ -126,7 +138,7 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     """
     frequency, rate = run.frequency, sensors.sample_rate
     points = max(POINTS, round(rate / frequency))
-    moved = motion(model_law(model), run.drive, frequency, run.level, points)
+    moved = motion(model_law(model), run.drive, frequency, run.level, points, run.waveform)
     # The first period is left out as start-up.
     periods = int(run.duration * frequency + 1e-9) - 1
     if periods < STATES.fewest_periods:
@@ -151,7 +163,9 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     if not moving.any():
         return _nothing(len(model.terms))
     columns, slopes = _columns(model, [state[moving] for state in states])
-    target = moment[moving] - model.inertia * states[2][moving]
+    # An identified inertia is one of the columns.
+    declared = 0.0 if INERTIA in model else model.inertia
+    target = moment[moving] - declared * states[2][moving]
     return _added_up(
         columns,
         target - columns @ model.coefficients,
@@ -269,18 +283,24 @@ def _inverse(bread: Array) -> tuple[Array, NDArray[np.bool_]]:
     return np.linalg.inv(scaled) / scale[:, :, None] / scale[:, None, :], singular
 
 
-def chosen_terms(information: Information, coefficients: Array) -> NDArray[np.bool_]:
-    """Return which terms a discovery of the runs is expected to take, shape (joints, p).
+def margins(information: Information, coefficients: Array) -> Array:
+    """Return by how much each term passes what a discovery of the runs asks of it, shape (joints, p).
 
-    Those that are significant, and carry alone at least the least share of the moment's RMS that a discovery asks for:
+    From one on it is taken: it is significant, and carries alone a least share of the moment's RMS, which is
     |c| / √(B⁻¹)_kk over √(cᵀBc).
     """
     bread = information.bread.sum(axis=0)
     inverse, singular = _inverse(bread)
     moment = np.sqrt(np.maximum(np.einsum("jk,jkl,jl->j", coefficients, bread, coefficients), 1e-300))
     alone = np.abs(coefficients) / np.sqrt(np.einsum("jkk->jk", inverse)) / moment[:, None]
-    significant = half_widths(information) * DISCOVERY.term_significance < 1.96 * np.abs(coefficients)
-    return np.asarray(significant & (alone >= DISCOVERY.least_share) & ~singular[:, None])
+    asked = np.maximum(half_widths(information) * DISCOVERY.term_significance, 1e-300)
+    found = np.minimum(1.96 * np.abs(coefficients) / asked, alone / DISCOVERY.least_share)
+    return np.asarray(np.where(singular[:, None], 0.0, found))
+
+
+def chosen_terms(information: Information, coefficients: Array) -> NDArray[np.bool_]:
+    """Return which terms a discovery of the runs is expected to take, shape (joints, p)."""
+    return np.asarray(margins(information, coefficients) >= 1.0)
 
 
 def changes_over_band(information: Information, frequencies: Sequence[float]) -> Array:

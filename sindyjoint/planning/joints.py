@@ -20,6 +20,7 @@ from sindyjoint.record import Joint
 Array = NDArray[np.float64]
 
 MOST_CORNERS = 64
+LEAST_INERTIA = 0.1  # of the identified one: without any a joint under a moment does not move as a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,17 +101,16 @@ def like_model(model: JointModel, policy: PlanningPolicy = POLICY) -> JointRange
     Raises
     ------
     InputError
-        For a model without terms, with elements that have a memory, or without an inertia of its own.
+        For a model without terms, or with elements that have a memory.
     """
-    if not model.terms or model.elements or INERTIA in model:
+    if not model.terms or model.elements:
         raise InputError(
-            f"the model has {len(model.terms)} terms, {len(model.elements)} elements with a memory, and "
-            f"{'an identified' if INERTIA in model else 'a declared'} inertia; a plan is made for terms of angle and "
-            "rate with a declared inertia"
+            f"the model has {len(model.terms)} terms and {len(model.elements)} elements with a memory; a plan is made "
+            "for terms of angle and rate"
         )
     half = policy.model_errors * model.standard_errors
     low, high = model.coefficients - half, model.coefficients + half
     for index, term in enumerate(model.terms):
-        if term.family == "friction" and term.coefficient > 0:
-            low[index] = max(low[index], 0.0)
+        if (term.family == "friction" or term.id == INERTIA) and term.coefficient > 0:
+            low[index] = max(low[index], LEAST_INERTIA * term.coefficient if term.id == INERTIA else 0.0)
     return JointRange(replace(model, covariance=()), low, high)

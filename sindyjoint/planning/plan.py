@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.planning.information import Information, Sensors, changes_over_band, chosen_terms, half_widths
+from sindyjoint.planning.apart import Apart
+from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
 from sindyjoint.shown import Shown
 
@@ -75,6 +75,33 @@ class Step:
     grid: float
 
 
+@dataclass(frozen=True)
+class Now:
+    """How far the runs that were made have come.
+
+    Parameters
+    ----------
+    runs : int
+    seconds : float
+        Duration of all of them.
+    widest : float
+        What the plan makes small, relative, as the runs have given it; infinite where they do not.
+    complete : float
+        Share of the joints of the range of which a discovery of these runs is expected to take every term that matters.
+    missing : int
+        Different frequencies and levels that a discovery asks for and that are missing.
+    reached : bool
+        Whether that is enough.
+    """
+
+    runs: int
+    seconds: float
+    widest: float
+    complete: float
+    missing: int
+    reached: bool
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Shown):
     """The result of :func:`sindyjoint.plan`.
@@ -87,8 +114,8 @@ class Plan(Shown):
         Range of each coefficient.
     actuator : Actuator
     sensors : Sensors
-    goal : str
-        ``"widths"`` or ``"frequency"``.
+    goals : tuple of (str, float)
+        What is made small, and how much each counts, the weightiest first.
     terms : tuple of str
         Coefficients that matter.
     runs : tuple of PlannedRun
@@ -102,6 +129,10 @@ class Plan(Shown):
     stop : str
         Whether, and when, to stop.
     warnings : tuple of str
+    now : Now, optional
+        What the runs of a campaign have reached.
+    apart : Apart, optional
+        How surely given effects are told apart.
     """
 
     model: JointModel
@@ -109,7 +140,7 @@ class Plan(Shown):
     high: tuple[float, ...]
     actuator: Actuator
     sensors: Sensors
-    goal: str
+    goals: tuple[tuple[str, float], ...]
     terms: tuple[str, ...]
     runs: tuple[PlannedRun, ...]
     predicted: tuple[Prediction, ...]
@@ -119,6 +150,18 @@ class Plan(Shown):
     until: float | None
     stop: str
     warnings: tuple[str, ...] = ()
+    now: Now | None = None
+    apart: Apart | None = None
+
+    @property
+    def goal(self) -> str:
+        """What counts most."""
+        return self.goals[0][0]
+
+    @property
+    def count(self) -> str:
+        """How many runs are to be made, in words."""
+        return counted_runs(len(self.runs), self.now is not None)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
@@ -139,6 +182,9 @@ class Plan(Shown):
             "grid": {each.id: _record(each) for each in self.grid},
             "undetermined": list(self.undetermined),
             "goal": self.goal,
+            "goals": dict(self.goals),
+            "apart": None if self.apart is None else self.apart.to_dict(),
+            "now": None if self.now is None else vars(self.now) | {"widest": _known(self.now.widest)},
             "curve": [
                 {key: _known(value) for key, value in vars(step).items()} | {"runs": step.runs}
                 for step in self.curve
@@ -146,6 +192,11 @@ class Plan(Shown):
             "stop": self.stop,
             "warnings": list(self.warnings),
         }
+
+
+def counted_runs(count: int, further: bool) -> str:
+    """Return a number of runs in words."""
+    return f"{count} {'further ' * further}run{'s' * (count != 1)}"
 
 
 def _record(each: Prediction) -> dict[str, Any]:
@@ -176,23 +227,3 @@ def predictions(
         )
         for term, low, middle, high, share in zip(model.terms, *ends, chosen, strict=True)
     )
-
-
-def widest_of(
-    information: Information,
-    coefficients: Array,
-    terms: Sequence[int],
-    frequencies: Sequence[float] | None = None,
-    random_state: int = 0,
-) -> tuple[float, float]:
-    """Return the widest relative half-width: its median, and below what it lies in 95 of 100 tests.
-
-    With the frequencies of the runs: the widest relative change over the band that could be overlooked.
-    """
-    if frequencies is None:
-        widths = half_widths(information, np.random.default_rng(random_state), DRAWS)
-    else:
-        widths = changes_over_band(information, frequencies)[None]
-    widest = (widths / np.maximum(np.abs(coefficients), 1e-300))[..., [*terms]].max(axis=-1)
-    median, highest = np.quantile(widest, (0.5, 0.95), method="nearest")
-    return float(median), float(highest)

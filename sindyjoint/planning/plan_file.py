@@ -15,9 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.mechanics.excitation import harmonic
+from sindyjoint.mechanics.actuator import SINE, tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
+from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
@@ -33,7 +34,7 @@ class _RunEntry(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     drive: Literal["moment", "angle"]
-    waveform: Literal["sine"] = "sine"
+    waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle"] = "sine"
     frequency: str
     level: str
     duration: str
@@ -46,6 +47,8 @@ class _SensorEntry(BaseModel):
     noise: float = 0.01
     moment_noise: str | None = None
     angle_noise: str | None = None
+    moment_resolution: str | None = None
+    angle_resolution: str | None = None
 
 
 class _PlanEntry(BaseModel):
@@ -76,6 +79,8 @@ def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
     for name, units in UNITS.items():
         noise = getattr(sensors, name)
         lines += [f'{name}_noise = "{noise!r} {units[slides]}"'] * (noise is not None)
+        step = getattr(sensors, f"{name}_resolution")
+        lines += [f'{name}_resolution = "{step!r} {units[slides]}"'] * (step is not None)
     for run in runs:
         lines += [
             "",
@@ -119,9 +124,10 @@ def read_plan(path: str | Path) -> RunList:
         runs.append(PlannedRun(one.drive, one.waveform, frequency, level, unit, duration))
     given: dict[str, Any] = {}
     for name in UNITS:
-        text = getattr(entry.sensors, f"{name}_noise")
-        if text is not None:
-            given[name], _ = _parse(text, name, f"{place}: {name}_noise")
+        for key, of in ((f"{name}_noise", name), (f"{name}_resolution", f"{name}_resolution")):
+            text = getattr(entry.sensors, key)
+            if text is not None:
+                given[of], _ = _parse(text, name, f"{place}: {key}")
     rate = parse_quantity(entry.sensors.rate, "Hz", f"{place}: rate")
     return RunList(tuple(runs), Sensors(rate, entry.sensors.noise, **given))
 
@@ -140,7 +146,26 @@ def _parse(text: str, channel: str, where: str) -> tuple[float, str]:
 def drive_signal(run: PlannedRun, sample_rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return time (s) and what is prescribed (N·m or rad), each of shape (n,)."""
     time = np.arange(round(run.duration * sample_rate)) / sample_rate
-    return time, harmonic(run.level, run.frequency)(time)
+    return time, tones(run.waveform, run.level, run.frequency)(time)
+
+
+def _in_steps(signal: NDArray[np.float64], step: float | None) -> NDArray[np.float64]:
+    """Return a reading in steps of the resolution."""
+    return signal if step is None else np.asarray(np.round(signal / step) * step)
+
+
+def _sum_of_tones(law: Law, run: PlannedRun, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return moment and angle under a waveform of several tones; a prescribed one turns round between samples."""
+    count = round(run.duration * rate)
+    if run.drive == "moment":
+        moved = simulate(law, tones(run.waveform, run.level, run.frequency), (count + 2) / rate, rate)
+        return moved.moment[:count], moved.angle[:count]
+    tone, time = tones(run.waveform, run.level, run.frequency, 0.1), np.arange(count) / rate
+    angle = tone(time)
+    moment, _ = transfer_moment(
+        law, angle, tone.derivative(time), rate, acceleration=tone.derivative(time, 2)
+    )
+    return moment, angle
 
 
 def run_name(number: int, run: PlannedRun) -> str:
@@ -170,19 +195,24 @@ def play(
         When the joint passes its softening limit.
     """
     rng = np.random.default_rng(random_state)
+    steps = (sensors.moment_resolution, sensors.angle_resolution)
     made = []
     for number, run in enumerate(runs, 1):
         test = VirtualTest(
             law, (run.frequency,), (1.0,), "displacement" if run.drive == "angle" else "moment",
             sensors.sample_rate, run.duration, angle_limit=1.0,
         )  # fmt: skip
-        moment, angle = test.ideal(run.frequency, run.level)
-        noise = sensors.of(moment, angle)
+        if run.waveform == SINE:
+            moment, angle, _ = test.ideal(run.frequency, run.level)
+        else:
+            moment, angle = _sum_of_tones(law, run, sensors.sample_rate)
+        noise = sensors.analogue(moment, angle)
         shares = [
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)
         ]
         moment, angle = (
-            Channel(share).read(x, rng) for share, x in zip(shares, (moment, angle), strict=True)
+            _in_steps(Channel(share).read(x, rng), step)
+            for share, x, step in zip(shares, (moment, angle), steps, strict=True)
         )
         made.append(
             Run(

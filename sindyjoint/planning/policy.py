@@ -28,7 +28,16 @@ class PlanningPolicy:
         "share of a limit of the actuator that is used",
         source="the corners of the range are simulated, joints between them are not",
     )
-    setups: int = limit(9, "most runs of a plan", source="as many as the plain grid has")
+    setups: int = limit(
+        9,
+        "most runs of a plan where the duration of each is not given",
+        source="as many as the plain grid has",
+    )
+    most_runs: int = limit(40, "most runs of a plan that is given the duration of a run")
+    complete: float = limit(
+        0.95,
+        "share of the joints of which a discovery takes every term that matters, before a test is stopped",
+    )
     frequencies: int = limit(5, "frequencies of the band among which is chosen")
     levels: tuple[float, ...] = limit(
         (1.0, 0.84, 0.68, 0.53, 0.38),

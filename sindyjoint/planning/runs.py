@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.excitation import harmonic
+from sindyjoint.mechanics.actuator import SINE, Actuator, Drive, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 
 Array = NDArray[np.float64]
-Drive = Literal["moment", "angle"]
-
-SINE = "sine"
 POINTS = 400  # samples per period, at least
 PERIODS, MOST_PERIODS = 3, 48
 STEPS = 16  # of the bisection for the highest level
@@ -27,39 +24,6 @@ GROWTH = 1.5
 SMALLEST = 1e-9
 CURVE = 12  # levels at which the middle joint is simulated
 RTOL = 1e-6
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """What drives the joint, and how far it can go.
-
-    Parameters
-    ----------
-    drive : {"moment", "angle"}
-        What it prescribes.
-    band : (float, float)
-        Hz.
-    moment, angle, rate : float
-        Largest moment (N·m), angle (rad) and rate (rad/s) on either side of zero.
-    """
-
-    drive: Drive = "moment"
-    band: tuple[float, float] = (2.0, 8.0)
-    moment: float = inf
-    angle: float = inf
-    rate: float = inf
-
-    def __post_init__(self) -> None:
-        if self.drive not in ("moment", "angle"):
-            raise InputError(f"drive is {self.drive!r}; expected 'moment' or 'angle'")
-        low, high = self.band
-        if not 0 < low <= high < inf:
-            raise InputError(f"band is {low:g} to {high:g} Hz; expected two ascending positive frequencies")
-        for name in ("moment", "angle", "rate"):
-            if not getattr(self, name) > 0:
-                raise InputError(
-                    f"limit of the {name} is {getattr(self, name)!r}; expected a positive number"
-                )
 
 
 @dataclass(frozen=True)
@@ -106,7 +70,9 @@ class Motion:
     period: int
 
 
-def motion(law: Law, drive: Drive, frequency: float, level: float, points: int = POINTS) -> Motion:
+def motion(
+    law: Law, drive: Drive, frequency: float, level: float, points: int = POINTS, waveform: str = SINE
+) -> Motion:
     """Return how a joint moves from rest until it repeats.
 
     Raises
@@ -117,7 +83,7 @@ def motion(law: Law, drive: Drive, frequency: float, level: float, points: int =
     rate = points * frequency
     if drive == "angle":
         # As a virtual test prescribes it; reversals fall between samples.
-        tone = harmonic(level, frequency, 0.1)
+        tone = tones(waveform, level, frequency, 0.1)
         time = np.arange(2 * points) / rate
         angle, speed, second = tone(time), tone.derivative(time), tone.derivative(time, 2)
         _check_softening(law, angle)
@@ -125,7 +91,7 @@ def motion(law: Law, drive: Drive, frequency: float, level: float, points: int =
         return Motion(angle, speed, second, moment, points)
     periods = PERIODS
     while periods <= MOST_PERIODS:
-        moved = simulate(law, harmonic(level, frequency), periods / frequency, rate, rtol=RTOL)
+        moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=RTOL)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
         if np.linalg.norm(last - before) <= POLICY.settled * np.linalg.norm(last):
             return Motion(moved.angle, moved.rate, moved.acceleration, moved.moment, points)
@@ -141,10 +107,10 @@ def _check_softening(law: Law, angle: Array) -> None:
         raise SimulationError("the prescribed angle passes the softening limit of the joint")
 
 
-def within_limits(law: Law, actuator: Actuator, frequency: float, level: float) -> bool:
+def within_limits(law: Law, actuator: Actuator, frequency: float, level: float, waveform: str = SINE) -> bool:
     """Return whether a joint stays within the actuator's limits, and off its softening limit, from rest on."""
     try:
-        moved = motion(law, actuator.drive, frequency, level)
+        moved = motion(law, actuator.drive, frequency, level, waveform=waveform)
     except SimulationError:
         return False
     low, high = (POLICY.softening_share * end for end in softening_limit(law))
@@ -157,7 +123,7 @@ def within_limits(law: Law, actuator: Actuator, frequency: float, level: float) 
     )
 
 
-def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float) -> float:
+def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float, waveform: str = SINE) -> float:
     """Return the highest amplitude that keeps every joint within the limits, N·m or rad.
 
     Raises
@@ -169,7 +135,7 @@ def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float) -> 
 
     def allowed(level: float) -> bool:
         for index, law in enumerate(order):
-            if not within_limits(law, actuator, frequency, level):
+            if not within_limits(law, actuator, frequency, level, waveform):
                 # The joint that is limited first is asked first the next time.
                 order.insert(0, order.pop(index))
                 return False
@@ -216,6 +182,7 @@ def candidates(
     duration: float,
     unit: str,
     policy: PlanningPolicy = POLICY,
+    waveforms: Sequence[str] = (SINE,),
     say: Callable[[str], None] = lambda stage: None,
 ) -> tuple[tuple[PlannedRun, ...], tuple[PlannedRun, ...]]:
     """Return the runs to choose from, and the plain grid of three frequencies and three levels.
@@ -232,6 +199,8 @@ def candidates(
     unit : str
         Of what is prescribed.
     policy : PlanningPolicy
+    waveforms : sequence of str
+        Among which is chosen; the grid is of sines.
     say : callable
     """
     low, high = actuator.band
@@ -240,16 +209,20 @@ def candidates(
     plain = _rounded(np.linspace(low, high, 3 if several else 1))
     found, grid = [], []
     for frequency in sorted({*frequencies, *plain}):
-        say(f"highest level at {frequency:g} Hz")
-        top = highest_level(laws, actuator, frequency)
-        level_of = _levels(middle, actuator.drive, frequency, top)
+        for waveform in dict.fromkeys((*waveforms, SINE)):
+            say(f"highest level at {frequency:g} Hz")
+            top = highest_level(laws, actuator, frequency, waveform)
+            level_of = _levels(middle, actuator.drive, frequency, top, waveform)
 
-        def planned(share: float, frequency: float = frequency, level_of: Any = level_of) -> PlannedRun:
-            return PlannedRun(actuator.drive, SINE, frequency, level_of(share), unit, duration)
+            def planned(
+                share: float, frequency: float = frequency, level_of: Any = level_of, waveform: str = waveform
+            ) -> PlannedRun:
+                return PlannedRun(actuator.drive, waveform, frequency, level_of(share), unit, duration)
 
-        found += [planned(share) for share in policy.levels]
-        if frequency in plain:
-            grid += [planned(share) for share in policy.grid_levels]
+            if waveform in waveforms:
+                found += [planned(share) for share in policy.levels]
+            if waveform == SINE and frequency in plain:
+                grid += [planned(share) for share in policy.grid_levels]
     return tuple(found), tuple(grid)
 
 
@@ -257,13 +230,17 @@ def _rounded(values: Array) -> list[float]:
     return [float(f"{value:.3g}") for value in values]
 
 
-def _levels(law: Law, drive: Drive, frequency: float, top: float) -> Callable[[float], float]:
+def _levels(
+    law: Law, drive: Drive, frequency: float, top: float, waveform: str = SINE
+) -> Callable[[float], float]:
     """Return what gives the level that moves a joint by a share of what the highest one does."""
     levels = top * np.linspace(0.0, 1.0, CURVE + 1)
     reached = levels
     if drive == "moment":
         # Friction holds the joint up to a level that is not small beside the highest.
-        moved = [float(np.abs(motion(law, drive, frequency, x).angle).max()) for x in levels[1:]]
+        moved = [
+            float(np.abs(motion(law, drive, frequency, x, waveform=waveform).angle).max()) for x in levels[1:]
+        ]
         reached = np.maximum.accumulate(np.array([0.0, *moved]))
 
     def level(share: float) -> float:

@@ -102,7 +102,7 @@ def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
     motion = model.joint.motion
     printer = _StatePrinter(motion)
     parts = [_term(printer, term) for term in sorted(model.terms, key=lambda t: t.id != INERTIA)]
-    if model.joint.inertia is not None:
+    if model.joint.inertia:
         letter, variable = ("m", "x") if motion == "translation" else ("I", "θ")
         second = f'<mover accent="true"><mi>{variable}</mi><mo>¨</mo></mover>'
         parts.insert(0, f"<mi>{letter}</mi><mo>⁢</mo>{second}")

@@ -44,7 +44,9 @@ def map_payload(data: ReportData) -> dict[str, Any]:
     return {
         "axes": [
             _axis(q.angle, q.angle_symbol, x_unit, surface.angle_edges * x),
-            _axis(q.rate, q.rate_symbol, y_unit, surface.rate_edges * y),
+            _axis("Direction", f"d{q.angle_symbol}/ds", "1", surface.rate_edges)
+            if data.model.fitted.quasi_static
+            else _axis(q.rate, q.rate_symbol, y_unit, surface.rate_edges * y),
             {"name": q.transfer, "unit": z_unit},
         ],
         "cells": cells,
@@ -102,7 +104,7 @@ def response_payload(runs: Sequence[RunVerification], virtual: bool = False) -> 
                     }
                 )
     return {
-        "x": {"name": "Time", "symbol": "t", "unit": "s"},
+        "x": _path(runs[0].channel) if runs and runs[0].drive == "path" else _label("Time", "t", "s"),
         "y": {"name": "Response", "unit": ""},
         "palette": (PALETTE[0], PALETTE[1], INK),
         "each": True,
@@ -112,6 +114,11 @@ def response_payload(runs: Sequence[RunVerification], virtual: bool = False) -> 
 
 def _axis(name: str, symbol: str, unit: str, edges: Any) -> dict[str, Any]:
     return {"name": name, "symbol": symbol, "unit": unit, "edges": _numbers(edges)}
+
+
+def _path(channel: str) -> dict[str, str]:
+    """Return the label of the travelled path, which takes the place of a time that is not known."""
+    return _label("Travelled path", "s", "m" if channel == "force" else "rad")
 
 
 def _label(name: str, symbol: str, unit: str) -> dict[str, str]:

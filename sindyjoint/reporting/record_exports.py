@@ -1,10 +1,10 @@
-"""JSON records of exports, and of two tests of one joint."""
+"""JSON records of exports, of two tests of one joint, and of joints inside a structure."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-from sindyjoint.reporting.records import Known, Maybe, Part, Version
+from sindyjoint.reporting.records import DiscoveryRecord, Known, Maybe, Part, Version
 
 # ---- export
 
@@ -64,4 +64,57 @@ class ChangeRecord(Part):
     sentence: str
     margin: Known
     coefficients: list[ShiftPart]
+    warnings: list[str]
+
+
+# ---- joints inside a structure
+
+
+class StructureLaw(Part):
+    """What was found of the joints of one kind."""
+
+    kind: str
+    joints: list[str]
+    found: bool
+    reason: str
+    alike: str
+    discovery: DiscoveryRecord | None
+
+
+class SeenPart(Part):
+    """How well a joint is shown: rad (m); errors relative, of its strongest harmonic."""
+
+    name: str
+    largest_angle: Known
+    angle_error: Known
+    moment_error: Known
+    together: list[str]
+
+
+class SensorPart(Part):
+    """By what factor the error of each joint's moment grows without a sensor; null: it is no longer determined."""
+
+    name: str
+    worth: list[Maybe]
+
+
+class NumberPart(Part):
+    """A number of the structure, relative: as stated, by how much it was changed, and to what it is known then."""
+
+    name: str
+    stated: Known
+    change: Known
+    standard_error: Known
+
+
+class StructureRecord(Part):
+    """``discover RIG --json`` and ``structure.json``."""
+
+    schema_: Version
+    rig: str
+    laws: list[StructureLaw]
+    joints: list[SeenPart]
+    sensors: list[SensorPart]
+    structure: list[NumberPart]
+    misfit: Maybe
     warnings: list[str]

@@ -385,6 +385,26 @@ class PlanStep(Part):
     grid: Maybe
 
 
+class PlanNow(Part):
+    """How far the runs of a campaign have come."""
+
+    runs: int
+    seconds: Known
+    widest: Maybe
+    complete: Known
+    missing: int
+    reached: bool
+
+
+class PlanApart(Part):
+    """How surely effects are told apart: probability of the true one, before and after each run that separates them."""
+
+    effects: list[str]
+    before: Maybe
+    after: list[Known]
+    words: str
+
+
 class PlanRecord(Part):
     """``plan --json`` and ``plan.json``: runs to be made, and what they and the plain grid are expected to tell."""
 
@@ -393,7 +413,10 @@ class PlanRecord(Part):
     predicted: dict[str, PredictedPart]
     grid: dict[str, PredictedPart]
     undetermined: list[str]
-    goal: Literal["widths", "frequency"]
+    goal: Literal["widths", "frequency", "paper", "tell-apart"]
+    goals: dict[str, float] = {}
+    apart: PlanApart | None = None
+    now: PlanNow | None = None
     curve: list[PlanStep]
     stop: str
     warnings: list[str]

@@ -101,13 +101,21 @@ class OverInputPart(Part):
     coefficients: list[CoefficientOverPart]
 
 
+class Dependence(Part):
+    """A term of the paper of which the coefficient depends on an input."""
+
+    term: str
+    input: str
+
+
 class PaperTermSet(Part):
-    """Whether these are exactly the five terms of the paper."""
+    """Whether these are exactly the five terms of the paper, at each level of the inputs."""
 
     verdict: Literal["confirmed", "refuted", "undecided"]
     missing: list[str]
     extra: list[str]
     reason: str
+    dependences: list[Dependence] = []
 
 
 class FitPart(Part):

@@ -15,11 +15,13 @@ from sindyjoint.reporting.results.campaign import CampaignView
 from sindyjoint.reporting.results.changed import ChangeView
 from sindyjoint.reporting.results.check import CheckView, wrap_findings
 from sindyjoint.reporting.results.comparison import ComparisonView
+from sindyjoint.reporting.results.curves import JointCurvesView, StructureCurvesView
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.results.plan import PlanView
 from sindyjoint.reporting.results.reproduction import ReproductionView
 from sindyjoint.reporting.results.rig import RigView
+from sindyjoint.reporting.results.structure_joints import StructureJointsView
 from sindyjoint.reporting.results.verification import RefinementView, VerificationView
 from sindyjoint.reporting.style import DOUBLE_COLUMN
 from sindyjoint.reporting.view import View
@@ -36,12 +38,15 @@ VIEWS: tuple[View[Any, Any], ...] = (
     DiagnosisView(),
     BatchView(),
     RigView(),
+    JointCurvesView(),
+    StructureCurvesView(),
     ReproductionView(),
     ComparisonView(),
     ChangeView(),
     CampaignView(),
     CheckView(),
     PlanView(),
+    StructureJointsView(),
 )
 _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
 #: Views of what is saved, by the mark in the file, that of an earlier version too.

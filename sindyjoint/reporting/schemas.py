@@ -38,6 +38,7 @@ def record_names() -> tuple[str, ...]:
 def _records() -> dict[str, type[BaseModel]]:
     from sindyjoint.equation.model_record import ModelRecord
     from sindyjoint.files.manifest import Manifest
+    from sindyjoint.reporting import record_curves as curves
     from sindyjoint.reporting import record_exports as exports
     from sindyjoint.reporting import record_tables as tables
     from sindyjoint.reporting import records as single
@@ -54,11 +55,14 @@ def _records() -> dict[str, type[BaseModel]]:
         "verification": single.VerificationRecord,
         "diagnosis": single.DiagnosisRecord,
         "rig": single.RigRecord,
+        "joint-curves": curves.JointCurvesRecord,
+        "structure-curves": curves.StructureCurvesRecord,
         "export": exports.ExportRecord,
         "simulation": single.SimulationRecord,
         "batch": tables.BatchRecord,
         "joint": tables.JointRecord,
         "changed": exports.ChangeRecord,
+        "structure": exports.StructureRecord,
         "reproduction": tables.ReproductionRecord,
         "tables": tables.PrintedTablesRecord,
     }

@@ -96,7 +96,7 @@ def pretty_unit(unit: str) -> str:
     'N·m/rad²'
     """
     text = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda found: superscript(found[1]), unit)
-    return text.replace("*", "·")
+    return re.sub(r"\bdeg([CF])\b", r"°\1", text.replace("*", "·"))
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:

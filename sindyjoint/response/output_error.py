@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.laws import LawWithNumbers, PaperLaw, as_compiled
+from sindyjoint.mechanics.laws import LawWithNumbers, as_compiled
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import Motion, simulate_many, transfer_moment
-from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Run
-from sindyjoint.response.element_law import number_names, parts_of, sum_law
-from sindyjoint.response.model_law import law_terms, model_law, with_coefficients
+from sindyjoint.response.model_law import law_terms, with_coefficients
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import (
     NUISANCE,
@@ -54,8 +52,6 @@ class OutputError:
     runs : tuple of Record
     parameters : tuple of Parameter
         Coefficients of the terms, the inertia where it is one, numbers of the elements, nuisances, initial states.
-    places : ndarray of int
-        Of the coefficients, then of the numbers of the elements, among a compiled law's parameters.
     inertia_index : int or None
         Of the inertia among the parameters, where it is one.
     window : float
@@ -65,7 +61,6 @@ class OutputError:
     model: JointModel
     runs: tuple[Record, ...]
     parameters: tuple[Parameter, ...]
-    places: NDArray[np.intp]
     inertia_index: int | None
     window: float
 
@@ -98,9 +93,7 @@ class OutputError:
             law = test.law(simulable, state)
             records.append(record_of(law, simulable, run, state, test, len(parameters), window))
             parameters += initial_parameters(records[-1], model.joint.motion)
-        return cls(
-            simulable, tuple(records), tuple(parameters), number_places(simulable), inertia_index, window
-        )
+        return cls(simulable, tuple(records), tuple(parameters), inertia_index, window)
 
     def drop_failing_runs(self) -> tuple[OutputError, tuple[str, ...]]:
         """Return the problem without the runs whose simulation fails at the start, and why each fails."""
@@ -336,28 +329,14 @@ class OutputError:
 
     def _law_parameters(self, record: Record, sets: Array) -> Array:
         values = np.tile(as_compiled(record.law).parameters, (len(sets), 1))
-        values[:, self.places] = np.hstack(
-            [sets[:, : len(law_terms(self.model))], sets[:, self._element_slice]]
-        )
+        numbers = np.hstack([sets[:, : len(law_terms(self.model))], sets[:, self._element_slice]])
+        values[:, record.places] = numbers if record.held is None else numbers @ record.held.T
         return values
 
     def _inertia(self, record: Record, sets: Array) -> Array:
         if self.inertia_index is None:
             return np.full(len(sets), record.law.inertia)
         return sets[:, self.inertia_index]
-
-
-def number_places(model: JointModel) -> NDArray[np.intp]:
-    """Return where the numbers of terms, then of elements, stand among the parameters of a model's compiled law."""
-    terms = model_law(replace(model, elements=()))
-    names = [term.id for term in law_terms(model)]
-    order = list(PAPER_PARAMETERS) if isinstance(terms, PaperLaw) else names
-    first = as_compiled(terms).parameters.size
-    elements = sum_law(parts_of(model.elements))
-    inner = [] if elements is None else list(elements.parameters)
-    places = [order.index(name) for name in names]
-    places += [first + inner.index(name) for name in number_names(model.elements)]
-    return np.array(places, dtype=np.intp)
 
 
 def without_negative_friction(model: JointModel) -> JointModel:

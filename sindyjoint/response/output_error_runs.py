@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.formula import VARIABLES, compile_terms
+from sindyjoint.equation.held import held_numbers
 from sindyjoint.equation.model import JointModel
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.laws import Law, PaperLaw, as_compiled
 from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
+from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Motion, Run
-from sindyjoint.response.model_law import law_terms
+from sindyjoint.response.element_law import number_names, parts_of, sum_law
+from sindyjoint.response.model_law import law_terms, model_law
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
@@ -115,6 +118,10 @@ class Record:
         Internal states that a simulation starts from: those of a joint brought from standstill to the first angle.
     cycle : Cycle, optional
         Where one period is simulated for all that the run repeats.
+    places : ndarray of int
+        Of the coefficients, then of the numbers of the elements, among the parameters of its compiled law.
+    held : ndarray, optional
+        Matrix that makes the numbers of its law of those of the model, where that depends on inputs.
     columns : ndarray, shape (n_simulated, n_terms), or None
         Of a prescribed motion: the terms along it.
     added : ndarray, shape (n_simulated,), or None
@@ -138,6 +145,8 @@ class Record:
     limits: tuple[float, float]
     starts: tuple[int, ...]
     initial: int
+    places: NDArray[np.intp]
+    held: Array | None = None
     used: NDArray[np.bool_] | None = None
     inner: Array | None = None
     cycle: Cycle | None = None
@@ -207,11 +216,11 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
     That of a series is in the coefficients of its harmonics, √(2/n)·σ each; elsewhere white noise went through the
     smoothing kernels.
     """
-    n, level = states.n_samples, states.noise.angle
+    n = states.n_samples
     if states.method == "periodic" and states.frequency is not None:
         orders = np.arange(1, max(1, round(states.bandwidth / states.frequency)) + 1)
         angular = 2 * np.pi * states.frequency * orders
-        size = level * np.sqrt(2.0 / n)
+        size = states.white_noise(states.frequency * orders) * np.sqrt(2.0 / n)
         a, b = size * generator.standard_normal((2, orders.size))
         cosine, sine = (f(np.outer(states.time, angular)) for f in (np.cos, np.sin))
         angle = cosine @ a + sine @ b
@@ -219,8 +228,8 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
         acceleration = -cosine @ (angular**2 * a) - sine @ (angular**2 * b)
     else:
         kernels = smoothing_kernels(states.bandwidth, states.sample_rate)
-        white = level * generator.standard_normal(n + kernels[0].size - 1)
-        angle, rate, acceleration = (np.convolve(white, kernel, mode="valid") for kernel in kernels)
+        noise = states.draw_angle_noise(n + kernels[0].size - 1, generator)
+        angle, rate, acceleration = (np.convolve(noise, kernel, mode="valid") for kernel in kernels)
     return replace(
         states,
         angle=states.angle + angle,
@@ -257,6 +266,7 @@ def record_of(
     many = states.frequency is not None and states.n_samples >= MANY * states.sample_rate / states.frequency
     steady = drive == "moment" and states.method == "periodic" and many
     added = test.added(states) if drive == "motion" else None
+    places, held = law_numbers(model, states)
     return Record(
         run=run,
         states=states,
@@ -270,6 +280,8 @@ def record_of(
         limits=angle_limits(law, states, drive),
         starts=starts,
         initial=index,
+        places=places,
+        held=held,
         used=states.moving[skip:] if drive == "motion" else None,
         inner=None
         if drive != "moment" or test.moments
@@ -280,3 +292,29 @@ def record_of(
         if added is None
         else transfer_moment(added, states.angle, states.rate, run.sample_rate)[0],
     )
+
+
+def law_numbers(model: JointModel, states: ForceStates) -> tuple[NDArray[np.intp], Array | None]:
+    """Return the places of the numbers of a run's law, and the matrix that makes them of those of the model.
+
+    The inputs of the law are held at their means in the run.
+    """
+    used = sorted({name for term in model.terms for name in term.inputs})
+    if not used:
+        return number_places(model), None
+    at = {name: float(np.mean(states.inputs[name])) for name in used}
+    plain = replace(model, terms=law_terms(model), covariance=())
+    return number_places(plain.at(**at)), held_numbers(plain, at)
+
+
+def number_places(model: JointModel) -> NDArray[np.intp]:
+    """Return where the numbers of terms, then of elements, stand among the parameters of a model's compiled law."""
+    terms = model_law(replace(model, elements=()))
+    names = [term.id for term in law_terms(model)]
+    order = list(PAPER_PARAMETERS) if isinstance(terms, PaperLaw) else names
+    first = as_compiled(terms).parameters.size
+    elements = sum_law(parts_of(model.elements))
+    inner = [] if elements is None else list(elements.parameters)
+    places = [order.index(name) for name in names]
+    places += [first + inner.index(name) for name in number_names(model.elements)]
+    return np.array(places, dtype=np.intp)

@@ -120,8 +120,8 @@ def refine(
         )
     if not (model.terms or model.elements):
         raise InputError("the model has no terms: there is nothing to refine; run discover first")
-    if any(term.inputs for term in model.terms):
-        reason = "not refined: the response of a law that depends on inputs is not fitted"
+    if campaign.quasi_static:
+        reason = "not refined: the samples have no time, so that no response can be simulated"
         return Refinement(model, False, reason, {}, {}, {}, ())
     states = campaign_states(campaign) if states is None else states
     kinds = tuple(dict.fromkeys(nuisance))
@@ -262,7 +262,7 @@ def _update_residual(
     squares, count = 0.0, 0
     for state in states:
         keep = state.moving
-        modelled = model.moment(state.angle, state.rate, 1 / state.sample_rate)
+        modelled = model.moment(state.angle, state.rate, 1 / state.sample_rate, state.inputs)
         added = None if test is None else test.added(state)
         if added is not None:
             modelled = modelled + transfer_moment(added, state.angle, state.rate, state.sample_rate)[0]

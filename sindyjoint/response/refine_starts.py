@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
-from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
@@ -47,11 +47,15 @@ def _fitted(
 ) -> JointModel | None:
     """Return the model with these elements, all coefficients fitted to the moment of moving samples."""
     columns, targets = [], []
-    function = compile_terms([term.expression for term in model.terms]) if model.terms else None
+    names = tuple(each.name for each in model.inputs)
+    function = (
+        compile_terms([t.expression for t in model.terms], (*VARIABLES, *names)) if model.terms else None
+    )
     declared = model.joint.inertia or 0.0
     for state in states:
         moving = state.moving
-        own = [] if function is None else [function(state.angle, state.rate, state.acceleration)]
+        inputs = [state.inputs[name] for name in names]
+        own = [] if function is None else [function(state.angle, state.rate, state.acceleration, *inputs)]
         own += [each.columns_along(state.angle, state.rate, 1 / state.sample_rate) for each in elements]
         columns.append(np.hstack(own)[moving])
         targets.append(state.transfer_moment(declared)[moving])

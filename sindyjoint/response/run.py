@@ -25,6 +25,8 @@ Drive = Literal["moment", "windows", "motion", "free run"]
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
+# Steps of internal states per sample along a measured motion.
+SUBSTEPS = 8
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -101,6 +103,9 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
+        if self.states.method == "path":
+            # At a reversal a mean over both branches is no moment of either.
+            return self.moment_nrmse
         return rms(simulated - self.measured_response) / self.response_scale
 
     @property
@@ -165,7 +170,7 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
     the motion, and where an input moves the law within the run.
     """
-    if not law.inertia > 0 or isinstance(law, LawInRun):
+    if not law.inertia > 0 or isinstance(law, LawInRun) or states.method == "path":
         return "motion"
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
@@ -178,12 +183,14 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
 
 
 def prescribed(states: ForceStates, spurious: bool = False) -> bool:
-    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment.
+    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment; or a path.
 
     A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness. Of dozens of
     harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
     They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone.
     """
+    if states.method == "path":
+        return True
     if states.method != "periodic" or states.frequency is None:
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
@@ -213,6 +220,7 @@ def simulate_run(
     *,
     drive: Drive | None = None,
     window: float = WINDOW,
+    substeps: int = SUBSTEPS,
     **options: Any,
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
@@ -230,6 +238,8 @@ def simulate_run(
         Default: :func:`choose_drive`.
     window : float
         Length of a multiple-shooting segment, s, for ``"windows"``.
+    substeps : int
+        Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
@@ -248,7 +258,7 @@ def simulate_run(
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
     try:
-        moment, inner = along_motion(law, states, run.sample_rate)
+        moment, inner = along_motion(law, states, run.sample_rate, substeps)
         if isinstance(law, LawInRun):
             moment = moment + law.added
         if drive != "motion":
@@ -279,7 +289,9 @@ def simulate_run(
     )
 
 
-def along_motion(law: Law, states: ForceStates, sample_rate: float) -> tuple[Array, Array]:
+def along_motion(
+    law: Law, states: ForceStates, sample_rate: float, substeps: int = SUBSTEPS
+) -> tuple[Array, Array]:
     """Return moment and internal states of a law along measured states, from the start of the record on."""
     before = (np.empty(0), np.empty(0)) if states.lead is None else states.lead
     size = before[0].size
@@ -287,7 +299,9 @@ def along_motion(law: Law, states: ForceStates, sample_rate: float) -> tuple[Arr
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
     acceleration = np.concatenate([np.zeros(size), states.acceleration])
-    moment, inner = transfer_moment(law, angle, rate, sample_rate, acceleration=acceleration)
+    moment, inner = transfer_moment(
+        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps
+    )
     return moment[size:], inner[:, size:]
 
 

@@ -10,7 +10,9 @@ from sindyjoint.response.policy import POLICY
 from sindyjoint.text import percent, quantities
 
 
-def range_warnings(model: JointModel, angle: ArrayLike, rate: ArrayLike, where: str) -> tuple[str, ...]:
+def range_warnings(
+    model: JointModel, angle: ArrayLike, rate: ArrayLike, where: str, timed: bool = True
+) -> tuple[str, ...]:
     """Return what to say of a motion that goes beyond the angle or rate that the model was tested to; often nothing.
 
     Parameters
@@ -20,10 +22,16 @@ def range_warnings(model: JointModel, angle: ArrayLike, rate: ArrayLike, where: 
         rad, rad/s (m, m/s).
     where : str
         Of which motion this is.
+    timed : bool
+        Whether it is a motion in time.
     """
     words, fitted = quantities(model.joint.motion), model.fitted
     unit = "rad" if model.joint.motion == "rotation" else "m"
     found = []
+    if fitted.quasi_static or not timed:
+        rate = np.zeros(1)
+    untimed = f"{where}: the model was fitted to samples without time: what depends on the rate is not in it"
+    lines = (untimed,) if fitted.quasi_static and timed else ()
     for name, signal, tested, si in (
         (words.angle.lower(), angle, fitted.angle, unit),
         (words.rate.lower(), rate, fitted.rate, f"{unit}/s"),
@@ -34,4 +42,4 @@ def range_warnings(model: JointModel, angle: ArrayLike, rate: ArrayLike, where: 
             found.append(
                 f"{name} up to {size.max():.3g} {si} where {tested:.3g} was tested ({percent(share)} of the time)"
             )
-    return (f"{where}: beyond the tested range: {'; '.join(found)}",) if found else ()
+    return (*lines, f"{where}: beyond the tested range: {'; '.join(found)}") if found else lines

@@ -63,7 +63,7 @@ def verify_campaign(
     for states in compared_states(campaign, runs, test.timed):
         run = next(each for each in runs if each.name == states.run)
         say(f"simulating runs: {len(results) + 1} of {len(runs)}")
-        exceeded = range_warnings(model, states.angle, states.rate, run.name)
+        exceeded = range_warnings(model, states.angle, states.rate, run.name, states.method != "path")
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
         simulate = _way_of(run, states, test, window, free_run)
@@ -107,6 +107,11 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
         warnings.append(
             f"the model is of the joint {model.joint.name!r}, the campaign of {campaign.joint.name!r}"
         )
+    if not model.fitted.mean_known and campaign.mean_known:
+        line = in_words_of(
+            campaign.joint.motion, "the mean angle was not measured where the model was fitted"
+        )
+        warnings.append(f"{line}: it holds about the mean position there, the campaign has another zero")
     declared = campaign.joint.inertia
     if declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia):
         line = in_words_of(campaign.joint.motion, "the campaign declares the inertia")
@@ -122,15 +127,20 @@ def _compare_run(simulated: SimulatedRun, campaign: Campaign, run: Run, band: Ba
     response = simulated.simulated_response
     measured = simulated.measured_response
     frequency = simulated.frequency
+    along = simulated.states.method == "path"
     oscillations = (
-        oscillation(measured, simulated.sample_rate, frequency),
-        None if response is None else oscillation(response, simulated.sample_rate, frequency),
+        (None, None)
+        if along
+        else (
+            oscillation(measured, simulated.sample_rate, frequency),
+            None if response is None else oscillation(response, simulated.sample_rate, frequency),
+        )
     )
     gap = compare_oscillations(*oscillations) if _has_cycles(simulated) else None
     return RunVerification(
         name=simulated.run,
         channel=names[0] if by_motion else names[1],
-        drive=simulated.drive,
+        drive="path" if simulated.states.method == "path" else simulated.drive,
         time=simulated.time,
         measured=measured,
         simulated=response,

@@ -144,6 +144,8 @@ def _describe(findings: Sequence[Finding], motion: Motion) -> list[str]:
 
 
 def _list_unchecked(campaign: Campaign) -> Iterator[str]:
+    if campaign.quasi_static:
+        yield "the samples have no time: delay, drift, filters, mains, spikes and repetition were not checked"
     long = [run.name for run in campaign.runs if run.whole is not None]
     if long:
         yield (

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.cycle import cycles_of, spectra_of
+from sindyjoint.soundness.detectors.accelerometer import find_disagreement
 from sindyjoint.soundness.detectors.broadband_delay import find_broadband_delay
 from sindyjoint.soundness.detectors.broadband_kin import find_broadband_kin
 from sindyjoint.soundness.detectors.copies import find_repeated_blocks, find_scaled_copies
@@ -62,6 +62,11 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from find_unit_mismatches(campaign, words)
     yield from find_dead(raw, words)
     yield from find_sizes(raw, words)
+    if campaign.quasi_static:
+        yield from find_scaled_copies(raw, words)
+        for profile in raw:
+            yield from find_saturation(profile, words)
+        return
     for run in campaign.runs:
         yield from find_lost(run)
     yield from find_repeated_blocks(raw, words)
@@ -69,6 +74,8 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     samples = [finding for profile in raw for finding in _find_in_samples(profile, words)]
     yield from samples
     profiles = [_bridged(profile, samples) for profile in raw]
+    for profile in profiles:
+        yield from find_disagreement(profile, words)
     lines = [finding for profile in profiles for finding in find_lines(profile, words)]
     yield from lines
     unusable = {finding.run for finding in lines}
@@ -122,8 +129,8 @@ def _bridged(profile: Profile, findings: Iterable[Finding]) -> Profile:
     changes: dict[str, Array] = {}
     for finding in findings:
         if finding.run == run.name and finding.spans and finding.channel and finding.id != "saturation":
-            values = changes.get(finding.channel, getattr(run, finding.channel))
+            values = changes.get(finding.channel, run.channels[finding.channel])
             changes[finding.channel] = bridged(values, finding.spans)
     if not changes:
         return profile
-    return profile_of(replace(run, **changes))  # type: ignore[arg-type]
+    return profile_of(run.with_channels(changes))

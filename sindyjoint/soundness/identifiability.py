@@ -37,7 +37,9 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
     periodic = [s for s in states if s.method == "periodic"]
     if len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges):
         lines.append("one level only: effects of amplitude cannot be distinguished")
-    if not periodic:
+    if campaign.quasi_static:
+        lines.append("the noise was estimated from neighbouring samples of the path, not from repetition")
+    elif not periodic:
         lines.append("no run repeats: noise was estimated from the spectrum, not from repetition")
     short = [
         s.run

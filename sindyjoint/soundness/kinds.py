@@ -34,6 +34,7 @@ KINDS = (
     "run_differs",
     "saturation",
     "scaled_copy",
+    "sensors_disagree",
     "sign_flips",
     "spikes",
     "unit_mismatch",

@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SATURATION = "saturation"
-CHANNELS = ("moment", "angle", "rate")
 # Fewest samples on either side of a gap from which a cubic across it is estimated.
 FEWEST_BESIDE = 4
 # A gap that is a longer share of the period than this is filled from the other periods.
@@ -73,13 +72,14 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
     kept = slice(int(known[0]), int(known[-1]) + 1)
     period = None if run.frequency is None else run.sample_rate / run.frequency
     signals: dict[str, Any] = {}
-    for name in CHANNELS:
-        signal = getattr(run, name)
-        if signal is not None:
-            spans = [span for f in findings if f.channel in (name, None) for span in f.spans]
-            signals[name] = bridge(signal[kept], ~_mark(spans, run.n_samples)[kept], period)
+    for name, signal in run.channels.items():
+        spans = [span for f in findings if f.channel in (name, None) for span in f.spans]
+        signals[name] = bridge(signal[kept], ~_mark(spans, run.n_samples)[kept], period)
     valid = valid[kept]
-    return replace(run, valid=None if valid.all() else valid, **signals)
+    # First the whole run's channels, which are as long as its marks; then these.
+    fresh = replace(run, valid=None, inputs={}).with_channels(signals)
+    inputs = {name: values[kept] for name, values in run.inputs.items()}
+    return replace(fresh, valid=None if valid.all() else valid, inputs=inputs)
 
 
 def _mark(spans: Sequence[tuple[int, int]], n: int) -> Mask:
@@ -93,7 +93,7 @@ def _find_samples(run: Run, findings: Sequence[Finding]) -> Mask:
     """Return the samples that are left out because of some findings."""
     out = _mark([span for f in findings for span in f.spans], run.n_samples)
     for finding in findings:
-        if finding.id == SATURATION and finding.channel in CHANNELS:
+        if finding.id == SATURATION and finding.channel in run.channels:
             out |= _find_censored(run, finding)
     return out
 
@@ -105,7 +105,7 @@ def _find_censored(run: Run, finding: Finding) -> Mask:
     clipped: to leave out only the latter would shift every coefficient. So all are left out whose running mean is
     nearer to the limit than twice the noise.
     """
-    signal = getattr(run, str(finding.channel))
+    signal = run.channels[str(finding.channel)]
     margin = POLICY.censored_sigmas * difference_noise(signal)
     half = int(AVERAGED * run.sample_rate / main_frequency(signal, run.sample_rate))
     mean = np.convolve(

@@ -78,6 +78,22 @@ class SoundnessPolicy:
     )
     spike_step: float = limit(8.0, "spike in steps of the channel's resolution")
     spike_least: float = limit(0.3, "spike in amplitudes of the channel", source=CALIBRATED)
+    spike_acceleration: float = limit(
+        2.0, "the same of an acceleration, which jumps within its range where friction does"
+    )
+    sensors_gain: float = limit(
+        0.03, "relative difference of the motions that two sensors show, beyond which they disagree"
+    )
+    sensors_unit: float = limit(
+        0.3, "the same beyond which unit or gain of one of them is wrong, and no model is made"
+    )
+    sensors_delay: float = limit(
+        0.01,
+        "phase by which a sensor of the motion may lag another at the main frequency",
+        unit="rad",
+        source="1 % of the elastic moment looks like damping",
+    )
+    sensors_sigmas: float = limit(4.0, "standard errors that either must exceed, too")
     most_spikes: float = limit(
         0.01, "share of samples above which what looks like spikes belongs to the joint"
     )

@@ -22,7 +22,7 @@ class Channel:
     Parameters
     ----------
     name : str
-        ``"moment"``, ``"angle"`` or ``"rate"``.
+        ``"moment"``, ``"angle"``, ``"rate"``, or a sensor of a run with an accelerometer.
     values : ndarray, shape (n,)
     """
 
@@ -151,8 +151,7 @@ class Profile:
 
 def profile_of(run: Run) -> Profile:
     """Return the profile of a run."""
-    given = [("moment", run.moment), ("angle", run.angle), ("rate", run.rate)]
-    channels = [Channel(name, values) for name, values in given if values is not None]
+    channels = [Channel(name, values) for name, values in run.channels.items()]
     alive = tuple(c for c in channels if not c.constant)
     return Profile(run, alive, tuple(c for c in channels if c.constant))
 

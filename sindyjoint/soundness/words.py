@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sindyjoint.record import Motion
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Motion
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,20 @@ class Words:
 
     def of(self, channel: str) -> str:
         """Return the name of a channel, such as ``"displacement"`` for ``"angle"``."""
-        return {"moment": self.moment, "angle": self.angle, "rate": self.rate}.get(channel, channel)
+        known = {"moment": self.moment, "angle": self.angle, "rate": self.rate}
+        sensors = {MEASURED_ANGLE: f"{self.angle} sensor", MEASURED_RATE: f"{self.rate} sensor"}
+        return (known | sensors).get(channel, channel)
 
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
-        units = {"moment": self.moment_unit, "angle": self.angle_unit, "rate": f"{self.angle_unit}/s"}
+        angle = self.angle_unit
+        units = {
+            "moment": self.moment_unit,
+            "angle": angle,
+            "rate": f"{angle}/s",
+            "acceleration": f"{angle}/s^2",
+        }
+        units |= {MEASURED_ANGLE: angle, MEASURED_RATE: f"{angle}/s"}
         return units.get(channel, "s")
 
 

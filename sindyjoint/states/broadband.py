@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.accelerometer import Fusion
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit, within
@@ -74,7 +75,9 @@ def broadband_states(
     InputError
         If the record is too short for the kernel.
     """
-    filtered_angle = noise_before_filter(run.angle, run.moment, run.sample_rate)
+    filtered_angle = (
+        noise_before_filter(run.angle, run.moment, run.sample_rate) if run.fusion is None else None
+    )
     cutoff, kernels = _kernels_for(run, bandwidth, filtered_angle)
     low, first, _ = kernels
     edge = 0 if repeated else low.size // 2
@@ -118,6 +121,7 @@ def broadband_states(
         guard=guard,
         lead=None if repeated else _lead(run.angle, low, first),
         inputs=filtered_inputs(run.inputs, middle, cutoff, run.sample_rate, repeated),
+        fusion=run.fusion,
     )
 
 
@@ -126,6 +130,10 @@ def _kernels_for(
 ) -> tuple[float, tuple[Array, Array, Array]]:
     """Return the cut-off of the smoothing kernels, Hz, and the kernels; a short record has a higher one."""
     end = signal_end(run.angle, run.sample_rate, filtered_angle)
+    if run.fusion is not None:
+        # Where the noise of the angle falls with the fourth power of frequency, the sensors tell where they end.
+        sensors = [each for each in (run.fusion.acceleration, run.fusion.angle) if each is not None]
+        end = max((signal_end(each, run.sample_rate) for each in sensors), key=lambda each: each.bandwidth)
     highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)
     cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
     kernels = smoothing_kernels(cutoff, run.sample_rate)
@@ -165,6 +173,8 @@ def _smooth_motion(
 def _noise_floor(run: Run, kernels: tuple[Array, Array, Array], filtered_angle: float | None) -> NoiseFloor:
     """Return the noise of the moment and of what the kernels make of the angle's, or of the measured rate's."""
     declared = run.noise
+    if run.fusion is not None:
+        return _fused_noise_floor(run, run.fusion, kernels)
     angle, angle_measured = motion_noise(run.angle, run.sample_rate, declared.angle)
     if declared.angle is None and filtered_angle is not None:
         angle, angle_measured = filtered_angle, True
@@ -187,6 +197,19 @@ def _noise_floor(run: Run, kernels: tuple[Array, Array, Array], filtered_angle: 
         measured=moment_measured and (declared.moment is not None or not shared),
         motion_measured=angle_measured and motion_measured and (declared.angle is not None or not shared),
     )
+
+
+def _fused_noise_floor(run: Run, fusion: Fusion, kernels: tuple[Array, Array, Array]) -> NoiseFloor:
+    """Return the noise of a run with an accelerometer: that of the sensors, weighed by frequency, after the kernels."""
+    size = max(run.n_samples, kernels[0].size)
+    frequency = np.fft.rfftfreq(size, 1 / run.sample_rate)[1:]
+    density = fusion.white_noise(frequency, run.sample_rate)
+    of_kernels = [np.abs(np.fft.rfft(kernel, size))[1:] for kernel in kernels[1:]]
+    angle, rate, acceleration = (
+        float(np.sqrt(np.mean((density * response) ** 2))) for response in (np.ones(1), *of_kernels)
+    )
+    moment, measured = moment_noise(run.moment, run.sample_rate, run.noise.moment)
+    return NoiseFloor(moment, angle, rate, acceleration, measured=measured)
 
 
 def _lead(angle: Array, low: Array, first: Array) -> tuple[Array, Array]:

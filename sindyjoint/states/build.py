@@ -13,6 +13,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states
+from sindyjoint.states.path import path_states
 from sindyjoint.states.periodic import periodic_states
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
@@ -48,6 +49,13 @@ def force_states(
         raise InputError(f"method is {method!r}; expected 'auto', 'periodic' or 'broadband'")
     if bandwidth is not None and not bandwidth > 0:
         raise InputError(f"bandwidth is {bandwidth!r} Hz; expected a positive number")
+    if run.quasi_static:
+        if method != "auto" or bandwidth is not None:
+            raise InputError(
+                f"{run.label}: its samples have no time: nothing is filtered; leave out the method of the states and "
+                "the bandwidth"
+            )
+        return path_states(run)
     if method == "periodic" or (method == "auto" and repeats(run)):
         if run.frequency is None:
             run = replace(run, frequency=estimate_frequency(run))

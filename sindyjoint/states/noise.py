@@ -52,15 +52,6 @@ class SignalEnd:
     flat: bool
 
 
-def signal_bandwidth(signal: Array, sample_rate: float) -> tuple[float, float]:
-    """Return the frequency at which a signal first falls to its noise floor, Hz, and the RMS of that noise.
-
-    As :func:`signal_end`, which says more.
-    """
-    end = signal_end(signal, sample_rate)
-    return end.bandwidth, end.noise
-
-
 def signal_end(signal: Array, sample_rate: float, noise: float | None = None) -> SignalEnd:
     """Return the frequency at which a signal first falls to its noise floor, and that noise.
 

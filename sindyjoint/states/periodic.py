@@ -30,7 +30,12 @@ BAND_SHARE = 0.4
 MAXIMUM_HARMONICS = 120
 
 
-def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float | None = None) -> ForceStates:
+def periodic_states(
+    run: Run,
+    bandwidth: float | None = None,
+    rate_share: float | None = None,
+    like: ForceStates | None = None,
+) -> ForceStates:
     """Return the force states of a single-frequency run.
 
     The angle is the least-squares Fourier series over whole steady periods, cut where its harmonics sink into
@@ -44,6 +49,9 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         Highest harmonic frequency tried, Hz. Default: 0.4 of the sampling rate.
     rate_share : float
         Share of the peak rate below which samples count as reversal. Default: 0.05.
+    like : ForceStates, optional
+        Of a run of which this is a synthetic replicate, over the same samples: its frequency is used, nothing is left
+        out as start-up, and of the angle the same harmonics are kept.
 
     Raises
     ------
@@ -53,11 +61,16 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
     if run.frequency is None:
         raise InputError(f"{run.label}: no frequency; the periodic method needs one, use method='broadband'")
     frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
-    start, stop, periods = steady_span(run, frequency)
+    if like is not None and like.frequency is not None:
+        frequency = like.frequency
     per = run.sample_rate / frequency
+    start, stop, periods = (
+        steady_span(run, frequency) if like is None else (0, run.n_samples, round(run.n_samples / per))
+    )
     time = np.arange(stop - start) / run.sample_rate
     edges = _cut_blocks(periods, per, time.size)
-    angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
+    orders = None if like is None or not like.series else like.series[0].orders
+    angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth, orders)
     if run.rate is None:
         motion, replicate = angle.motion(), angle.replicates(edges)
         series: tuple[Harmonics, ...] = (angle.harmonics,)
@@ -83,6 +96,8 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         moving &= run.valid[start:stop]
     moment = run.moment[start:stop]
     moment_noise = max(repeat_noise(moment, run.sample_rate, frequency, moving), run.noise.moment or 0.0)
+    # That of one sensor is not the noise of the angle of several.
+    declared = (run.noise.angle or 0.0) if run.fusion is None else 0.0
     return ForceStates(
         run=run.name,
         frequency=frequency,
@@ -96,9 +111,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         moving=moving,
         block=np.repeat(np.arange(edges.size - 1), np.diff(edges)),
         replicate=replicate,
-        noise=NoiseFloor(
-            moment_noise, max(angle.noise, run.noise.angle or 0.0), rate_noise, acceleration_noise
-        ),
+        noise=NoiseFloor(moment_noise, max(angle.noise, declared), rate_noise, acceleration_noise),
         method="periodic",
         bandwidth=angle.highest,
         dropped=start / run.sample_rate,
@@ -106,6 +119,7 @@ def periodic_states(run: Run, bandwidth: float | None = None, rate_share: float 
         guard=guard,
         series=series,
         inputs=filtered_inputs(run.inputs, slice(start, stop), angle.highest, run.sample_rate),
+        fusion=run.fusion,
     )
 
 
@@ -151,7 +165,13 @@ class _Series:
 
     @classmethod
     def fit(
-        cls, signal: Array, time: Array, sample_rate: float, frequency: float, bandwidth: float | None
+        cls,
+        signal: Array,
+        time: Array,
+        sample_rate: float,
+        frequency: float,
+        bandwidth: float | None,
+        known: NDArray[np.intp] | None = None,
     ) -> _Series:
         n = signal.size
         top = BAND_SHARE * sample_rate if bandwidth is None else min(bandwidth, 0.49 * sample_rate)
@@ -162,7 +182,9 @@ class _Series:
         residual = signal - full.series(mean, a, b)
         variance = local_noise(residual, sample_rate, full.angular / (2 * np.pi), 0.5 * frequency)
         standard_error = np.sqrt(2 * variance / n)
-        keep = significant_harmonics(np.hypot(a, b), standard_error)
+        keep = (
+            significant_harmonics(np.hypot(a, b), standard_error) if known is None else np.isin(orders, known)
+        )
         noise = float(np.sqrt(residual @ residual / max(n - 2 * count - 1, 1)))
         return cls(signal, full.take(keep), orders[keep], standard_error[keep], noise)
 

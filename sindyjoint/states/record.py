@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-Method = Literal["periodic", "broadband"]
+from sindyjoint.accelerometer import Fusion
+
+Method = Literal["periodic", "broadband", "path"]
 Array = NDArray[np.float64]
 
 
@@ -88,7 +90,7 @@ class ForceStates:
         Angle, rate and acceleration estimated from each block separately. Their scatter carries the noise of the angle
         channel into standard errors. ``None`` where blocks share one estimate.
     noise : NoiseFloor
-    method : {"periodic", "broadband"}
+    method : {"periodic", "broadband", "path"}
     bandwidth : float
         Highest frequency kept in the angle, Hz.
     dropped : float
@@ -113,6 +115,8 @@ class ForceStates:
         them there: too rough for a fit, but they tell what internal states have come to.
     inputs : mapping of str to ndarray, shape (n,)
         Declared inputs of the law at the same instants, SI, filtered as the angle is.
+    fusion : Fusion or None
+        The sensors of a run with an accelerometer.
     """
 
     run: str
@@ -140,6 +144,24 @@ class ForceStates:
     completed: bool = False
     lead: tuple[Array, Array] | None = None
     inputs: Mapping[str, Array] = field(default_factory=dict)
+    fusion: Fusion | None = None
+
+    @property
+    def mean_known(self) -> bool:
+        """Whether the mean angle was measured: an accelerometer does not see it."""
+        return self.fusion is None or self.fusion.mean_known
+
+    def white_noise(self, frequency: ArrayLike) -> Array:
+        """Return the RMS of white noise as dense as that of the angle at some frequencies, Hz, rad."""
+        if self.fusion is None:
+            return np.full(np.shape(frequency), self.noise.angle)
+        return self.fusion.white_noise(frequency, self.sample_rate)
+
+    def draw_angle_noise(self, size: int, generator: np.random.Generator) -> Array:
+        """Return so many samples of noise of the angle, rad."""
+        if self.fusion is None:
+            return self.noise.angle * generator.standard_normal(size)
+        return self.fusion.draw(size, self.sample_rate, generator)
 
     @property
     def n_samples(self) -> int:

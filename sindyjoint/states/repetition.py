@@ -82,8 +82,10 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
         name: values[: count * period].reshape(count, period)[skipped:].mean(axis=0)
         for name, values in run.inputs.items()
     }
-    noise = run.noise.scaled(1 / np.sqrt(count - skipped))
-    return replace(run, source=None, noise=noise, valid=valid, inputs=inputs, **mean), skipped * period
+    fewer = 1 / float(np.sqrt(count - skipped))
+    noise, fusion = run.noise.scaled(fewer), run.fusion and run.fusion.scaled(fewer)
+    found = replace(run, source=None, noise=noise, valid=valid, inputs=inputs, fusion=fusion, **mean)
+    return found, skipped * period
 
 
 def _autocorrelation(signal: Array) -> Array:

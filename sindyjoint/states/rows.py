@@ -49,8 +49,12 @@ class RegressionRows:
 def group_labels(states: Sequence[ForceStates]) -> list[str]:
     """Return the group in which each run is held out: its frequency, or the run itself where all share one.
 
-    Frequencies are refined run by run: within one per cent they are the same.
+    Frequencies are refined run by run: within one per cent they are the same. Runs without time are held out by their
+    level.
     """
+    if all(state.method == "path" and state.level for state in states):
+        labels = [str(state.level) for state in states]
+        return labels if len(set(labels)) > 1 else [s.run for s in states]
     known: list[float] = []
     labels = []
     for state in states:

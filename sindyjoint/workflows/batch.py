@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import glob
-import os
-import re
 import shutil
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,13 +17,16 @@ from sindyjoint.batch.record import (
     REQUIRED,
     CampaignRecord,
     broken,
+    changed_outputs,
     fingerprint,
     is_valid,
     last_result,
+    read_record,
 )
 from sindyjoint.batch.summary import Batch, summarised
-from sindyjoint.checksums import SUMS, sums_of, sums_text
-from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJointError
+from sindyjoint.batch.tasks import CAMPAIGNS, Task, Writer, extras_of, find_tasks
+from sindyjoint.checksums import SUMS, changed_files, sums_of, sums_text
+from sindyjoint.errors import InputError, OutputError, SindyJointError
 from sindyjoint.files.atomic import (
     check_output,
     hold_folder,
@@ -36,45 +35,11 @@ from sindyjoint.files.atomic import (
     whole_folder,
     write_text,
 )
-from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
 from sindyjoint.workflows.discover import discover
-
-CAMPAIGNS = "campaigns"
-# Bytes of a campaign's name: with what stands before and behind it, file systems take 255.
-LONGEST_ID = 80
-Writer = Callable[[Discovery, Path], None]
-
-
-@dataclass(frozen=True)
-class Task:
-    """One campaign to do.
-
-    Parameters
-    ----------
-    id : str
-        Of its folder of results.
-    label : str
-        Its manifest as records name it.
-    manifest, folder : Path
-        What to read, and where to write.
-    library : as for :func:`~sindyjoint.workflows.discover.discover`
-    options : mapping
-        Further arguments of ``discover``.
-    write : callable
-        Fills a folder with a result.
-    """
-
-    id: str
-    label: str
-    manifest: Path
-    folder: Path
-    library: Any
-    options: Mapping[str, Any] = field(default_factory=dict)
-    write: Writer | None = None
 
 
 def batch(
@@ -164,92 +129,6 @@ def _only_batch(folder: Path) -> Iterator[None]:
         yield
 
 
-def find_tasks(
-    campaigns: str | Path | Sequence[str | Path],
-    out: Path,
-    library: Any,
-    options: Mapping[str, Any],
-    write: Writer | None = None,
-) -> list[Task]:
-    """Return the campaigns of a batch in the order of their names.
-
-    Raises
-    ------
-    MissingInputError
-        If nothing is there.
-    """
-    given = [campaigns] if isinstance(campaigns, str | Path) else list(campaigns)
-    found: dict[Path, str] = {}
-    for pattern in given:
-        for path, label in _manifests(str(pattern), out):
-            found.setdefault(path.resolve(), label)
-    if not found:
-        raise MissingInputError(
-            f"no {MANIFEST_NAME} in {', '.join(repr(str(g)) for g in given)}; expected a folder that holds "
-            "campaigns, or a pattern such as 'tests/*'"
-        )
-    ordered = sorted(found.items(), key=lambda item: item[1])
-    ids = _make_ids([label for _, label in ordered])
-    home = out / CAMPAIGNS
-    return [
-        Task(id, label, path, home / id, library, dict(options), write)
-        for id, (path, label) in zip(ids, ordered, strict=True)
-    ]
-
-
-def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
-    """Return manifests that a folder or pattern leads to, each with a label that does not depend on the others."""
-    if os.path.isdir(pattern):
-        base, starts = Path(pattern), [Path(pattern)]
-    else:
-        # What stands before the first wildcard is the same for all and no part of a name.
-        head = re.split(r"[*?\[]", pattern, maxsplit=1)[0]
-        base = Path(head if head.endswith(("/", os.sep)) else os.path.dirname(head))
-        starts = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]
-    results = out.resolve() if out.exists() else out
-    paths = []
-    for start in starts:
-        paths += sorted(start.rglob(MANIFEST_NAME)) if start.is_dir() else [start] * (start.suffix == ".toml")
-    labels = []
-    for path in paths:
-        if results in path.resolve().parents:
-            continue
-        inside = Path(os.path.relpath(path, base))
-        # The manifest of the searched folder itself goes by the folder's name.
-        labels.append(
-            (path, inside.as_posix() if inside.parent != Path() else f"{path.resolve().parent.name}/{inside}")
-        )
-    return labels
-
-
-def _make_ids(labels: Sequence[str]) -> list[str]:
-    """Return a harmless name of a folder for every manifest, no two alike even where case does not count.
-
-    A name that is cut, or that another campaign would have as well, ends in a hash of the manifest.
-    """
-    names = []
-    for label in labels:
-        path = Path(label)
-        stem = path.parent if path.name == MANIFEST_NAME else path.with_suffix("")
-        names.append(re.sub(r"[^\w.+=-]+", "-", stem.as_posix()).strip(".-") or "campaign")
-    marked = {i for i, name in enumerate(names) if len(name.encode()) > LONGEST_ID}
-    while True:
-        ids = [_hashed(n, labels[i]) if i in marked else n for i, n in enumerate(names)]
-        count = Counter(id.lower() for id in ids)
-        alike = {i for i, id in enumerate(ids) if count[id.lower()] > 1} - marked
-        if not alike:
-            return ids
-        marked |= alike
-
-
-def _hashed(name: str, label: str) -> str:
-    """Return a name, cut where it is too long, with a hash of a label behind it."""
-    import hashlib
-
-    digest = hashlib.sha256(label.encode(errors="surrogateescape")).hexdigest()[:12]
-    return f"{name.encode()[: LONGEST_ID - 1 - len(digest)].decode(errors='ignore')}-{digest}"
-
-
 def _check_options(library: Any, options: Mapping[str, Any]) -> None:
     """Refuse here, once, what would make every campaign a broken one."""
     from sindyjoint.discovery.estimator import JointRegressor
@@ -298,14 +177,6 @@ def held_inputs(campaign: Campaign) -> dict[str, float]:
     """Return the inputs that a campaign tests at one value, SI."""
     ends = {each.name: each.tested for each in campaign.inputs}
     return {name: span[0] for name, span in ends.items() if span is not None and span[0] == span[1]}
-
-
-def extras_of(task: Task) -> list[str]:
-    """Return the names of what is requested beyond model and factors."""
-    write = task.write
-    if write is None:
-        return []
-    return list(getattr(write, "extras", None) or [getattr(write, "__qualname__", repr(write))])
 
 
 def _record(record: CampaignRecord, folder: Path) -> None:
@@ -381,3 +252,51 @@ def _recorded_broken(task: Task, record: CampaignRecord) -> CampaignRecord:
 
 def _recorded_lost(task: Task, lost: Lost) -> CampaignRecord:
     return _recorded_broken(task, broken(task.id, task.label, lost.reason))
+
+
+def verify_batch(
+    campaigns: str | Path | Sequence[str | Path],
+    out: str | Path,
+    library: Any = "extended",
+    *,
+    write: Writer | None = None,
+    **options: Any,
+) -> tuple[tuple[str, str], ...]:
+    """Hold a finished batch against its inputs and its hashes; nothing is written.
+
+    Parameters are those of :func:`batch`.
+
+    Returns
+    -------
+    tuple of (str, str)
+        Campaign, and what keeps its result from being taken for done: files missing or changed, inputs, options,
+        catalogue or version other than those it was made from. An empty name stands for the batch itself.
+
+    Raises
+    ------
+    MissingInputError
+        If there is no campaign.
+    """
+    faults: list[tuple[str, str]] = []
+    for task in find_tasks(campaigns, Path(out), library, options, write):
+        faults += [(task.id, fault) for fault in _find_faults(task)]
+    try:
+        faults += [("", fault) for fault in changed_files(Path(out))]
+    except InputError as error:
+        faults.append(("", str(error)))
+    return tuple(faults)
+
+
+def _find_faults(task: Task) -> list[str]:
+    """Return what keeps the result of a campaign from being taken for done."""
+    try:
+        record = read_record(task.folder)
+        if record.status == "broken":
+            return [f"broken: {record.reason}"]
+        inputs = fingerprint(task.manifest, task.options, task.library, version("sindyjoint"))
+    except SindyJointError as error:
+        return [str(error)]
+    faults = changed_outputs(record, task.folder)
+    faults += [] if record.inputs == inputs else ["was made from other files, options, catalogue or version"]
+    missing = sorted(set(extras_of(task)) - set(record.extras))
+    return faults + ([f"has no {', '.join(missing)}"] if missing else [])

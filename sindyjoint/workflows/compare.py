@@ -16,13 +16,14 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.methods import METHODS, NOT_GIVEN
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.selection import Selection
-from sindyjoint.discovery.uncertainty import in_words, inclusion, inseparable
+from sindyjoint.discovery.uncertainty import inclusion
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, SizeScore
-from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.discovery import Discovery, undetermined
 from sindyjoint.judgement.held_out_response import add_responses
 from sindyjoint.judgement.independence import frequency_tests
 from sindyjoint.options import checks_options
@@ -30,7 +31,6 @@ from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import require_sound
-from sindyjoint.text import in_words_of
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.verify import given_model
@@ -183,7 +183,7 @@ def _compared(
         tests=tests,
         bias=bias,
         model=model,
-        undetermined=_undetermined(found),
+        undetermined=undetermined(found),
         warnings=found.warnings
         + tuple(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
         seconds=clock.seconds,
@@ -191,14 +191,6 @@ def _compared(
         soundness=found.soundness,
         noise_floor=found.model.fitted.noise_floor / (found.model.fitted.moment_rms or 1.0),
     )
-
-
-def _undetermined(found: Discovery) -> tuple[str, ...]:
-    """Return in words which terms of the model the runs cannot tell apart."""
-    evidence, model = found.regressor.evidence_, found.model
-    columns = [evidence.ids.index(term) for term in model.ids if term in evidence.ids]
-    pairs = inseparable(evidence, columns) if columns else ()
-    return tuple(in_words_of(model.joint.motion, in_words(pair, *_reach(model))) for pair in pairs)
 
 
 class _Clock:
@@ -332,6 +324,7 @@ def _libraries(
     result = []
     for name in libraries:
         catalogue = as_catalogue([part.strip() for part in name.split("+")])
+        catalogue = rate_free(catalogue) if found.campaign.quasi_static else catalogue
         forbidden = [term for term in (*options.get("forbidden", ()), *NEVER_VISIBLE) if term in catalogue]
         regressor = JointRegressor(
             catalogue,
@@ -386,14 +379,6 @@ def _model(found: Discovery) -> tuple[Choice, dict[str, float]]:
         Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left),
         {name: float(value) for name, value in measured.items()},
     )
-
-
-def _reach(model: JointModel) -> tuple[float | None, float | None]:
-    """Return the largest angle tested and the softening limit of a model, where it has one."""
-    if not {"linear_stiffness", "cubic_stiffness"} <= set(model.ids):
-        return None, None
-    k1, k3 = model["linear_stiffness"].coefficient, model["cubic_stiffness"].coefficient
-    return (model.fitted.angle, float(np.sqrt(k1 / (-3 * k3)))) if k3 < 0 < k1 else (None, None)
 
 
 def _units(found: Discovery, by_library: Sequence[tuple[Choice, dict[str, str]]]) -> dict[str, str]:

@@ -22,6 +22,7 @@ from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
@@ -36,6 +37,8 @@ from sindyjoint.workflows.discover import fitted_to, the_campaign
 if TYPE_CHECKING:
     import numpy as np
 
+    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+    from sindyjoint.mechanics.actuator import Actuator
     from sindyjoint.mechanics.rigs import Rig
 
 
@@ -53,6 +56,7 @@ def diagnose(
     max_effects: int = CAMPAIGN.most_effects,
     hold_out: Sequence[str] = (),
     advise: bool = True,
+    actuator: Actuator | None = None,
     before_advice: Callable[[Diagnosis], None] | None = None,
     refine: bool = False,
     random_state: Any = None,
@@ -90,12 +94,15 @@ def diagnose(
     advise : bool
         Whether runs are sought that would tell rivals apart; ``policy.advice_work`` and ``policy.advice_seconds`` end
         that early.
+    actuator : Actuator, optional
+        What makes further runs: those that it can make are advised. Default: any prescribed angle up to the largest
+        tested one, and moments where these drove.
     before_advice : callable, optional
-        Called with the diagnosis, complete but for advice and refinement, before runs are sought; an interruption of
-        that search then takes nothing with it.
+        Called with the diagnosis, complete but for advice, before runs are sought; an interruption of that search then
+        takes nothing with it.
     refine : bool
         Fit terms and elements of the whole model to the simulated response in the end, unless the response gap would
-        grow by it.
+        grow by it. Steps, gaps and pictures are then those of the refined model.
     random_state : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
@@ -128,6 +135,10 @@ def diagnose(
             say("simulating a virtual test with something hidden in it")
             campaign, hidden = hidden_campaign(random_state)
         campaign = kept_out(the_campaign(campaign, random_state), hold_out)
+        if campaign.quasi_static:
+            if align or refine:
+                raise InputError(f"align: {NO_DELAY}" if align else f"refine: {NO_RESPONSE}")
+            model = model if model is None else without_rate(model)[0]
         say("checking the data")
         checked = check_campaign(campaign, accept)
         if checked.stopping:
@@ -138,7 +149,7 @@ def diagnose(
         if delay is not None:
             usable = without_delay(usable, delay)
         usable, lags = _followed(usable, model)
-        problem = CampaignProblem.build(usable, model, base, known, policy)
+        problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
 
         def limited(result: Diagnosis) -> Diagnosis:
             noted = replace(result, warnings=(*result.warnings, *lag_notes(lags)))
@@ -148,20 +159,26 @@ def diagnose(
             return _of_campaign(result, campaign, delay)
 
         keep = before_advice or (lambda result: None)
-        result = explain_gap(
-            problem, max_effects, say, advise, lambda result: keep(limited(known_campaign(result)))
-        )
-        result = known_campaign(result)
-        if refine:
-            from sindyjoint.workflows.refine import refined_diagnosis
 
-            result = refined_diagnosis(result, checked.usable, say)
-        return limited(result)
+        def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
+            from sindyjoint.workflows.refine import refined_problem
+
+            return refined_problem(last, checked.usable, _test_of(last.test, campaign, delay), say)
+
+        result = explain_gap(
+            problem,
+            max_effects,
+            say,
+            advise,
+            lambda result: keep(limited(known_campaign(result))),
+            refined if refine else lambda last: (last, ()),
+        )
+        return limited(known_campaign(result))
 
 
 def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
     """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
-    if not campaign.inputs:
+    if not campaign.inputs or campaign.quasi_static:
         return campaign, ()
     if model is not None:
         campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
@@ -169,22 +186,26 @@ def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, t
     return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
 
 
-def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
-    """Return a diagnosis whose model and test know the campaign; a delay removed beforehand is the test's."""
-    digest = content_hash(campaign)
-    test = result.test or TestNuisances(digest)
+def _test_of(test: TestNuisances, campaign: Campaign, delay: ChannelDelay | None) -> TestNuisances:
+    """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
     found = test.nuisances
     if delay is not None:
         ends = (delay.time - 1.96 * delay.standard_error, delay.time + 1.96 * delay.standard_error)
         known = Value("tau", delay.time, delay.standard_error, ends, "s")
         found = (Nuisance("channel_delay", "time shift", known), *found)
     kept = tuple(run.name for run in campaign.validation_runs)
-    test = replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
+    digest = content_hash(campaign)
+    return replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
+
+
+def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
+    """Return a diagnosis whose model and test know the campaign."""
 
     def of_campaign(model: JointModel) -> JointModel:
         return with_gain_uncertainty(fitted_to(model, campaign), campaign.gain_uncertainty)
 
     whole = None if result.whole is None else of_campaign(result.whole)
+    test = _test_of(result.test or TestNuisances(""), campaign, delay)
     return replace(result, test=test, model=of_campaign(result.model), whole=whole)
 
 

@@ -17,11 +17,18 @@ from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, 
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery, stopped_by_data
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.second_search import campaign_model, search_again, softened
-from sindyjoint.judgement.verdict import Verdict, judge, noise_alike, undecided_by_data
+from sindyjoint.judgement.verdict import (
+    Verdict,
+    judge,
+    noise_alike,
+    undecided_by_data,
+    undecided_without_time,
+)
 from sindyjoint.options import checks_options
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import Executor, check_unused, executor
@@ -118,6 +125,10 @@ def discover(
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
+    if campaign.quasi_static:
+        if align:
+            raise InputError(f"align: {NO_DELAY}")
+        catalogue, correct = rate_free(catalogue), False
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
@@ -137,6 +148,7 @@ def discover(
         regressor, model, force_states, note = again.regressor, again.model, again.states, again.note
     left_in = _unresolved_delay(delay, regressor, model, force_states) if lag == 0.0 else None
     verdict = _judge_terms(regressor, measured, model, campaign, force_states, left_in, correct)
+    verdict = undecided_without_time(verdict) if campaign.quasi_static else verdict
     verdict = undecided_by_data(verdict, checked.undecided_by(aligned=lag != 0.0))
     say("measuring the bias of the processing")
     fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
@@ -187,7 +199,10 @@ def _prepare(
     made = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in made)
-        regressor.set_params(library=default_candidates(largest, campaign.joint.motion))
+        found = default_candidates(largest, campaign.joint.motion)
+        regressor.set_params(library=rate_free(found) if campaign.quasi_static else found)
+    if campaign.quasi_static:
+        return _Prepared(campaign, made, None, 0.0, ())
     lags = find_lags(made, inertia, campaign.inputs)
     if lags:
         campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})

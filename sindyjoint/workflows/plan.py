@@ -3,66 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from sindyjoint.discovery.evidence import Evidence, block_scores
+from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.mechanics.actuator import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.options import checks_options
-from sindyjoint.planning.information import Information, Sensors, chosen_terms, run_information, stacked
-from sindyjoint.planning.joints import JointRange, like_law, like_model
-from sindyjoint.planning.plan import Plan, Prediction, Step, predictions, widest_of
+from sindyjoint.planning.apart import TELL_APART, Apart
+from sindyjoint.planning.information import Sensors
+from sindyjoint.planning.joints import like_law, like_model
+from sindyjoint.planning.known import Known, known_of_runs, measured_sensors
+from sindyjoint.planning.making import Making
+from sindyjoint.planning.plan import Plan
+from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.runs import Actuator, PlannedRun, candidates
-from sindyjoint.planning.search import Choice, Goal, best_runs
+from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning.search import GOALS, WIDTHS
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import model_law
-from sindyjoint.text import percent, spelled
 from sindyjoint.threads import single_threaded
+from sindyjoint.workflows.tell_apart import (
+    Separated,
+    after_runs,
+    before_runs,
+    chosen_effects,
+    rivals_of,
+    worlds_of,
+)
 
-Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
-# Joints on which the chosen runs, and the grid, are predicted.
-PREDICTED = 40
-
-
-@dataclass(frozen=True, eq=False)
-class _Known:
-    """What is known before the plan: the joint's range, and the runs that were made."""
-
-    joint: JointRange
-    information: Information | None = None
-    runs: tuple[tuple[float, str], ...] = ()
-    model: JointModel | None = None  # of the campaign, with the intervals that it has reached
-
-    def expanded(self, joints: int) -> Information | None:
-        """Return the information of the made runs for as many joints."""
-        if self.information is None:
-            return None
-        held = self.information
-        names = ("bread", "meat", "pull", "blocks")
-        return Information(
-            *(
-                np.repeat(np.asarray(getattr(held, name))[:, None], joints, axis=1).astype(float)
-                for name in names
-            )
-        )
+LIKE = "inter-panel"
 
 
 @checks_options()
 @single_threaded()
 def plan(
-    like: str = "inter-panel",
+    like: str | None = None,
     *,
     model: JointModel | str | Path | None = None,
     campaign: Campaign | str | Path | None = None,
@@ -70,12 +53,18 @@ def plan(
     drive: str = "moment",
     band: tuple[float, float] = (2.0, 8.0),
     limits: Mapping[str, float] | None = None,
-    noise: float = 0.01,
+    noise: float | None = None,
     moment_noise: float | None = None,
     angle_noise: float | None = None,
-    sample_rate: float = 1000.0,
+    sample_rate: float | None = None,
+    resolution: Mapping[str, float] | None = None,
+    waveforms: Sequence[str] = (SINE,),
     time: float = 90.0,
-    goal: Goal = "widths",
+    run_time: float | None = None,
+    goal: str | Mapping[str, float] = "widths",
+    effects: Sequence[str] = (),
+    diagnosis: str | Path | None = None,
+    share: float = 0.06,
     terms: Sequence[str] = (),
     until: float | None = None,
     random_state: int = 0,
@@ -85,12 +74,14 @@ def plan(
 
     Parameters
     ----------
-    like : {"inter-panel", "panel-root"}
-        A joint of the paper that the joint resembles: each coefficient within 20 % of its own.
+    like : {"inter-panel", "panel-root"}, optional
+        A joint of the paper that the joint resembles: each coefficient within 20 % of its own. Default: the first,
+        where neither a model nor a campaign says more.
     model : JointModel or path, optional
         A model of the joint instead: each coefficient within three standard errors.
     campaign : Campaign or path, optional
-        Runs that were made: the model is discovered from them, and what they tell is added.
+        Runs that were made: a model is discovered from them, and what they tell is added. The terms of ``like`` or
+        ``model``, where one is given, are then kept in that model, and their ranges hold as well.
     ranges : mapping of str to (float, float), optional
         Of coefficients by term, SI, instead of these.
     drive : {"moment", "angle"}
@@ -99,20 +90,37 @@ def plan(
         Hz.
     limits : mapping of str to float, optional
         Largest ``"moment"`` (N·m), ``"angle"`` (rad) and ``"rate"`` (rad/s) of the actuator.
-    noise : float
-        RMS of a sample as a share of each channel's RMS, for a channel whose own is not given.
+    noise : float, optional
+        RMS of a sample as a share of each channel's RMS, for a channel whose own is not given. Default: as measured in
+        the campaign, or 0.01.
     moment_noise, angle_noise : float, optional
         RMS of a sample, N·m and rad.
-    sample_rate : float
-        Hz.
+    sample_rate : float, optional
+        Hz. Default: that of the campaign, or 1000.
+    resolution : mapping of str to float, optional
+        Steps in which ``"moment"`` (N·m) and ``"angle"`` (rad) are read.
+    waveforms : sequence of str
+        Among which is chosen: ``"sine"``, ``"two-tone-3"`` (a second tone of three times the frequency and 0.8 of the
+        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics).
     time : float
-        Duration of all runs together, s.
-    goal : {"widths", "frequency"}
-        Make the widest relative interval small, or the widest relative change over the band that could be overlooked.
+        Duration of all runs that are still to be made, s.
+    run_time : float, optional
+        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take.
+    goal : {"widths", "frequency", "paper", "tell-apart"} or mapping of these to weights
+        Make the widest relative interval small; or the widest relative change over the band that could be overlooked;
+        or decide which terms the joint has: what the weakest term lacks of being taken by a discovery; or tell effects
+        apart, by the search of the advice of :func:`~sindyjoint.diagnose`.
+    effects : sequence of str
+        That are to be told apart.
+    diagnosis : path, optional
+        ``diagnosis.json``, or a folder with one: the effects that it could not tell apart.
+    share : float
+        Of the moment's RMS that an effect adds, where no campaign shows how large it is.
     terms : sequence of str
         Coefficients that matter. Default: all.
     until : float, optional
-        Relative half-width that is enough: the plan ends where 95 of 100 tests reach it.
+        Relative half-width that is enough: the plan ends where 95 of 100 tests reach it, and is empty once the runs of
+        a campaign have.
     random_state : int
         Of the joints that are drawn from the range.
     progress : callable, optional
@@ -134,173 +142,83 @@ def plan(
     """
     say = progress or (lambda stage: None)
     actuator = _actuator(drive, band, limits or {})
-    sensors = Sensors(sample_rate, noise, moment_noise, angle_noise)
-    if goal not in ("widths", "frequency"):
-        raise InputError(f"goal is {goal!r}; expected 'widths' or 'frequency'")
+    goals = _goals(goal)
+    if not 0 < share < 1:
+        raise InputError(f"share is {share!r}; expected a share of the moment between 0 and 1")
+    rivals: tuple[Effect, ...] = ()
+    if TELL_APART in goals:
+        rivals = chosen_effects(rivals_of(diagnosis) if diagnosis is not None and not effects else effects)
+    elif effects or diagnosis is not None:
+        raise InputError(
+            "effects were given, but the goal is not to tell them apart; expected goal 'tell-apart'"
+        )
     if until is not None and not 0 < until < inf:
         raise InputError(f"until is {until!r}; expected a positive share")
-    known = _what_is_known(like, model, campaign, say)
-    known = replace(known, joint=known.joint.narrowed(ranges or {}))
-    motion = known.joint.model.joint.motion
-    unit = {"moment": "N*m", "angle": "rad"} if motion == "rotation" else {"moment": "N", "angle": "m"}
-    matter = _places(known.joint.model, terms)
-    duration, count = _durations(actuator, time)
-    made = _Making(known, actuator, sensors, matter, goal, until, random_state, say)
-    return made.plan(unit[actuator.drive], duration, count)
-
-
-@dataclass(frozen=True, eq=False)
-class _Making:
-    """The making of a plan."""
-
-    known: _Known
-    actuator: Actuator
-    sensors: Sensors
-    matter: tuple[int, ...]
-    goal: Goal
-    until: float | None
-    random_state: int
-    say: Say
-
-    def plan(self, unit: str, duration: float, count: int) -> Plan:
-        """Return the plan of ``count`` runs."""
-        joint = self.known.joint
-        drawn = joint.draws(POLICY.joints, self.random_state)
-        laws = [model_law(one) for one in (*joint.corners(), *drawn)]
-        middle = model_law(joint.model)
-        offered, grid = candidates(laws, middle, self.actuator, duration, unit, say=self.say)
-        choice = self._choice(offered, drawn)
-        self.say("choosing runs")
-        chosen = [] if self._reached() else best_runs(choice, count)
-        runs = tuple(offered[i] for i in chosen)
-        # The grid lasts as long, whatever number of runs the plan has.
-        grid = tuple(replace(run, duration=duration * count / len(grid)) for run in grid)
-        return self._predicted(runs, grid, [choice.missing(chosen[:k]) for k in range(1, len(chosen) + 1)])
-
-    def _choice(self, offered: Sequence[PlannedRun], drawn: Sequence[JointModel]) -> Choice:
-        information = self._information(offered, drawn, "what each run would tell")
-        return Choice(
-            tuple(offered), information, np.array([one.coefficients for one in drawn]), self.matter, self.goal,
-            self.known.expanded(len(drawn)), self.known.runs,
-        )  # fmt: skip
-
-    def _information(
-        self, runs: Sequence[PlannedRun], joints: Sequence[JointModel], stage: str
-    ) -> Information:
-        parts: dict[PlannedRun, Information] = {}
-        for run in runs:
-            if run not in parts:
-                self.say(f"{stage}: {len(parts) + 1} of {len(set(runs))}")
-                parts[run] = stacked([run_information(run, one, self.sensors) for one in joints])
-        return stacked([parts[run] for run in runs])
-
-    def _reached(self) -> bool:
-        """Return whether the intervals of the runs that were made are narrow enough."""
-        return self.until is not None and self._widest_now() <= self.until
-
-    def _widest_now(self) -> float:
-        model = self.known.model
-        if model is None or self.goal != "widths":
-            return inf
-        half = [(term.interval95[1] - term.interval95[0]) / 2 / abs(term.coefficient) for term in model.terms]
-        return max(half[i] for i in self.matter)
-
-    def _predicted(
-        self, runs: tuple[PlannedRun, ...], grid: tuple[PlannedRun, ...], missing: Sequence[int]
-    ) -> Plan:
-        """Return the plan of these runs, ended where they are enough, with what they and the grid would tell."""
-        joint, known = self.known.joint, self.known.expanded(PREDICTED)
-        joints = joint.draws(PREDICTED, self.random_state + 1)
-        coefficients = np.array([one.coefficients for one in joints])
-        told = known
-        if runs:
-            told = self._information(runs, joints, "what the plan tells").with_runs(known)
-        assert told is not None  # without runs there is a campaign
-        grid, grid_told = self._of_grid(grid, joints, known)
-        curve = self._curve((runs, told), (grid, grid_told), coefficients)
-        enough = len(runs)
-        if self.until is not None:
-            # Not before there are runs enough at different frequencies and levels.
-            reached = (
-                step.runs
-                for step, lack in zip(curve, missing, strict=True)
-                if not lack and step.highest <= self.until
-            )
-            enough = next(reached, len(runs))
-        if enough < len(runs):
-            told = told.take(range(len(self.known.runs) + enough))
-            shorter = tuple(replace(run, duration=run.duration * enough / len(runs)) for run in grid)
-            grid, grid_told = self._of_grid(shorter, joints, known)
-        found = predictions(joint.model, told, coefficients)
-        return Plan(
-            joint.model, tuple(joint.low), tuple(joint.high), self.actuator, self.sensors, self.goal,
-            tuple(joint.model.ids[i] for i in self.matter), runs[:enough], found,
-            () if grid_told is None else predictions(joint.model, grid_told, coefficients), grid, curve, self.until,
-            self._advice(curve, enough), _warnings(found, grid, joint.model.joint.motion),
-        )  # fmt: skip
-
-    def _of_grid(
-        self, grid: tuple[PlannedRun, ...], joints: Sequence[JointModel], known: Information | None
-    ) -> tuple[tuple[PlannedRun, ...], Information | None]:
-        """Return the grid and what it would tell; nothing of a grid whose runs are too short."""
-        try:
-            return grid, self._information(grid, joints, "the grid of the same duration").with_runs(known)
-        except InputError:
-            return (), None
-
-    def _curve(
-        self,
-        plan: tuple[tuple[PlannedRun, ...], Information],
-        grid: tuple[tuple[PlannedRun, ...], Information | None],
-        coefficients: Array,
-    ) -> tuple[Step, ...]:
-        """Return what is known after each run."""
-        made = [frequency for frequency, _ in self.known.runs]
-
-        def widest(
-            planned: tuple[PlannedRun, ...], told: Information | None, count: int
-        ) -> tuple[float, float]:
-            if told is None or count > len(planned):
-                return inf, inf
-            at = [*made, *(run.frequency for run in planned[:count])]
-            part = told.take(range(len(at)))
-            return widest_of(part, coefficients, self.matter, at if self.goal == "frequency" else None)
-
-        steps = []
-        for k in range(1, len(plan[0]) + 1):
-            taken = chosen_terms(plan[1].take(range(len(made) + k)), coefficients)[:, list(self.matter)]
-            complete = float(taken.all(axis=1).mean())
-            steps.append(Step(k, k * plan[0][0].duration, *widest(*plan, k), complete, widest(*grid, k)[0]))
-        return tuple(steps)
-
-    def _advice(self, curve: Sequence[Step], enough: int) -> str:
-        """Return when to stop, in words."""
-        if self.until is None:
-            return "all of the time is used: no half-width was given that is enough"
-        what = "half-width" if self.goal == "widths" else "change over the band"
-        if not curve:
-            now = percent(self._widest_now())
-            return f"stop: the widest relative {what} is {now}, and {percent(self.until)} is enough"
-        if curve[enough - 1].highest <= self.until:
-            return (
-                f"after {enough} runs: 95 of 100 tests then reach a relative {what} of {percent(self.until)}"
-            )
-        return (
-            f"not within this time: after {enough} runs 95 of 100 tests reach {percent(curve[-1].highest)}, "
-            f"not {percent(self.until)}"
+    duration, count = _durations(actuator, time, run_time)
+    given = {"sample_rate": sample_rate, "noise": noise, "moment": moment_noise, "angle": angle_noise}
+    stated = {name: value for name, value in given.items() if value is not None}
+    stated |= _resolutions(resolution or {})
+    if not waveforms or not {*waveforms} <= TONES.keys():
+        raise InputError(
+            f"waveforms are {', '.join(waveforms) or 'none'}; expected some of {', '.join(TONES)}"
         )
+    Sensors(**stated)  # refused before anything is worked on
+    if rivals and campaign is not None:
+        law = None if model is None else _opened(model)
+        found = after_runs(campaign, law, rivals, actuator, duration, say)
+        if len(goals) == 1:
+            return _only_apart(found, actuator, Sensors(**stated))
+    known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)
+    if "noise" in stated:
+        # A share that is given holds for both channels.
+        sensors = replace(sensors, moment=None, angle=None)
+    sensors = replace(sensors, **stated)
+    unit = UNITS[actuator.drive][known.joint.model.joint.motion != "rotation"]
+    matter = _places(known.joint.model, terms or known.ids)
+    weights = tuple((name, weight) for name, weight in goals.items() if name != TELL_APART) or (
+        (WIDTHS, 1.0),
+    )
+    made = Making(known, actuator, sensors, matter, weights, until, random_state, say, tuple(waveforms))
+    if not rivals:
+        return made.plan(unit, duration, count)
+    if campaign is not None:
+        return _with_apart(
+            made.plan(unit, duration, max(count - len(found.runs), 1)), found.runs, found.apart
+        )
+    if count < 2:
+        raise InputError(f"time is {time:g} s; expected two runs at least, one of them to tell effects apart")
+    plain = made.plan(unit, duration, count - 1)
+    joints = known.joint.draws(len(rivals), random_state)
+    worlds = worlds_of(joints, rivals, plain.runs, sensors, share, random_state)
+    return _with_apart(plain, *before_runs(worlds, rivals, actuator, duration, say))
 
 
-def _warnings(found: Sequence[Prediction], grid: Sequence[PlannedRun], motion: str) -> tuple[str, ...]:
-    warnings = [
-        f"a discovery would leave {spelled(each.id, motion)} out of {percent(1 - each.chosen)} of the joints of the "
-        "range: it carries too little of the moment there"
-        for each in found
-        if each.chosen <= 0.975
-    ]
-    if not grid:
-        warnings.append("the time is too short for a grid of three frequencies and three levels")
-    return tuple(warnings)
+def _goals(goal: str | Mapping[str, float]) -> dict[str, float]:
+    """Return goals with their weights, which add up to one, the weightiest first."""
+    given = {goal: 1.0} if isinstance(goal, str) else dict(goal)
+    for name, weight in given.items():
+        if name not in (*GOALS, TELL_APART):
+            raise InputError(f"goal is {name!r}; expected {', '.join(map(repr, GOALS))} or {TELL_APART!r}")
+        if not 0 < weight < inf:
+            raise InputError(f"weight of goal {name!r} is {weight!r}; expected a positive number")
+    if not given:
+        raise InputError("no goal was given; expected one at least")
+    total = sum(given.values())
+    return {name: given[name] / total for name in sorted(given, key=lambda name: -given[name])}
+
+
+def _only_apart(found: Separated, actuator: Actuator, sensors: Sensors) -> Plan:
+    """Return the plan of runs that tell effects apart, beside a campaign that was made."""
+    model = found.model
+    return Plan(
+        model, tuple(model.coefficients), tuple(model.coefficients), actuator, sensors, ((TELL_APART, 1.0),), (),
+        found.runs, (), (), (), (), None, found.apart.words, apart=found.apart,
+    )  # fmt: skip
+
+
+def _with_apart(plan: Plan, runs: Sequence[PlannedRun], apart: Apart) -> Plan:
+    """Return a plan with the runs that tell effects apart behind its own."""
+    return replace(plan, runs=(*plan.runs, *runs), apart=apart, stop=f"{plan.stop}; {apart.words}")
 
 
 def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]) -> Actuator:
@@ -310,63 +228,85 @@ def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]
     return Actuator(drive, band, **limits)  # type: ignore[arg-type]
 
 
+def _resolutions(resolution: Mapping[str, float]) -> dict[str, float]:
+    """Return the steps of the sensors by their names there."""
+    unknown = sorted({*resolution} - {"moment", "angle"})
+    if unknown:
+        raise UnknownNameError(f"resolution of {unknown[0]!r}; expected moment or angle")
+    return {f"{name}_resolution": step for name, step in resolution.items()}
+
+
 def _places(model: JointModel, terms: Sequence[str]) -> tuple[int, ...]:
     for term in terms:
         if term not in model.ids:
             raise UnknownNameError(f"term {term!r}; the joint has {', '.join(model.ids)}")
-    return tuple(model.ids.index(term) for term in terms or model.ids)
+    return tuple(model.ids.index(term) for term in terms)
 
 
-def _durations(actuator: Actuator, time: float) -> tuple[float, int]:
+def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple[float, int]:
     """Return the duration of each run, and their number."""
     shortest = (POLICY.fewest_periods + 1) / actuator.band[0]
-    count = min(POLICY.setups, int(time / shortest)) if 0 < time < inf else 0
+    if run_time is not None and not shortest <= run_time <= time:
+        raise InputError(
+            f"run_time is {run_time:g} s; expected between {shortest:.3g} s, {POLICY.fewest_periods} steady periods of "
+            f"{actuator.band[0]:g} Hz, and the {time:g} s of all runs"
+        )
+    count = 0
+    if 0 < time < inf:
+        count = min(POLICY.setups, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(
             f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {POLICY.fewest_periods} steady periods "
             f"of {actuator.band[0]:g} Hz"
         )
-    return time / count, count
+    if count > POLICY.most_runs:
+        raise InputError(f"{count} runs of {run_time:g} s in {time:g} s; expected at most {POLICY.most_runs}")
+    return run_time or time / count, count
+
+
+def _opened(model: JointModel | str | Path) -> JointModel:
+    """Return a model, or that of a file."""
+    return model if isinstance(model, JointModel) else read_model(model)
 
 
 def _what_is_known(
-    like: str, model: JointModel | str | Path | None, campaign: Campaign | str | Path | None, say: Say
-) -> _Known:
-    if model is not None and campaign is not None:
-        raise InputError("a model and a campaign were given; expected one of them")
-    if campaign is not None:
-        from sindyjoint.workflows.discover import discover
-
-        return _known_of(discover(campaign, progress=say))
+    like: str | None,
+    model: JointModel | str | Path | None,
+    campaign: Campaign | str | Path | None,
+    ranges: Mapping[str, tuple[float, float]],
+    random_state: int,
+    say: Say,
+) -> tuple[Known, Sensors]:
+    """Return what is known of the joint, and the sensors as the campaign has shown them."""
+    if model is not None and like is not None:
+        raise InputError("a model and a joint that it is like were given; expected one of them")
+    before = None
     if model is not None:
-        return _Known(like_model(model if isinstance(model, JointModel) else read_model(model)))
-    law = named_joint(like)
-    assert isinstance(law, PaperLaw)
-    return _Known(like_law(law))
+        before = like_model(_opened(model))
+    elif like is not None or campaign is None:
+        law = named_joint(like or LIKE)
+        assert isinstance(law, PaperLaw)
+        before = like_law(law)
+    if before is not None:
+        before = before.narrowed(ranges)
+    if campaign is None:
+        assert before is not None
+        return Known(before), Sensors()
+    found, made = _discovered(campaign, () if before is None else before.model.ids, random_state, say)
+    evidence = found.regressor.evidence_
+    known = known_of_runs(found.model, evidence, found.states, made, before)
+    if before is None:
+        known = replace(known, joint=known.joint.narrowed(ranges))
+    return known, measured_sensors(found.states)
 
 
-def _known_of(found: Discovery) -> _Known:
-    """Return what the runs of a campaign tell of the terms that were discovered from them."""
+def _discovered(
+    campaign: Campaign | str | Path, forced: Sequence[str], random_state: int, say: Say
+) -> tuple[Discovery, float]:
+    """Return what was discovered, the terms that the joint was said to have among it, and the time of the runs."""
+    from sindyjoint.workflows.discover import discover
+
+    found = discover(campaign, forced=forced, random_state=random_state, progress=say)
     if not found.found:
-        raise InputError(f"no model was discovered from the campaign: {found.reason}; plan with ranges")
-    joint, evidence = like_model(found.model), found.regressor.evidence_
-    lacking = [spelled(name) for name in found.model.ids if name not in evidence.ids]
-    if lacking:
-        raise InputError(f"{', '.join(lacking)}: fixed in the fit of the campaign; plan with ranges")
-    columns = [evidence.ids.index(name) for name in found.model.ids]
-    coefficients = np.array([found.model[name].coefficient for name in found.model.ids])
-    parts, size = [], len(columns)
-    for run in evidence.take(columns).runs:
-        scores, _ = block_scores(Evidence(found.model.ids, (run,)), range(size), coefficients)
-        triangle = run.pooled.triangle[:, :-1]
-        parts.append(
-            Information(
-                triangle.T @ triangle, scores.T @ scores, np.zeros(size), np.array(float(len(run.blocks)))
-            )
-        )
-    largest = max(float(np.ptp(state.angle)) for state in found.states)
-    runs = []
-    for state in found.states:
-        share = float(np.ptp(state.angle)) / largest
-        runs.append((state.frequency or 0.0, str(int(np.argmin(np.abs(np.array(POLICY.levels) - share))))))
-    return _Known(joint, stacked(parts), tuple(runs), found.model)
+        raise InputError(f"no model was discovered from the campaign: {found.reason}; plan without it")
+    return found, sum(run.duration for run in (found.measured or found.campaign).identification_runs)

@@ -30,8 +30,8 @@ from sindyjoint.workflows.discover import fitted_to, the_campaign
 from sindyjoint.workflows.verify import CampaignVerification, put_right
 
 if TYPE_CHECKING:
+    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.diagnosis.effects.fitted import FittedEffect
-    from sindyjoint.diagnosis.result import Diagnosis
 
 # What the estimated errors of the channels are in test.json; a gain has no place there.
 STORED: dict[str, tuple[str, Enters, str]] = {
@@ -206,59 +206,56 @@ def _stored(result: Refinement, test: TestNuisances) -> TestNuisances:
     return replace(test, nuisances=tuple(found))
 
 
-def refined_diagnosis(
-    result: Diagnosis, usable: Campaign, progress: Callable[[str], None] | None = None
-) -> Diagnosis:
-    """Return a diagnosis whose whole model is fitted to the simulated response, unless the response gap grew by it.
+def refined_problem(
+    problem: CampaignProblem,
+    usable: Campaign,
+    test: TestNuisances,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[CampaignProblem, tuple[str, ...]]:
+    """Return a repaired campaign whose whole model is fitted to the simulated response, and notes on that.
 
-    Where the catalogue has further forms of an element, as of Bouc and Wen's law or of a gap, the one with the least
-    misfit of the response is used.
+    As it is where the response gap would grow by it. Where the catalogue has further forms of an element, as of Bouc
+    and Wen's law or of a gap, the one with the least misfit of the response is used.
 
     Parameters
     ----------
-    result : Diagnosis
-        Of a campaign.
+    problem : CampaignProblem
+        The last one of a diagnosis.
     usable : Campaign
         Without the samples that the check of the data leaves out; channels as they were measured.
+    test : TestNuisances
+        What the diagnosis found of the test.
     progress : callable, optional
     """
-    whole, test = result.whole, result.test
-    if whole is None or test is None or not (whole.terms or whole.elements):
-        return result
+    whole = problem.whole
+    if not (whole.terms or whole.elements):
+        return problem, ()
     (progress or (lambda stage: None))("refining on the simulated response")
     campaign = test.corrected(usable)
     states = one_after_another(campaign, campaign_states(campaign))
     tried = [
         refine_response(model, campaign, states=states, test=test)
-        for model in (whole, *other_forms(whole, result.effects))
+        for model in (whole, *other_forms(whole, problem.found))
     ]
     # One that did not succeed has no misfit.
     refinement = min(tried, key=lambda each: each.misfit if each.refined else np.inf)
     if not refinement.refined:
-        return replace(result, warnings=(*result.warnings, *refinement.notes))
+        return problem, refinement.notes
     before, after = (simulated_gap(model, campaign, test) for model in (whole, refinement.model))
     if not after <= (1 + POLICY.refined_gap) * before:
         note = (
             f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % "
             f"where it is {100 * before:.3f} %"
         )
-        return replace(result, warnings=(*result.warnings, note))
-    notes = [*refinement.notes]
-    if result.effects:
-        notes.append(
-            "the numbers of the steps are those of the regression; model.json holds the refined ones"
-        )
+        return problem, (note,)
+    notes = refinement.notes
     if refinement is not tried[0]:
-        notes.append(
+        notes = (
+            *notes,
             "the simulated response is better with another form of an element than the regression chose: "
-            f"{refinement.model.equation()}"
+            f"{refinement.model.equation()}",
         )
-    return replace(
-        result,
-        whole=refinement.model,
-        final=replace(result.final, response=after),
-        warnings=(*result.warnings, *notes),
-    )
+    return problem.with_whole(refinement.model), notes
 
 
 def other_forms(model: JointModel, effects: Sequence[FittedEffect]) -> list[JointModel]:

@@ -13,6 +13,7 @@ from sindyjoint.discovery.delay import align_channels
 from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.policy import POLICY
@@ -132,11 +133,16 @@ def verify(
             )
         say("checking the data")
         checked = require_sound(check_campaign(against, accept))
+        if against.quasi_static:
+            if align or free_run is not None:
+                raise InputError(f"align: {NO_DELAY}" if align else f"free_run: {NO_RESPONSE}")
+            model, untimed = without_rate(model)
         usable, applied, note = put_right(checked.usable, against, test)
         usable = align_channels(usable) if align else usable
         result = verify_campaign(model, usable, tolerance, draws, window, generator, say, applied, free_run)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
-        known["warnings"] = (*checked.warnings, *note, *result.warnings)
+        lacking = (untimed,) if against.quasi_static and untimed else ()
+        known["warnings"] = (*checked.warnings, *note, *lacking, *result.warnings)
         return CampaignVerification(**known, soundness=checked.soundness)
     if free_run is not None:
         raise InputError(

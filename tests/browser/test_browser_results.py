@@ -76,9 +76,9 @@ def test_numbers_are_read_from_what_is_shown(open_page, page_path):
     )
 
 
+# Only a verification has curves over time.
+@pytest.mark.parametrize("page_path", ["verification"], indirect=True)
 def test_responses_are_drawn_over_each_other(open_page, page_path):
-    if "verification" not in page_path.name:
-        pytest.skip("only a verification has curves over time")
     page = open_page(page_path)
     canvas = page.locator("#loops2d canvas")
     canvas.scroll_into_view_if_needed()

@@ -27,12 +27,7 @@ COMMANDS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def heard():
-    """Hear Ctrl-C also where this process was started in the background, which ignores it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+pytestmark = pytest.mark.usefixtures("heard")
 
 
 def interrupted(sindyjoint, monkeypatch, command, at):

@@ -8,7 +8,8 @@ import pytest
 from sindyjoint.diagnosis.campaign.candidates import fit_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.effects.motion import JoinedMotions
+from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
+from sindyjoint.equation.terms import Reference
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
 
@@ -28,6 +29,30 @@ def test_a_slider_that_never_slips_stays_where_it_started():
     wide = np.array([0.5, 0.5]) * np.abs(run.angle).max() * 3
     (state,) = variant.states_along(JoinedMotions.of([run.motion]), wide)
     np.testing.assert_allclose(state, run.angle, atol=5e-3 * np.abs(run.angle).max())
+
+
+@pytest.mark.parametrize("name", ["backlash_play", "bouc_wen_hysteresis", "maxwell_branch", "lugre_friction"])
+def test_motions_side_by_side_are_followed_as_each_alone(name):
+    # Periods of other lengths and substeps that settle after other numbers of passes, and one that does not repeat.
+    motions = []
+    for number, (samples, swing, parts) in enumerate(
+        [(200, 1e-3, 1), (120, 4e-4, 3), (171, 1e-5, 1), (90, 2e-3, 3)]
+    ):
+        phase = 2 * np.pi * np.arange(samples) / samples
+        angle, rate = swing * np.sin(phase), 25 * swing * np.cos(phase)
+        still = np.zeros(samples)
+        motions.append(
+            MeasuredMotion(
+                angle, rate, still, 2 * np.pi / 25 / samples, phase / 25, 4.0, still, still, np.arange(samples),
+                repeats=number != 1, substeps=parts,
+            )
+        )  # fmt: skip
+    for variant in EFFECTS[name].variants:
+        values = np.sqrt(np.prod(variant.bounds(Reference(1e-3, 0.025)), axis=1))
+        together = variant.states_along(JoinedMotions.of(motions), values)
+        alone = np.concatenate([variant.states_along(motion.joined, values) for motion in motions], axis=1)
+        np.testing.assert_array_equal(together, alone)
+        assert np.ptp(together) > 0
 
 
 @pytest.mark.parametrize(

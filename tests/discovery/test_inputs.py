@@ -1,5 +1,7 @@
 """Laws that depend on declared inputs: terms, hierarchy, regressors, campaigns, lags, levels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, lagged, levels
+from sindyjoint.judgement.verdict import judge
 from sindyjoint.states import campaign_states
 
 RNG = np.random.default_rng(0)
@@ -46,6 +49,27 @@ def test_dependences_are_found_with_their_intervals_and_nothing_else(regressor):
     assert found[0].coefficient == pytest.approx(6.0, abs=4 * found[0].standard_error)
     assert found[1].coefficient == pytest.approx(-0.004, abs=4 * found[1].standard_error)
     assert regressor.inputs_[0].levels == 4 and regressor.inputs_[0].tested == (233.15, 333.15)
+
+
+def test_five_terms_that_depend_on_temperature_are_the_papers_at_each_level():
+    whole = moment(X) - 1.9e5 * X[:, 0] ** 2
+    fitted = JointRegressor(inputs=["temperature"]).fit(
+        X, whole, runs=TEMPERATURES, groups=np.arange(6000) % 4
+    )
+    model = replace(fitted.model_, fitted=replace(fitted.model_.fitted, noise_floor=0.01))
+    verdict = judge(fitted, model)
+    assert verdict.verdict == "confirmed" and not verdict.missing and not verdict.extra
+    assert verdict.reason.startswith("at each level exactly the paper's five terms")
+    assert verdict.reason.endswith("linear stiffness and Coulomb friction depend on temperature")
+    # A friction that changes its sign on the way is no friction at a level between.
+    slope = model["coulomb_friction_by_temperature"]
+    steep = replace(slope, coefficient=-0.1, standard_error=0.001)
+    terms = [steep if term is slope else term for term in model.terms]
+    reversed_ = replace(model, terms=tuple(terms))
+    said = judge(fitted, reversed_)
+    assert (
+        said.verdict == "undecided" and "changes its sign over the tested range of temperature" in said.reason
+    )
 
 
 def test_a_constant_joint_shows_no_dependence():

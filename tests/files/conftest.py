@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sindyjoint.errors import SindyJointError
+
 RATE, FREQUENCY, SAMPLES = 200.0, 4.0, 400
 
 MANIFEST = """
@@ -79,6 +81,15 @@ class Bench:
         from sindyjoint.files import load_campaign
 
         return load_campaign(self.folder)
+
+    def refusal(self) -> str:
+        """Load, and return the one line that refuses; it names the data file."""
+        with pytest.raises(SindyJointError) as caught:
+            self.load()
+        message = str(caught.value)
+        assert "\n" not in message
+        assert f"{self.folder / 'run.csv'}: " in message
+        return message
 
 
 @pytest.fixture

@@ -104,14 +104,15 @@ def test_a_system_that_refuses_is_one_line(tmp_path, monkeypatch):
         check_output(tmp_path / "out")
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_a_read_only_folder(tmp_path):
-    tmp_path.chmod(0o500)
-    try:
-        with pytest.raises(OutputError, match="Permission denied"):
-            check_output(tmp_path / "out")
-    finally:
-        tmp_path.chmod(0o700)
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+def test_a_read_only_folder(bound_by_permissions):
+    folder, bound = bound_by_permissions
+    folder.chmod(0o500)
+    with bound(), pytest.raises(OutputError, match="Permission denied"):
+        check_output(folder / "out")
+    folder.chmod(0o700)
+    with bound():
+        check_output(folder / "out")
 
 
 def test_output_appears_at_the_end(tmp_path):

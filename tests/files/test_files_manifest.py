@@ -95,12 +95,12 @@ REFUSED = [
     (
         'time = { column = "t", unit = "s" }',
         "",
-        "[channels]: expected time (a column) or rate (such as '1 kHz')",
+        "[channels]: expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz')",
     ),
     (
         "[channels]",
         '[channels]\nrate = "1 kHz"',
-        "expected time (a column) or rate (such as '1 kHz'), not both",
+        "expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz'), not both",
     ),
     ('time = { column = "t", unit = "s" }', "rate = -3", "[channels] rate: -3.0; expected a positive rate"),
     ("[channels]", '[channels]\nskew = "1 mm"', "[channels] skew: unit 'mm' is not a time"),

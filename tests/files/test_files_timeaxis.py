@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.timeaxis import advanced, check_order, margin, resampled, uniform_rate
 
 
@@ -109,3 +109,52 @@ def test_resampling_keeps_a_smooth_signal():
     grid = time[0] + np.arange(signals["x"].size) / rate
     np.testing.assert_allclose(signals["x"], np.sin(2 * np.pi * 4 * grid), atol=1e-5)
     assert rate == pytest.approx(200, rel=1e-2)
+
+
+def test_resampling_is_offered_and_works(bench):
+    t = bench.columns["t"].copy()
+    t[1:-1] += np.random.default_rng(3).uniform(-0.1, 0.1, size=t.size - 2) / 200
+    phase = 2 * np.pi * 4 * t
+    bench.table({"t": t, "m": 5 * np.sin(phase), "a": np.sin(phase - 0.3)})
+    assert "set [channels] resample = true" in bench.refusal()
+    bench.manifest(
+        (bench.folder / "campaign.toml").read_text().replace("[channels]", "[channels]\nresample = true")
+    )
+    campaign = bench.load()
+    run = campaign.runs[0]
+    # The step is the median one, so the grid is known; 50 samples per period are good to 1e-4.
+    np.testing.assert_allclose(run.moment, 5 * np.sin(2 * np.pi * 4 * run.time), atol=5e-4)
+    assert any("run.csv: irregular samples were interpolated" in note for note in campaign.notes)
+
+
+def test_a_gap_is_not_interpolated(bench):
+    t = bench.columns["t"].copy()
+    t[200:] += 0.5023
+    bench.column("t", t)
+    bench.manifest(
+        (bench.folder / "campaign.toml").read_text().replace("[channels]", "[channels]\nresample = true")
+    )
+    assert "a gap of 0.5073 s before line 202 is too long to interpolate" in bench.refusal()
+
+
+def test_declared_skew_is_removed(bench):
+    # The moment lags by 1.7 ms, expected a third of a sample: 5 sin(ω(t − τ)) is recorded, 5 sin ωt.
+    t = np.arange(2000) / 200.0
+    omega, tau = 2 * np.pi * 4, 1.7e-3
+    bench.table({"t": t, "m": 5 * np.sin(omega * (t - tau)), "a": np.sin(omega * t)})
+    bench.manifest(
+        (bench.folder / "campaign.toml").read_text().replace("[channels]", '[channels]\nskew = "1.7 ms"')
+    )
+    campaign = bench.load()
+    run = campaign.runs[0]
+    assert campaign.skew == pytest.approx(1.7e-3)
+    np.testing.assert_allclose(run.moment, 5e3 * run.angle, atol=5e-5)
+    assert 1900 < run.n_samples < 2000
+
+
+def test_skew_on_a_short_run(bench):
+    bench.replace("[channels]", '[channels]\nskew = "500 ms"')
+    with pytest.raises(
+        SindyJointError, match=r"\[channels\] skew: removing '500 ms' takes 132 samples from either"
+    ):
+        bench.load()

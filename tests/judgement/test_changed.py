@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from sindyjoint import JointRegressor, changed
 from sindyjoint.equation.calibration import gain_errors, with_gain_uncertainty
@@ -37,6 +38,23 @@ def test_false_alarms_keep_to_their_risk(before):
     pairs = zip(models[::2], models[1::2], strict=True)
     same = [compare_models(one, other).changed for one, other in pairs if one.ids == other.ids]
     assert len(same) > 10 and sum(same) <= 3
+
+
+def test_few_degrees_of_freedom_make_a_difference_less_certain(before):
+    """Two estimates with errors of 1 and 4 degrees each differ by 5: Welch's t of 8 degrees, not a normal score."""
+    half = t.ppf(0.975, 4)
+
+    def estimate(value):
+        first = before.terms[0]
+        own = replace(first, coefficient=value, standard_error=1.0, interval95=(value - half, value + half))
+        return before.with_terms([own], [[1.0]])
+
+    (shift,) = compare_models(estimate(100.0), estimate(105.0)).shifts
+    assert (
+        shift.p_value == pytest.approx(2 * t.sf(5 / np.sqrt(2), 8), rel=1e-6)
+        and shift.answer == "changed within margin"
+    )
+    assert shift.interval[1] - shift.change == pytest.approx(t.ppf(0.975, 8) * np.sqrt(2) / 100, rel=1e-6)
 
 
 def test_what_moved_is_named_with_its_size(before):

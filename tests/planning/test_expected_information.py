@@ -1,8 +1,12 @@
 """What a run is expected to tell is what repeated tests show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.equation.model import INERTIA, model_terms
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.planning.information import (
@@ -22,28 +26,55 @@ MODEL = like_law(INTER_PANEL).model
 
 
 @pytest.mark.parametrize("drive, level, unit", [("moment", 4.5, "N*m"), ("angle", 6e-4, "rad")])
-def test_the_scatter_of_repeated_tests_is_the_expected_one(drive, level, unit):
+@pytest.mark.parametrize("kind", ["plain", "read in steps", "inertia identified"])
+def test_the_scatter_of_repeated_tests_is_the_expected_one(drive, level, unit, kind):
     # Truth: 40 tests of the joint, each with its own noise, through the real processing.
-    run = PlannedRun(drive, "sine", 4.0, level, unit, 3.0)
-    sensors = Sensors(sample_rate=500.0, noise=0.01)
+    steps = {"moment": 0.08, "angle": 1.2e-5} if kind == "read in steps" else {}
+    sensors = Sensors(500.0, 0.01, **{f"{name}_resolution": step for name, step in steps.items()})
+    # An inertia needs two frequencies.
+    model, frequencies = (with_inertia(MODEL), (4.0, 7.0)) if "inertia" in kind else (MODEL, (4.0,))
+    runs = [PlannedRun(drive, "sine", f, level * 0.97 ** (f - 4.0), unit, 3.0) for f in frequencies]
     rng = np.random.default_rng(1)
-    clean = play(INTER_PANEL, [run], Sensors(500.0, 1e-9), rng).runs[0]
-    found = []
-    for _ in range(40):
-        noisy = {
-            name: np.array(signal) * 1.0 + 0.01 * np.std(signal) * rng.standard_normal(signal.size)
-            for name, signal in (("moment", clean.moment), ("angle", clean.angle))
-        }
-        states = force_states(type(clean)("r", sample_rate=500.0, frequency=4.0, **noisy), "periodic")
-        t, w, a, m = (getattr(states, n)[states.moving] for n in ("angle", "rate", "acceleration", "moment"))
-        columns = np.column_stack([t, t**2, t**3, w, np.sign(w)])
-        scale = np.linalg.norm(columns, axis=0)
-        found.append(np.linalg.lstsq(columns / scale, m - INTER_PANEL.inertia * a)[0] / scale)
-    told = run_information(run, MODEL, sensors)
-    inverse = np.linalg.inv(told.bread)
-    expected = np.sqrt(np.diag(inverse @ told.meat @ inverse))
+    clean = play(INTER_PANEL, runs, Sensors(500.0, 1e-9), rng).runs
+    found = [fit([noisy(run, steps, rng) for run in clean], model) for _ in range(40)]
+    told = stacked([run_information(run, model, sensors) for run in runs])
+    inverse = np.linalg.inv(told.bread.sum(axis=0))
+    expected = np.sqrt(np.diag(inverse @ told.meat.sum(axis=0) @ inverse))
     # The scatter of 40 has an error of 11 %; which harmonics are kept differs from test to test.
-    assert np.std(found, axis=0, ddof=1) / expected == pytest.approx(np.ones(5), abs=0.4)
+    assert np.std(found, axis=0, ddof=1) / expected == pytest.approx(np.ones(len(model.terms)), abs=0.4)
+
+
+def noisy(run, steps, rng):
+    """The run with 1 % of noise, read in steps where there are any."""
+    read = {}
+    for name, signal in (("moment", run.moment), ("angle", run.angle)):
+        values = np.array(signal) + 0.01 * np.std(signal) * rng.standard_normal(signal.size)
+        read[name] = np.round(values / steps[name]) * steps[name] if steps else values
+    return type(run)("r", sample_rate=500.0, frequency=run.frequency, **read)
+
+
+def fit(runs, model):
+    """The coefficients by least squares."""
+    rows, targets = [], []
+    for run in runs:
+        states = force_states(run, "periodic")
+        t, w, a, m = (getattr(states, n)[states.moving] for n in ("angle", "rate", "acceleration", "moment"))
+        columns = [t, t**2, t**3, w, np.sign(w)]
+        rows.append(np.column_stack(columns if model is MODEL else [*columns, a]))
+        targets.append(m - INTER_PANEL.inertia * a if model is MODEL else m)
+    columns = np.vstack(rows)
+    scale = np.linalg.norm(columns, axis=0)
+    return np.linalg.lstsq(columns / scale, np.concatenate(targets))[0] / scale
+
+
+def with_inertia(model):
+    """The model with the inertia of the joint as a term."""
+    inertia = load_catalogue("inertia").select([INERTIA]).resolve()
+    terms = model_terms(
+        inertia, np.array([model.inertia]), np.zeros((1, 1)), np.full(1, np.nan), 1, "rotation"
+    )
+    whole = replace(model, joint=replace(model.joint, inertia=None))
+    return whole.with_terms([*model.terms, *terms], np.zeros((6, 6)))
 
 
 def test_a_run_without_motion_tells_nothing():

@@ -30,6 +30,19 @@ def test_a_rough_idea_becomes_a_range():
         RANGE.narrowed({"linear_stiffness": (8000.0, 5000.0)})
 
 
+@pytest.mark.parametrize("drive", ["moment", "angle"])
+def test_waveforms_of_several_tones_are_offered_within_the_limits(drive):
+    actuator = Actuator(drive, (4.0, 4.0), rate=0.01)
+    runs, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", waveforms=("two-tone-3", "triangle"))
+    assert {run.waveform for run in runs} == {"two-tone-3", "triangle"} and len(runs) == 2 * len(
+        POLICY.levels
+    )
+    assert {run.waveform for run in grid} == {"sine"}
+    for run in runs:
+        moved = motion(LAWS[0], drive, 4.0, run.level, waveform=run.waveform)
+        assert np.abs(moved.rate).max() <= 0.01
+
+
 def test_a_model_is_a_range_of_its_errors():
     model = paper_model()
     known = like_model(model)

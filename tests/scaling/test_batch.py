@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from small_joints import write_joint
 
+from sindyjoint.batch.tasks import find_tasks
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
-from sindyjoint.workflows.batch import batch, find_tasks
+from sindyjoint.workflows.batch import batch
 
 
 def test_the_joint_that_differs_and_the_trend_are_found(done):
@@ -81,25 +82,10 @@ def test_the_command_reports_a_broken_campaign_and_goes_on(joints, tmp_path, sin
     assert listed.stdout.startswith("joints")
 
 
-def test_reports_are_written_and_linked(joints, tmp_path, sindyjoint):
-    for number in (0, 1):
-        shutil.copytree(joints / f"joint-{number}", tmp_path / "in" / f"joint <{number}>")
-    out = tmp_path / "out"
-    answer = sindyjoint(
-        "batch", tmp_path / "in" / "*", "--out", out, "-l", "paper", "--reports", "--jobs", "2"
-    )
-    assert answer.status == 0
-    page = (out / "report.html").read_text(encoding="utf-8")
-    for number in (0, 1):
-        (folder,) = out.glob(f"campaigns/joint-{number}*")
-        assert (folder / "report.html").stat().st_size > 100_000
-        assert f'href="campaigns/{folder.name}/report.html"' in page
-
-
 def test_diagnoses_are_made_where_the_campaigns_are(joints, tmp_path, sindyjoint):
     out = tmp_path / "out"
-    options = ("--out", out, "-l", "paper", "--diagnose", "--jobs", "2")
-    assert sindyjoint("batch", joints / "joint-0", *options).status == 0
+    options = ("--out", out, "-l", "paper", "--diagnose")
+    assert sindyjoint("batch", joints / "joint-0", *options, "--jobs", "2").status == 0
     (found,) = out.glob("campaigns/*/diagnosis/diagnosis.json")
     assert json.loads(found.read_text())["verdict"]
     # Without it nothing requested is missing; with it, after a batch without, it has to be made.
@@ -133,17 +119,22 @@ def test_names_that_are_cut_are_told_apart_and_stay(tmp_path):
     assert set(ids) > {task.id for task in find_tasks(tmp_path / "in", tmp_path / "out", "paper", {})}
 
 
-def test_campaigns_of_which_one_is_called_as_another_begins(joints, tmp_path, sindyjoint):
-    for number, name in enumerate(("j", "j.1", "j.1.2")):
+def test_reports_of_campaigns_of_which_one_is_called_as_another_begins(joints, tmp_path, sindyjoint):
+    for number, name in enumerate(("j", "j.1", "j.1.2", "joint <3>")):
         shutil.copytree(joints / f"joint-{number}", tmp_path / "in" / name)
     out = tmp_path / "out"
     answer = sindyjoint(
-        "batch", tmp_path / "in", "--out", out, "-l", "paper", "--reports", "--jobs", "2", "-q"
+        "batch", tmp_path / "in" / "*", "--out", out, "-l", "paper", "--reports", "--jobs", "2", "-q"
     )
     assert answer.status == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    (odd,) = out.glob("campaigns/joint-3*")
     files = {"factors.npz", "model.json", "record.json", "report.html", "terms.csv"}
-    for name in ("j", "j.1", "j.1.2"):
-        assert files <= {path.name for path in (out / "campaigns" / name).iterdir()}
+    for name in ("j", "j.1", "j.1.2", odd.name):
+        folder = out / "campaigns" / name
+        assert files <= {path.name for path in folder.iterdir()}
+        assert (folder / "report.html").stat().st_size > 100_000
+        assert f'href="campaigns/{name}/report.html"' in page
 
 
 def test_bad_input_is_refused_before_anything_is_done(joints, tmp_path):

@@ -15,8 +15,7 @@ from small_joints import content
 
 from sindyjoint.batch.record import read_record
 from sindyjoint.files.atomic import _name_temporary, hold_folder
-from sindyjoint.workflows.batch import batch
-from sindyjoint.workflows.verify_batch import verify_batch
+from sindyjoint.workflows.batch import batch, verify_batch
 
 
 def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):
@@ -106,7 +105,7 @@ def test_every_way_of_running_writes_the_same_bytes_though_a_worker_dies(done, j
     assert result.to_dict() == done[1].to_dict()
 
 
-def test_an_interruption_loses_the_campaign_in_hand_at_most(joints, tmp_path):
+def test_an_interruption_loses_the_campaign_in_hand_at_most(heard, joints, tmp_path):
     out = tmp_path / "out"
     command = [
         sys.executable,

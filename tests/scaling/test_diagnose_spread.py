@@ -21,7 +21,7 @@ EFFECTS = ("dahl_friction", "bouc_wen_hysteresis")
 def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
     # Some of the runs that might be advised are enough here.
-    monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::15])
+    monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::40])
     campaign = hide("dahl_friction", 0).campaign
     campaign = campaign.with_runs(campaign.runs[::6])
     effects = [effect for effect in load_effects() if effect.id in EFFECTS]

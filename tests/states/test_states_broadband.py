@@ -8,7 +8,7 @@ import pytest
 from sindyjoint.errors import InputError
 from sindyjoint.record import Run
 from sindyjoint.states.broadband import broadband_states, dwells, smoothing_kernels
-from sindyjoint.states.noise import difference_noise, moment_noise, signal_bandwidth
+from sindyjoint.states.noise import difference_noise, moment_noise, signal_end
 
 RATE = 1000.0
 
@@ -62,7 +62,8 @@ def multisine(top, seed, n=20_000):
 def test_bandwidth_and_noise_of_a_multisine(top, level):
     signal = multisine(top, 5)
     noisy = signal + level * np.random.default_rng(6).normal(size=signal.size)
-    bandwidth, noise = signal_bandwidth(noisy, RATE)
+    end = signal_end(noisy, RATE)
+    bandwidth, noise = end.bandwidth, end.noise
     # The edge is known to the resolution of the averaged spectrum, a few bins of 1.2 Hz, and its window's side lobes.
     assert top - 2 <= bandwidth <= top + 10
     # 5 %: a third of the band holds 6700 independent values, 1.2 % of scatter, and the median's bias

@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import constant
+from sindyjoint.mechanics.actuator import TONES, Actuator
 from sindyjoint.response.run import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
@@ -24,19 +27,21 @@ from sindyjoint.states.record import NoiseFloor
 
 Array = NDArray[np.float64]
 
-#: Waveforms of an angle, by the amplitudes of sin(n·2πft) relative to the first; all are scaled to their peak.
-WAVEFORMS: dict[str, dict[int, float]] = {
-    "sinusoidal angle": {1: 1.0},
-    "two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": {1: 1.0, 3: 0.8},
-    "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": {1: 1.0, 5: 0.5},
-    "triangular angle, five odd harmonics": {n: (-1.0) ** (n // 2) / n**2 for n in (1, 3, 5, 7, 9)},
+#: Waveforms of an angle in words, and what a plan calls them.
+PLANNED: dict[str, str] = {
+    "sinusoidal angle": "sine",
+    "two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": "two-tone-3",
+    "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": "two-tone-5",
+    "triangular angle, five odd harmonics": "triangle",
 }
+WAVEFORMS = {words: TONES[name] for words, name in PLANNED.items()}
 #: What is asked for of a joint that a moment drives.
 BY_MOMENT = "sinusoidal moment that moves the joint so far"
 HARMONICS = 15  # of a motion under a moment
 FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
 LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
 LEAST_PERIODS = 4
+USED = 0.9  # of a limit: what the sought effect adds is not in the model
 SAMPLES_PER_PERIOD = 40  # of the highest harmonic
 
 
@@ -87,16 +92,22 @@ class Design:
         return angle, rate, acceleration
 
 
-def designs(states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN) -> tuple[Design, ...]:
-    """Return the runs to choose from: from a tenth to four times the tested frequencies, up to the largest angle."""
+def designs(
+    states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN, actuator: Actuator | None = None
+) -> tuple[Design, ...]:
+    """Return the runs to choose from: from a tenth to four times the tested frequencies, up to the largest angle.
+
+    With an actuator: over its band, and of what it prescribes alone.
+    """
     tested = [s.frequency for s in states if s.frequency]
     if not tested:
         return ()
     middle = float(np.exp(np.mean(np.log(tested))))
     largest = max(_swing(s) for s in states)
-    plan = [
-        (float(f"{f * middle:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(FREQUENCIES, LEVELS)
-    ]
+    frequencies = [f * middle for f in FREQUENCIES]
+    if actuator is not None:
+        frequencies = [*dict.fromkeys(np.geomspace(*actuator.band, len(FREQUENCIES)).tolist())]
+    plan = [(float(f"{f:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(frequencies, LEVELS)]
     driven = [s for s in states if s.frequency and not prescribed(s)]
     # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
     least = min((policy.lowest_level * _swing(s) for s in driven), default=np.inf)
@@ -107,7 +118,20 @@ def designs(states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN) -
         for f, x in plan
         if x >= least
     ]
-    return (*moments, *(Design(f, x, waveform) for waveform, (f, x) in product(WAVEFORMS, plan)))
+    angles = [Design(f, x, waveform) for waveform, (f, x) in product(WAVEFORMS, plan)]
+    if actuator is not None:
+        return tuple(moments if actuator.drive == "moment" else angles)
+    return (*moments, *angles)
+
+
+def within(design: Design, actuator: Actuator, model: JointModel) -> bool:
+    """Return whether a run stays within the limits of an actuator, its moment by a model of terms."""
+    angle, rate, acceleration = design.motion(np.arange(400) / (400 * design.frequency))
+    columns = compile_terms([term.expression for term in model.terms])(angle, rate, acceleration)
+    inertia = 0.0 if INERTIA in model else model.inertia
+    moment = np.asarray(columns) @ model.coefficients + inertia * acceleration
+    reached = {"angle": angle, "rate": rate, "moment": moment}
+    return all(np.abs(values).max() <= USED * getattr(actuator, name) for name, values in reached.items())
 
 
 def _series(states: ForceStates) -> tuple[tuple[int, float, float], ...]:

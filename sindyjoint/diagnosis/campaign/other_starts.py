@@ -22,6 +22,7 @@ from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.discovery.delay import find_delay, shifted
 from sindyjoint.equation.catalogue import default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError
 from sindyjoint.states import regression_rows
 
@@ -85,6 +86,7 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     campaign, policy = work.campaign, problem.policy
     largest = max(float(np.abs(s.angle).max()) for s in work.states)
     catalogue = default_candidates(largest, campaign.joint.motion)
+    catalogue = rate_free(catalogue) if campaign.quasi_static else catalogue
     regressor = JointRegressor(catalogue, motion=campaign.joint.motion)
     try:
         regressor.fit(

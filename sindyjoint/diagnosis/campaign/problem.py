@@ -25,7 +25,7 @@ from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
-from sindyjoint.diagnosis.campaign.numbers.whole import nuisances_of, whole_model
+from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
@@ -55,7 +55,9 @@ from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
+from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
@@ -84,6 +86,12 @@ class CampaignProblem(Problem):
         Whether the terms to start from were left to the program.
     zero : float
         From where displacements are counted, in that of the channel, rad (m).
+    refined : JointModel, optional
+        The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
+    notes : tuple of str
+        On the form of its elements.
+    actuator : Actuator, optional
+        That makes further runs.
     """
 
     work: Work
@@ -93,6 +101,9 @@ class CampaignProblem(Problem):
     drift: ChannelDrift | None = None
     may_start_anew: bool = True
     zero: float = 0.0
+    refined: JointModel | None = None
+    notes: tuple[str, ...] = ()
+    actuator: Actuator | None = None
 
     @classmethod
     def build(
@@ -102,6 +113,7 @@ class CampaignProblem(Problem):
         base: Any,
         effects: Sequence[Effect],
         policy: DiagnosisPolicy,
+        actuator: Actuator | None = None,
     ) -> CampaignProblem:
         """Return the problem of a campaign, and of a model or the terms of a library fitted to it."""
         share = policy.rate_share
@@ -117,6 +129,7 @@ class CampaignProblem(Problem):
             # In segments, drifts of the channels are effects like others.
             drift=find_drift(whole, states, policy) if len(parts) == len(states) else None,
             may_start_anew=model is None and base is None,
+            actuator=actuator,
         )
 
     @property
@@ -254,11 +267,27 @@ class CampaignProblem(Problem):
         The coefficients of free motion are refined on the simulated response instead.
         """
         if not is_free(self.work.campaign):
-            unbiased = without_bias(self.work, self.repaired)
-            return self if unbiased is self.repaired else replace(self, repaired=unbiased)
+            unbiased, notes = without_bias(self.work, self.repaired)
+            return self if unbiased is self.repaired else replace(self, repaired=unbiased, notes=notes)
         return replace(
             self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
         )
+
+    @cached_property
+    def whole(self) -> JointModel:
+        """The model with the terms and elements that the effects add to the joint's law."""
+        return whole_model(self.repaired, self.work.rows) if self.refined is None else self.refined
+
+    @property
+    def test(self) -> TestNuisances:
+        """What the effects are of the test, without the hash of its campaign."""
+        motion = self.work.campaign.joint.motion
+        return nuisances_of(self.repaired, self.work.rows, self.drift, motion, self.zero)
+
+    def with_whole(self, whole: JointModel) -> Self:
+        """Return the problem with the numbers of another whole model, of the same terms and effects."""
+        repaired = from_whole(self.repaired, self.work.rows, whole)
+        return replace(self, repaired=repaired, refined=whole)
 
     def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
@@ -318,6 +347,7 @@ class CampaignProblem(Problem):
             float(np.nan_to_num(first.noise_floor.moment)) ** 2,
             processing_error(first.work),
             total - self.gap.moment**2,
+            measured=first.work.campaign.quasi_static,
         )
 
     def places(self) -> tuple[Place, ...]:
@@ -329,7 +359,8 @@ class CampaignProblem(Problem):
         self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
     ) -> tuple[Advice, ...]:
         """Return the runs that would tell the members of a class apart."""
-        return separating_runs(self.work, self.found, step, [f.effect for f in ranking.members[1:]], effort)
+        rivals = [f.effect for f in ranking.members[1:]]
+        return separating_runs(self.work, self.found, step, rivals, effort, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
@@ -339,11 +370,12 @@ class CampaignProblem(Problem):
             warnings=(
                 *identifiability_notes(campaign, self.states),
                 *warn_of_negative_damping(repaired.model),
+                *self.notes,
             ),
             model=repaired.model,
             effects=self.found,
-            whole=whole_model(repaired, self.work.rows),
-            test=nuisances_of(repaired, self.work.rows, self.drift, campaign.joint.motion, self.zero),
+            whole=self.whole,
+            test=self.test,
             before=run_gaps(gap_rows(first.work, first.work.model), first.work.model),
             after=run_gaps(gap_rows(self.work, repaired.model, self.found), repaired.model, self.found)
             if found["steps"]

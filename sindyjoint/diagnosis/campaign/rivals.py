@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import fit_effect, refine_effect, trials_of
-from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, Design, designs, expected_states
+from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, Design, designs, expected_states, within
 from sindyjoint.diagnosis.campaign.promises import CoarseRows
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects, shortened
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
@@ -28,6 +28,7 @@ from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.parallel import side_by_side
 from sindyjoint.text import in_words_of
 
@@ -44,6 +45,9 @@ FINE = 3  # runs in which the rivals are fitted anew
 MOST_NATS = 30.0  # a margin is counted up to this: beyond, its mean would rest on one rival
 PORTION = 15  # runs between two looks at the clock
 NO_RUN = "none: no prescribed angle that was tried separates them"
+NOT_WITHIN = (
+    "none: no run that was tried is within the limits of the actuator, at the frequencies and angles tested"
+)
 NO_FREQUENCY = "none: runs are tried about the frequencies of those that were made, and these declare none"
 READ_ZEROS = "none: no motion separates them; read both channels with the joint unloaded and at rest"
 
@@ -53,20 +57,28 @@ class Spent(Exception):
 
 
 def separating_runs(
-    work: Work, found: Sequence[FittedEffect], step: Step, rivals: Sequence[Effect], effort: Effort
+    work: Work,
+    found: Sequence[FittedEffect],
+    step: Step,
+    rivals: Sequence[Effect],
+    effort: Effort,
+    actuator: Actuator | None = None,
 ) -> tuple[Advice, ...]:
     """Return up to two runs that separate the class of a named effect best, as far as the effort goes.
 
+    With an actuator: of those that it can make.
     Where no run does, the advice says so: its frequency and level are zero.
     """
     mine = next((f for f in found if f.name == step.effect), None)
     if mine is None or not rivals:
         return ()
-    runs = designs(work.states, work.policy)
+    runs = designs(work.states, work.policy, actuator)
+    if actuator is not None:
+        runs = tuple(each for each in runs if within(each, actuator, work.model))
     motion = work.model.joint.motion
     if not runs:
         channels = any(each.enters != "moment" for each in (mine.effect, *rivals))
-        none = READ_ZEROS if channels else NO_FREQUENCY
+        none = READ_ZEROS if channels else NO_FREQUENCY if actuator is None else NOT_WITHIN
         return (Advice(step.members, 0.0, 0.0, in_words_of(motion, none), step.probability),)
     effort.planned += len(runs)
     others = [f for f in found if f is not mine and not f.shifts]

@@ -28,6 +28,7 @@ from sindyjoint.diagnosis.effects.from_model import effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.without_rate import is_rate_free, rate_free
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import (
@@ -139,8 +140,16 @@ def applicable(
     """Return the effects that the campaign can show.
 
     In free motion there is no moment to compare with: the inertia only sets the scale of everything, and a time delay
-    between the channels has no meaning. Where every run is one mean period, nothing is seen of what changes within it.
+    between the channels has no meaning. Samples without time show what does without rate. Where every run is one mean
+    period, nothing is seen of what changes within it.
     """
+    if campaign.quasi_static:
+        return tuple(
+            replace(effect, variants=variants)
+            for effect in effects
+            if effect.enters in ("moment", "angle zero")
+            and (variants := tuple(v for v in effect.variants if is_rate_free(v)))
+        )
     timed = any(s.method != "periodic" or MEMBER in s.run for s in states)
     kept = []
     for effect in effects:
@@ -184,7 +193,7 @@ def first_model(
     inertia = campaign.joint.inertia
     rows = regression_rows(states, inertia, with_inputs=False)
     if model is None:
-        catalogue = as_catalogue(base)
+        catalogue = rate_free(as_catalogue(base)) if campaign.quasi_static else as_catalogue(base)
         fitted = (
             JointRegressor(catalogue, threshold=0.0, motion=campaign.joint.motion)
             .fit(**rows.fit_arguments())
@@ -204,6 +213,8 @@ def first_model(
         rate=float(np.abs(rows.X[:, 1]).max()),
         frequencies=tuple(sorted({round(s.frequency, 6) for s in states if s.frequency is not None})),
         simulated=campaign.simulated,
+        mean_known=campaign.mean_known,
+        quasi_static=campaign.quasi_static,
     )
     effects = effects_of(fitted, known)
     start = Repaired(

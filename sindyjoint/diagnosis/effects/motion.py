@@ -89,6 +89,9 @@ class MeasuredMotion:
         ``error`` is relative to the RMS of the angle; the answer is below one where steps may be longer.
         """
         bend = float(np.sqrt(np.mean(self.acceleration**2)))
+        if bend == 0.0:
+            # Along a path the angle is straight from reversal to reversal; no reversal may be passed over.
+            return 1.0
         return self.step * float(np.sqrt(bend / (8 * error * max(float(np.std(self.angle)), 1e-300))))
 
 

@@ -44,6 +44,8 @@ def find_motion(bundles: Sequence[Bundle], doubts: Doubts) -> Motion:
 def assign_columns(bundle: Bundle, motion: Motion, doubts: Doubts) -> dict[str, Column]:
     """Return the columns of moment and angle, and those of time and rate if there are any.
 
+    A column of acceleration is used where there is none of the angle, or where it was named.
+
     Raises
     ------
     InputError
@@ -55,6 +57,7 @@ def assign_columns(bundle: Bundle, motion: Motion, doubts: Doubts) -> dict[str, 
         clock = next((c for c in bundle.columns if c.role is None and is_clock(c.values)), None)
     if clock is not None:
         found["time"] = clock
+    accelerometer = find_accelerometer(bundle, doubts)
     for quantity, role in ROLES[motion].items():
         key = KEYS[motion][quantity][0]
         free = [column for column in bundle.columns if column not in found.values()]
@@ -62,11 +65,21 @@ def assign_columns(bundle: Bundle, motion: Motion, doubts: Doubts) -> dict[str, 
         if quantity == "angle" and not candidates:
             candidates = [column for column in free if column.role == "position"]
         chosen = _choose(bundle, key, role, candidates, doubts)
+        if chosen is None and quantity == "angle" and accelerometer is not None:
+            continue
         if chosen is None and quantity != "rate":
             chosen = _guess_by_shape(bundle, quantity, key, free, doubts)
         if chosen is not None:
             found[quantity] = chosen
+    if accelerometer is not None and ("angle" not in found or "acceleration" in doubts.answers):
+        found["acceleration"] = accelerometer
     return found
+
+
+def find_accelerometer(bundle: Bundle, doubts: Doubts) -> Column | None:
+    """Return the column of an acceleration that was named, or that looks like one; None without any."""
+    candidates = [c for c in bundle.columns if c.role == "acceleration" and np.ptp(c.values) > 0]
+    return _choose(bundle, "acceleration", "acceleration", candidates[:1], doubts)
 
 
 def _choose(bundle: Bundle, key: str, role: str, candidates: list[Column], doubts: Doubts) -> Column | None:
@@ -132,6 +145,10 @@ def find_unit(column: Column, quantity: str, motion: Motion, doubts: Doubts) -> 
         unit: str = doubts.answers[f"{key}.unit"]
     elif column.unit and unit_ratio(column.unit, si):
         return column.unit, None
+    elif quantity == "acceleration" and (column.unit == "g" or unit_ratio(column.unit or "1", "m/s**2")):
+        text = f"one over the radius at which the acceleration (column {column.key}) is measured, such as '5 rad/m'?"
+        gain = doubts.ask(f"{key}.gain", text, None) if motion == "rotation" else None
+        return column.unit, gain
     elif column.unit and unit_ratio(column.unit, "V"):
         unit = column.unit
     else:

@@ -10,7 +10,15 @@ from sindyjoint.errors import UnknownNameError
 
 KEYS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate") + tuple(
     f"{channel}{part}"
-    for channel in ("moment", "angle", "rate_of_angle", "force", "displacement", "rate_of_displacement")
+    for channel in (
+        "moment",
+        "angle",
+        "rate_of_angle",
+        "force",
+        "displacement",
+        "rate_of_displacement",
+        "acceleration",
+    )
     for part in ("", ".unit", ".gain")
 )
 

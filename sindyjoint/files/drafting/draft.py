@@ -175,15 +175,16 @@ def _draft_run(bundle: Bundle, motion: Motion, doubts: Doubts) -> _Run:
         parts += [f"column = {quote(column.key)}", f"unit = {quote(unit)}"]
         parts += [f"gain = {quote(gain)}"] if gain else []
         channels[key] = "{ " + ", ".join(parts) + " }" + doubts.mark(key, f"{key}.unit", f"{key}.gain")
-    angle, moment = columns["angle"], columns["moment"]
+    of_motion = "angle" if "angle" in columns else "acceleration"
+    angle, moment = columns[of_motion], columns["moment"]
     for column in (angle, moment):
         if np.ptp(column.values) == 0:
             raise InputError(f"{bundle.name}: column {column.key} never changes")
     if angle.values.size != moment.values.size:
         raise InputError(f"{bundle.name}: its channels differ in length")
     frequency = None if rate is None else find_frequency(angle.values, moment.values, rate, bundle.name)
-    unit, gain = find_unit(angle, "angle", motion, doubts)
-    si = KEYS[motion]["angle"][1]
+    unit, gain = find_unit(angle, of_motion, motion, doubts)
+    si = KEYS[motion][of_motion][1]
     volts = unit_ratio(unit, "V")
     factor = 1.0 if volts and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
     peak = factor * float(np.ptp(angle.values)) / 2

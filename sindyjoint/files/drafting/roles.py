@@ -15,6 +15,8 @@ BY_UNIT = {
     "N": "force",
     "rad/s": "angular rate",
     "m/s": "velocity",
+    "rad/s**2": "acceleration",
+    "m/s**2": "acceleration",
 }
 SI_UNITS = {role: unit for unit, role in BY_UNIT.items()}
 # Words in names of columns and files, in the order in which they decide: "angle rate" is a rate.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.figures.kind import Panel, spread
+from sindyjoint.reporting.figures.labels import rate_label, time_label
 from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.style import (
     DIVERGING,
@@ -78,7 +79,7 @@ def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale:
     if scale:
         colour_scale(ax, mesh, f"mean of measured less model ({unit})")
     ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
-    ax.set_ylabel(f"{q.rate} {q.rate_symbol} ({y_unit})")
+    ax.set_ylabel(rate_label(result.model, y_unit))
     ax.set_title(title)
     return ax
 
@@ -146,7 +147,8 @@ def _curve(result: Diagnosis, ax: Axes, run: RunGap, values: Array, label: str, 
 def _axes(result: Diagnosis, ax: Axes, run: RunGap, vertical: str) -> None:
     q = quantities(result.model.joint.motion)
     _, unit = _angle_unit(result)
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({unit})" if run.frequency > 0 else "Time (s)")
+    time = time_label(result.model.fitted.quasi_static, result.model.joint.motion)
+    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({unit})" if run.frequency > 0 else time)
     ax.set_ylabel(vertical)
     where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
     ax.set_title(plain(shortened(where if run.repeats else run.run)))

@@ -64,7 +64,7 @@ KINDS = by_name(
         "shifts",
         "After against before",
         "Relative change of each coefficient with its 95 % interval; grey: the margin within which a change does not "
-        "matter; red: changed beyond noise and calibration.",
+        "matter; orange: changed beyond noise and calibration.",
         lambda data: fixed(shifts)(data) if data.drawn else [],
         wide=True,
         height=lambda data: 0.9 + 0.28 * len(data.drawn),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.figures.kind import Kind, by_name, each
+from sindyjoint.reporting.figures.labels import time_label
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, shortened
 from sindyjoint.soundness.words import words_of
 from sindyjoint.text import quantities
@@ -76,6 +77,7 @@ class CheckedRun:
     duration: float
     traces: tuple[Trace, ...]
     marks: tuple[Mark, ...]
+    without_time: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +124,7 @@ def _gather_run(run: Run, findings: list[Finding], segments: int) -> CheckedRun:
         spans = np.array(finding.spans, dtype=float).reshape(-1, 2) / run.sample_rate
         starts, ends = _widen(spans[:, 0], spans[:, 1], run.duration)
         marks.append(Mark(finding.id, finding.severity, finding.channel, starts, ends))
-    return CheckedRun(run.name, run.duration, tuple(traces), tuple(marks))
+    return CheckedRun(run.name, run.duration, tuple(traces), tuple(marks), run.quasi_static)
 
 
 def find_extremes(signal: Array, segments: int) -> NDArray[np.intp]:
@@ -174,7 +176,7 @@ def draw_run(run: CheckedRun, ax: Axes, motion: Motion) -> Axes:
     ax.grid(visible=False)
     ax.set_xlim(0, run.duration)
     ax.set_ylim(bottom - 0.1, ROW + 0.12)
-    ax.set_xlabel("Time (s)")
+    ax.set_xlabel(time_label(run.without_time, motion))
     ax.set_title(plain(shortened(run.run, 40)))
     return ax
 

@@ -26,7 +26,10 @@ def _coefficients(data: ReportData) -> list[Panel]:
 
 
 def _inputs(data: ReportData) -> list[Panel]:
-    return [partial(inputs.coefficient_over, over=over, row=row) for over, row in inputs.drawn_over(data)]
+    laws: list[Panel] = [partial(inputs.law_at_values, over=over) for over in data.over if data.model.terms]
+    return laws + [
+        partial(inputs.coefficient_over, over=over, row=row) for over, row in inputs.drawn_over(data)
+    ]
 
 
 def _with_terms(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
@@ -83,8 +86,8 @@ _WHOLE = (
     Kind(
         "inputs",
         "Coefficients over the inputs",
-        "Each coefficient that the law lets depend on an input, over that input: the line is the law with its 95 % "
-        "interval, points are fits to the runs of a single level.",
+        "The law at the values of the table, and each coefficient that depends on an input or was tested for it: the "
+        "line is the law with its 95 % interval, points are fits to the runs of a single level.",
         _inputs,
     ),
     Kind(

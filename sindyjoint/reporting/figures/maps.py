@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.reporting.data import ReportData
+from sindyjoint.reporting.figures.labels import rate_label
 from sindyjoint.reporting.figures.layout import colour_scale
 from sindyjoint.reporting.style import (
     DIVERGING,
@@ -127,7 +128,7 @@ def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
             label="model",
         )
     name, unit = q.angle_symbol, prefixed(float(np.max(np.abs(edges))), q.angle_unit)
-    ax.set_xlabel(f"{q.rate} {q.rate_symbol} ({x_unit})")
+    ax.set_xlabel(rate_label(data.model, x_unit))
     ax.set_ylabel(f"{q.transfer} ({y_unit})")
     ax.set_title(f"Cut at {name} = {centre * unit[0]:.3g}" + (f" {unit[1]}" if centre else ""))
     legend_above(ax, 2)
@@ -154,7 +155,7 @@ def _cells(
     ax.grid(False)
     colour_scale(ax, mesh, label)
     ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
-    ax.set_ylabel(f"{q.rate} {q.rate_symbol} ({y_unit})")
+    ax.set_ylabel(rate_label(data.model, y_unit))
 
 
 def _contours(data: ReportData, ax: Axes, factor: float, limit: float) -> None:

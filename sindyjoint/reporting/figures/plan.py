@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.planning.plan import Plan, Prediction, Step
+from sindyjoint.planning.apart import Apart
+from sindyjoint.planning.plan import Now, Plan, Prediction, Step
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.reporting.figures.kind import Kind, by_name
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, prefixed
@@ -16,7 +17,12 @@ from sindyjoint.text import spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-GOALS = {"widths": "widest 95 % interval", "frequency": "change over the band"}
+GOALS = {
+    "widths": "widest 95 % interval",
+    "frequency": "change over the band",
+    "paper": "requirement of the weakest term",
+    "tell-apart": "probability of the true effect",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,22 +39,25 @@ class PlanFigures:
     grid: tuple[Prediction, ...]
     curve: tuple[Step, ...]
     until: float | None
+    now: Now | None = None
+    apart: Apart | None = None
 
 
 def figures_of(result: Plan) -> PlanFigures:
     """Return what is drawn of a plan."""
     joint = result.model.joint
-    names = ("goal", "terms", "runs", "grid_runs", "predicted", "grid", "curve", "until")
+    names = ("goal", "terms", "runs", "grid_runs", "predicted", "grid", "curve", "until", "now", "apart")
     return PlanFigures(joint.name, joint.motion, **{name: getattr(result, name) for name in names})
 
 
 def draw_runs(data: PlanFigures, ax: Axes) -> Axes:
     """Draw level over frequency: the plan's runs with how often each is made, the grid's behind them."""
     factor, unit = prefixed(max(run.level for run in data.runs), data.runs[0].unit)
-    ax.plot(
-        [run.frequency for run in data.grid_runs], [run.level * factor for run in data.grid_runs],
-        "x", color=MUTED, ms=5, label="plain grid",
-    )  # fmt: skip
+    if data.grid_runs:
+        ax.plot(
+            [run.frequency for run in data.grid_runs], [run.level * factor for run in data.grid_runs],
+            "x", color=MUTED, ms=5, label="plain grid",
+        )  # fmt: skip
     places: dict[tuple[float, float], list[int]] = {}
     for number, run in enumerate(data.runs, 1):
         places.setdefault((run.frequency, run.level * factor), []).append(number)
@@ -89,13 +98,42 @@ def draw_curve(data: PlanFigures, ax: Axes) -> Axes:
         if steps:
             color = (PALETTE[0], PALETTE[5], MUTED)[index]
             ax.plot(*zip(*steps, strict=True), color=color, marker="o^x"[index], ms=3.5, label=label)
+    if data.now is not None and np.isfinite(data.now.widest):
+        ax.plot(0, 100 * data.now.widest, "D", color=INK, ms=4, label="now", clip_on=False)
     if data.until is not None:
         ax.axhline(100 * data.until, color=PALETTE[1], ls="--", lw=0.9, label="enough")
     ax.set_yscale("log")
     ax.set_xlim(left=0)
     ax.set_xlabel("Time of all runs (s)")
     ax.set_ylabel(f"{GOALS[data.goal].capitalize()} (%)")
-    legend_above(ax, 4)
+    legend_above(ax, 5)
+    return ax
+
+
+def draw_complete(data: PlanFigures, ax: Axes) -> Axes:
+    """Draw the share of the joints of which a discovery takes every term that matters, over the time of the runs."""
+    ax.plot(
+        [step.seconds for step in data.curve], [100 * step.complete for step in data.curve],
+        color=PALETTE[0], marker="o", ms=3.5,
+    )  # fmt: skip
+    ax.set_ylim(0, 104)
+    ax.set_xlim(left=0)
+    ax.set_xlabel("Time of all runs (s)")
+    ax.set_ylabel("Joints with every term found (%)")
+    return ax
+
+
+def draw_apart(data: PlanFigures, ax: Axes) -> Axes:
+    """Draw the probability of the true effect, before and after each run that tells effects apart."""
+    assert data.apart is not None
+    values = [data.apart.before, *data.apart.after]
+    ax.plot(range(len(values)), [100 * value for value in values], color=PALETTE[0], marker="o", ms=4.5)
+    ax.axhline(100 / len(data.apart.effects), color=MUTED, ls="--", lw=0.9, label="by chance")
+    ax.set_ylim(0, 102)
+    ax.set_xlim(-0.2, len(values) - 0.8)
+    ax.set_xticks(range(len(values)), ["before", *(f"after run {k}" for k in range(1, len(values)))])
+    ax.set_ylabel("Probability of the true effect (%)")
+    legend_above(ax, 1)
     return ax
 
 
@@ -123,21 +161,31 @@ KINDS = by_name(
         "runs",
         "The runs",
         "Frequency and level of every run; the numbers are their order. Crosses: the grid of the same duration.",
-        lambda data: [draw_runs] if data.runs else [],
+        lambda data: [draw_runs] if len({run.drive for run in data.runs}) == 1 < len(data.runs) else [],
         wide=True,
     ),
     Kind(
         "curve",
         "What each run buys",
-        "What is made small, over the time of the runs made so far.",
-        lambda data: [draw_curve] if data.curve else [],
+        "What is made small, and, where not in all, in how many joints every term is found, over the time of the runs.",
+        lambda data: [
+            *[draw_curve] * bool(data.curve),
+            *[draw_complete] * any(step.complete < 1 for step in data.curve),
+        ],
+        wide=True,
+    ),
+    Kind(
+        "apart",
+        "Effects told apart",
+        "Probability of the true one of the effects, before and after each run that separates them.",
+        lambda data: [draw_apart] if data.apart is not None and data.apart.after else [],
         wide=True,
     ),
     Kind(
         "widths",
         "Expected intervals",
         "Half-width of each coefficient's interval, expected from the plan and from the grid of the same duration.",
-        lambda data: [draw_widths],
+        lambda data: [draw_widths] if data.predicted else [],
         wide=True,
     ),
 )

@@ -8,6 +8,7 @@ import numpy as np
 
 from sindyjoint.reporting.data import ReportData, run_labels
 from sindyjoint.reporting.figures.kind import spread
+from sindyjoint.reporting.figures.labels import time_label
 from sindyjoint.reporting.figures.loops import MOST_LOOPS, loop_groups
 from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.text import quantities
@@ -74,7 +75,8 @@ def residual_time(data: ReportData, ax: Axes) -> Axes:
         np.nanmax(loop.residual_over_time) for loop in chosen if np.isfinite(loop.residual_over_time).any()
     ]
     ax.set_ylim(0, 1.05 * factor * max([np.nan_to_num(floor), *tops]))
-    ax.set_xlabel("Time (s)")
+    fitted = data.model.fitted
+    ax.set_xlabel(time_label(fitted.quasi_static, data.model.joint.motion))
     ax.set_ylabel(f"RMS residual ({unit})")
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"
     ax.set_title(f"Residual over time{shown}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.reporting.figures.kind import Kind, Panel, by_name, spread
+from sindyjoint.reporting.figures.labels import time_label
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.response.oscillation import hilbert_envelope
 from sindyjoint.response.verification import Band, RunVerification, Verification
@@ -48,13 +49,17 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
             time, run.band.low[kept] * factor, run.band.high[kept] * factor, color=PALETTE[1], alpha=0.35,
             lw=0, label="95 % of the model", rasterized=time.size > 4000,
         )  # fmt: skip
-    ax.set_xlabel("Time (s)")
+    ax.set_xlabel(_time(run))
     ax.set_ylabel(f"{run.channel.capitalize()} ({unit})")
     if zoom:
         legend_above(ax, 2, columns=2)
     else:
         ax.set_title(plain(shortened(run.name)))
     return ax
+
+
+def _time(run: RunVerification) -> str:
+    return time_label(run.drive == "path", "translation" if run.channel == "force" else "rotation")
 
 
 def _first_cycles(run: RunVerification) -> int:
@@ -105,7 +110,7 @@ def _draw_by_half_cycle(
         ax.plot(time + run.time[0], values, color=color, ls="none", marker=marker, ms=2.5, label=label)
         kept = slice(*(cut * int(float(np.median(oscillation.period)) * rate) * side for side in (1, -1)))
         ax.plot(run.time[kept], line(*hilbert_envelope(signal, rate))[kept], color=color, lw=0.7)
-    ax.set_xlabel("Time (s)")
+    ax.set_xlabel(_time(run))
 
 
 def error(run: RunVerification, ax: Axes) -> Axes:
@@ -115,7 +120,7 @@ def error(run: RunVerification, ax: Axes) -> Axes:
         factor, unit = prefixed(float(np.abs(residual).max()), UNITS[run.channel])
         ax.plot(run.time, residual * factor, color=MUTED, lw=0.4, rasterized=residual.size > 4000)
         ax.set_ylabel(f"Simulated − measured ({unit})")
-    ax.set_xlabel("Time (s)")
+    ax.set_xlabel(_time(run))
     return ax
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from sindyjoint.batch.population import next_joint
 from sindyjoint.batch.summary import Batch
+from sindyjoint.batch.tasks import CAMPAIGNS
 from sindyjoint.reporting.figures.batch import DIAMONDS, KELVIN, KINDS
 from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.style import pretty_unit, shortened
@@ -27,7 +28,6 @@ from sindyjoint.reporting.text_table import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import percent, rounded, spelled
-from sindyjoint.workflows.batch import CAMPAIGNS
 
 if TYPE_CHECKING:
     from sindyjoint.batch.record import CampaignRecord

@@ -30,7 +30,7 @@ class CampaignView(View[Campaign, None]):
             (
                 run.name,
                 str(run.n_samples),
-                f"{run.sample_rate:g} Hz",
+                f"{run.sample_rate:g} {f'/{angle} of path' if run.quasi_static else 'Hz'}",
                 DASH if run.frequency is None else f"{run.frequency:g} Hz",
                 f"{np.abs(run.angle).max():.3e} {angle}",
                 f"{np.abs(run.moment).max():.3g} {moment}",

@@ -39,16 +39,16 @@ class ChangeView(View[Change, ChangeFigures]):
         rows = tuple(
             (
                 shift.symbol,
-                pretty_unit(shift.unit),
+                shift.answer,
+                *_percent(shift),
                 _value(shift.before, shift.interval_before),
                 _value(shift.after, shift.interval_after),
-                *_percent(shift),
-                shift.answer,
+                pretty_unit(shift.unit),
             )
             for shift in result.shifts
         )
-        columns = ("", "unit", "before", "after", "change", "95 % interval", "answer")
-        return (TextTable("coefficients", "Coefficients before and after", columns, rows),)
+        columns = ("coefficient", "answer", "change", "95 % interval", "before", "after", "unit")
+        return (TextTable("coefficients", "Coefficients before and after", columns, rows, text=("unit",)),)
 
     def content(self, result: Change, data: ChangeFigures, folder: Path | None) -> dict[str, Any]:
         """Return what the page shows."""
@@ -56,7 +56,7 @@ class ChangeView(View[Change, ChangeFigures]):
             "title": f"{result.after.joint.name}: before and after",
             "badge": "changed" if result.changed else "no change",
             "headline": result.sentence[:1].upper() + result.sentence[1:] + ".",
-            "reason": f"Before: {result.names[0]}; after: {result.names[1]}. Margin {100 * result.margin:.3g} %.",
+            "reason": f"{_named(result.names)}Margin {100 * result.margin:.3g} %.",
         }
 
     def files(self, result: Change, data: ChangeFigures) -> dict[str, str]:
@@ -81,6 +81,11 @@ class ChangeView(View[Change, ChangeFigures]):
         for shift in result.shifts:
             if np.isfinite(shift.p_value):
                 yield f"{shift.id}: p = {shift.p_value:.2g} of being the same"
+
+
+def _named(names: tuple[str, str]) -> str:
+    """Return what the two tests are called, where they have names of their own."""
+    return "" if names == ("before", "after") else f"Before: {names[0]}; after: {names[1]}. "
 
 
 def _value(value: float, interval: tuple[float, float]) -> str:

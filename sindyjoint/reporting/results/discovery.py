@@ -49,6 +49,7 @@ HEADLINES = {
 }
 NO_MODEL = "No set of terms passed: these data give no model of this joint."
 # Of a joint whose inertia is not declared, and is no term of the model.
+WITHOUT_TIME = "not applicable, the samples have no time"
 NO_INERTIA = "its load is too small on these runs to be told from the other terms"
 # Steps of a path shown on either side of the chosen one.
 NEIGHBOURS = 3
@@ -225,8 +226,8 @@ def over_table(over: OverInput) -> TextTable:
         )
         for row in over.coefficients
     )
-    columns = ("", "unit", *over.headings, "with levels apart")
-    return TextTable(f"over_{over.name}", f"The law over {over.label}", columns, rows)
+    columns = ("", "unit", *map(pretty_unit, over.headings), "with levels apart")
+    return TextTable(f"over_{over.name}", f"The law over {over.label}", columns, rows, text=("unit",))
 
 
 def _paper_lines(result: Discovery) -> str:
@@ -253,7 +254,9 @@ def _show_fit(result: Discovery, console: Console) -> None:
     model, fitted = result.model, result.model.fitted
     q = quantities(model.joint.motion)
     what, unit = q.moment.lower(), pretty_unit(q.moment_unit)
-    if model.joint.inertia is not None:
+    if fitted.quasi_static:
+        console.print(f"{q.inertia.lower()}, viscous damping, dependence on frequency: {WITHOUT_TIME}")
+    elif model.joint.inertia is not None:
         console.print(f"{q.inertia.lower()} {model.joint.inertia:g} {pretty_unit(q.inertia_unit)}, declared")
     elif model.terms and INERTIA not in model:
         console.print(f"{q.inertia.lower()}: not declared; looked for and not found: {NO_INERTIA}")
@@ -338,7 +341,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
         (
             "Tested",
             f"{fitted.runs} run{'s' if fitted.runs != 1 else ''}",
-            f"{frequencies} Hz" if frequencies else "aperiodic",
+            f"{frequencies} Hz" if frequencies else "without time" if fitted.quasi_static else "aperiodic",
         ),
         (
             "Moving samples",
@@ -346,7 +349,9 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
             f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
         ),
     ]
-    if data.model.joint.inertia is None and INERTIA not in data.model:
+    if fitted.quasi_static:
+        facts.append((f"{q.inertia}, damping, frequency", "not applicable", "the samples have no time"))
+    elif data.model.joint.inertia is None and INERTIA not in data.model:
         facts.append((q.inertia, "not found", NO_INERTIA))
     else:
         facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))

@@ -6,14 +6,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from sindyjoint.planning.apart import TELL_APART
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
+from sindyjoint.planning.search import PAPER
 from sindyjoint.reporting.figures.plan import GOALS, KINDS, PlanFigures, figures_of
 from sindyjoint.reporting.page import number
 from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import View
-from sindyjoint.text import list_some, spelled
+from sindyjoint.text import list_some, percent, spelled
 
 
 class PlanView(View[Plan, PlanFigures]):
@@ -34,7 +36,7 @@ class PlanView(View[Plan, PlanFigures]):
 
     def tables(self, result: Plan) -> tuple[TextTable, ...]:
         """Return the runs in their order, and what is expected of each coefficient."""
-        steps = {step.runs: step for step in result.curve}
+        columns = ("Run", "Drive", "Waveform", "Frequency", "Level", "Duration", *_bought(result))
         rows = tuple(
             (
                 f"{place:02d}",
@@ -43,18 +45,9 @@ class PlanView(View[Plan, PlanFigures]):
                 f"{run.frequency:g} Hz",
                 _amount(run.level, run.unit),
                 f"{run.duration:.4g} s",
-                _share(steps[place].widest),
+                *(values[place - 1] for values in _bought(result).values()),
             )
             for place, run in enumerate(result.runs, 1)
-        )
-        columns = (
-            "Run",
-            "Drive",
-            "Waveform",
-            "Frequency",
-            "Level",
-            "Duration",
-            f"{GOALS[result.goal].capitalize()} then",
         )
         grid = {each.id: each for each in result.grid}
         widths = tuple(
@@ -120,15 +113,40 @@ class PlanView(View[Plan, PlanFigures]):
             yield f"{term.id}: {low:.4g} to {high:.4g} {term.unit}"
 
 
+def _bought(result: Plan) -> dict[str, list[str]]:
+    """Return what is known after each run: what is made small, whether all terms are found, which effect is true."""
+    after = () if result.apart is None else result.apart.after
+    own = len(result.runs) - len(after)
+    steps = result.curve[:own]
+    columns = {}
+    if steps:
+        columns[f"{GOALS[result.goal].capitalize()} then"] = [_share(step.widest) for step in steps]
+        columns["All terms found"] = [percent(step.complete) for step in steps]
+        columns = {name: [*values, *[DASH] * len(after)] for name, values in columns.items()}
+    if after:
+        columns[f"{GOALS[TELL_APART].capitalize()}"] = [*[DASH] * own, *map(percent, after)]
+    return columns
+
+
 def headline(result: Plan) -> str:
     """Return what a plan promises, in a sentence."""
+    apart = result.apart
+    steps = result.curve[: len(result.runs) - (0 if apart is None else len(apart.after))]
     if not result.runs:
-        return "no further run is needed."
-    last = result.curve[len(result.runs) - 1]
-    text = f"{len(result.runs)} runs, {result.seconds:.4g} s; {GOALS[result.goal]} ±{_share(last.widest)}"
-    grid = result.curve[-1].grid
-    if len(result.runs) == len(result.curve) and 0 < grid < float("inf"):
-        text += f", by a plain grid of the same duration ±{_share(grid)}"
+        lost = apart is not None and apart.before < apart.enough
+        return "no run that can be made tells the effects apart." if lost else "no further run is needed."
+    text = f"{result.count}, {result.seconds:.4g} s"
+    if steps:
+        sign = "" if result.goal == PAPER else "±"
+        text += f"; {GOALS[result.goal]} {sign}{_share(steps[-1].widest)}"
+        grid = result.curve[-1].grid
+        if len(steps) == len(result.curve) and 0 < grid < float("inf"):
+            text += f", by a plain grid of the same duration {sign}{_share(grid)}"
+    if apart is not None and apart.after:
+        text += f"; {GOALS[TELL_APART]} {percent(apart.after[-1])}, {percent(apart.before)} without"
+    if result.now is not None:
+        first = result.runs[0]
+        text += f"; the next is {first.frequency:g} Hz, {_amount(first.level, first.unit)} for {first.duration:.4g} s"
     return f"{text}."
 
 

@@ -14,6 +14,8 @@ from sindyjoint.soundness.spans import Spans, spans_of
 from sindyjoint.soundness.words import Words
 
 Array = NDArray[np.float64]
+# Share of its range within which the angle of a joint that sticks stays.
+STANDSTILL = 1e-2
 
 
 def held_spans(channel: Channel) -> Spans:
@@ -72,6 +74,8 @@ def find_held(profile: Profile, words: Words) -> Iterator[Finding]:
         share, longest = sum(lengths) / n, max(lengths)
         frozen = longest > POLICY.dropout_samples
         zero = all(channel.values[a] == 0.0 for a, _ in spans)
+        if zero and channel.name == "acceleration" and _sticks(profile.run.angle, spans):
+            continue
         what = "zero" if zero else "one value"
         maskable = share <= POLICY.most_masked
         yield Finding(
@@ -90,6 +94,11 @@ def find_held(profile: Profile, words: Words) -> Iterator[Finding]:
             spans,
             maskable,
         )
+
+
+def _sticks(angle: Array, spans: Sequence[tuple[int, int]]) -> bool:
+    """Return whether a joint stands still where its acceleration is zero."""
+    return all(np.ptp(angle[a:b]) <= STANDSTILL * np.ptp(angle) for a, b in spans)
 
 
 def find_dead(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:

@@ -30,7 +30,7 @@ def spike_samples(channel: Channel) -> NDArray[np.bool_]:
         POLICY.spike_noise * channel.noise,
         POLICY.spike_usual * float(np.quantile(away, 0.99)),
         POLICY.spike_step * channel.step,
-        POLICY.spike_least * _spread(x),
+        (POLICY.spike_acceleration if channel.name == "acceleration" else POLICY.spike_least) * _spread(x),
     )
     marked: NDArray[np.bool_] = away > usual
     return marked

@@ -19,10 +19,13 @@ from sindyjoint.diagnosis.campaign.repair import (
     unique_shares,
 )
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.parts import element_of, parts_of_law
 from sindyjoint.equation.element import JointElement, Value
+from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
+from sindyjoint.response.model_law import with_coefficients
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 
 Array = NDArray[np.float64]
@@ -128,8 +131,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     model, effects = repaired.model, repaired.effects
     numbers = numbers_of(repaired, runs)
     motion = model.joint.motion
-    terms = list(model.terms)
-    parts = [[i] for i in range(len(terms))]  # which numbers each of the whole model is the sum of
+    terms = {term.id: term for term in model.terms}
     for each in effects:
         if not each.is_term:
             continue
@@ -142,24 +144,88 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
             name=each.effect.name,
             motion=motion,
         )
-        for at, new in zip(_indices(numbers.coefficients[each.name]), parted, strict=True):
-            same = next((i for i, term in enumerate(terms) if term.id == new.id), None)
-            if same is None:
-                terms.append(new)
-                parts.append([at])
-            else:
-                parts[same].append(at)
+        for new in parted:
+            terms.setdefault(new.id, new)
+    parts = _parts_of_whole(repaired, numbers)
     shares = unique_shares(runs, model, [e for e in effects if not e.shifts])
-    terms = [replace(t, unique_share=float(shares[part[0]])) for t, part in zip(terms, parts, strict=True)]
-    inside = [e for e in effects if is_element(e)]
-    elements = tuple(_element(each, motion) for each in inside)
-    for each in inside:
-        parts += [
-            [at] for at in (*_indices(numbers.coefficients[each.name]), *_indices(numbers.inner[each.name]))
-        ]
+    known = tuple(
+        replace(term, unique_share=float(shares[part[0]]))
+        for term, part in zip(terms.values(), parts, strict=False)
+    )
+    elements = tuple(_element(each, motion) for each in effects if is_element(each))
     sums = np.array([np.isin(np.arange(numbers.values.size), part) for part in parts], dtype=np.float64)
-    whole = replace(model, terms=tuple(terms), elements=elements, covariance=())
+    whole = replace(model, terms=known, elements=elements, covariance=())
     return whole.with_numbers(sums @ numbers.values, sums @ numbers.covariance @ sums.T)
+
+
+def from_whole(repaired: Repaired, runs: Sequence[GapRun], whole: JointModel) -> Repaired:
+    """Return a repaired model of which a model with other numbers is the :func:`whole_model`.
+
+    What is new in a sum goes to its first part. Elements may have another form of their effect; numbers of the test
+    stay as they are.
+    """
+    numbers = numbers_of(repaired, runs)
+    parts = _parts_of_whole(repaired, numbers)
+    values, covariance = numbers.values.copy(), numbers.covariance.copy()
+    first = [part[0] for part in parts]
+    values[first] += whole.numbers - [values[part].sum() for part in parts]
+    touched = [at for part in parts for at in part]
+    covariance[touched, :] = covariance[:, touched] = 0.0
+    covariance[np.ix_(first, first)] = np.array(whole.covariance)
+    forms = {element.id: element for element in whole.elements}
+    effects = tuple(
+        replace(e, variant=_variant_of(forms[e.name], e)) if e.name in forms else e for e in repaired.effects
+    )
+    return with_numbers(replace(repaired, effects=effects), values, covariance)
+
+
+def _variant_of(element: JointElement, effect: FittedEffect) -> Variant:
+    """Return the form of an effect that an element has."""
+    for variant in effect.effect.variants:
+        own = [state.rate for state in element.states], [column.formula for column in element.columns]
+        if own == (
+            [formula_text(state.rate) for state in variant.states],
+            [formula_text(column.expression) for column in variant.columns],
+        ):
+            return variant
+    return effect.variant
+
+
+def _parts_of_whole(repaired: Repaired, numbers: Numbers) -> list[list[int]]:
+    """Return which numbers each number of the whole model is the sum of: its terms, then its elements."""
+    parts = {term.id: [i] for i, term in enumerate(repaired.model.terms)}
+    for each in repaired.effects:
+        if each.is_term:
+            for k, at in enumerate(_indices(numbers.coefficients[each.name])):
+                parts.setdefault(each.name if k == 0 else f"{each.name}_{k + 1}", []).append(at)
+    places = [
+        place[e.name]
+        for e in repaired.effects
+        if is_element(e)
+        for place in (numbers.coefficients, numbers.inner)
+    ]
+    return [*parts.values(), *([at] for place in places for at in _indices(place))]
+
+
+def with_numbers(repaired: Repaired, values: Array, covariance: Array) -> Repaired:
+    """Return a repaired model with other numbers, in the order of :func:`numbers_of`; delays stay as they are."""
+    size = len(repaired.model.terms)
+    adding = [e for e in repaired.effects if not e.shifts]
+    at = size
+    places = {}
+    for each in adding:
+        places[each.name] = slice(at, at + len(each.variant.columns))
+        at += len(each.variant.columns)
+    at += len(repaired.effects) - len(adding)
+    later = []
+    for each in repaired.effects:
+        if not each.shifts:
+            inner = slice(at, at + each.values.size)
+            at = inner.stop
+            each = replace(each, coefficients=values[places[each.name]], values=values[inner])
+        later.append(each)
+    model = with_coefficients(repaired.model, values[:size], covariance[:size, :size])
+    return replace(repaired, model=model, effects=tuple(later), covariance=covariance)
 
 
 def is_element(effect: FittedEffect) -> bool:

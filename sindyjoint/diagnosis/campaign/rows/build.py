@@ -21,6 +21,7 @@ from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
+from sindyjoint.response.run import settling
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.mask import rate_limit
@@ -82,15 +83,18 @@ def gap_runs(
 def _folded(states: ForceStates, model: JointModel, group: str, phases: int, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
     assert states.frequency is not None
+    # An internal state has not settled in the first period: what is averaged over periods is what repeats.
+    settled = np.arange(states.n_samples) >= (0 if states.dropped else settling(states))
     phases = min(phases, int(states.sample_rate / states.frequency))
     position = (states.time - states.time[0]) * states.frequency % 1.0
     # Samples that fall alike in every period are to lie in the middle of a bin, not on the border of two.
     bins = np.floor(position * phases + 0.5).astype(int) % phases
+    bins = bins[settled]
     count = np.bincount(bins, minlength=phases)
     filled = np.maximum(count, 1)
 
     def mean(signal: Array) -> Array:
-        return np.bincount(bins, signal, phases) / filled
+        return np.bincount(bins, signal[settled], phases) / filled
 
     angle, rate, acceleration, moment = map(
         mean, (states.angle, states.rate, states.acceleration, states.moment)
@@ -102,7 +106,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, err
             np.interp(np.arange(phases), full, s[full], period=phases)
             for s in (angle, rate, acceleration, moment)
         )
-    keep = _always(np.bincount(bins, states.moving, phases) / filled, count > 0)
+    keep = _always(mean(states.moving.astype(float)), count > 0)
     # What repeats is as it is in the middle of its stretch, at every phase.
     time = np.full(phases, np.mean(states.time))
     step = 1 / (states.frequency * phases)
@@ -133,8 +137,12 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
     moments, motion = _strided_motion(states, model, rows)
     record = np.where(states.moving[::every], moments, np.nan)
     sigma = np.full(rows.size, float(np.hypot(states.noise.moment, error)))
-    factor, variance = kernel_noise_factor(states, model, motion, rows * every, sigma)
-    noise = float(np.mean(variance)) - error**2
+    factor, variance = (
+        (sigma[None], sigma**2)
+        if states.method == "path"
+        else kernel_noise_factor(states, model, motion, rows * every, sigma)
+    )
+    noise = max(float(np.mean(variance)) - error**2, 0.0)
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     band = Band(kernel, rows) if model.inertia else None
     return GapRun(
@@ -149,7 +157,7 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
         noise,
         band,
         record=record,
-        noise_share=max(noise, 0.0) / float(np.mean(variance)),
+        noise_share=noise / float(np.mean(variance)),
     )
 
 

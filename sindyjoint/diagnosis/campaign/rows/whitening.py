@@ -55,7 +55,7 @@ def folded_whitener(
         stiffness[:, None] * cosine - damping[:, None] * angular * sine + inertial * cosine,
         stiffness[:, None] * sine + damping[:, None] * angular * cosine + inertial * sine,
     ]
-    error = np.full(orders.size, np.sqrt(2.0 / states.n_samples) * states.noise.angle)
+    error = np.sqrt(2.0 / states.n_samples) * states.white_noise(states.frequency * np.maximum(orders, 1))
     error[0] /= np.sqrt(2.0)
     # A harmonic that was cut is anything below the level at which it would have been kept.
     error[kept + 1 :] *= 3.0

@@ -16,12 +16,13 @@ def explained_by_state(problem: GapRegression) -> float:
     return float(np.clip((before - after) / before, 0.0, 1.0)) if before > 0 else 0.0
 
 
-def shares(problem: GapRegression, noise: float) -> dict[str, float]:
+def shares(problem: GapRegression, noise: float, measured: bool) -> dict[str, float]:
     """Return what each kind of law explains of the gap beyond noise, from 0 to 1, by kind; their sum is at most one.
 
     The kind that predicts the runs left out best alone is credited first, the others with what they win on top. Within
     noise of each other a law without memory comes before one with it, and that before one of the run. ``noise`` is the
-    share of the mean square gap that is noise, which counts where repetition has not measured it row by row.
+    share of the mean square gap that is noise, which counts where repetition has not measured it row by row; it is
+    ``measured`` where neighbouring samples of a path tell it.
     """
     prediction = Prediction(problem)
     before = prediction.base
@@ -45,14 +46,20 @@ def shares(problem: GapRegression, noise: float) -> dict[str, float]:
         credit[kind] = gain
         residual, beside = max(tried[kind].error, floor), tried[kind].columns
         open_kinds.remove(kind)
-    # What repeats and nothing predicts is the run's own. Where nothing repeats it cannot be told from noise.
-    if problem.repeats and residual - floor > margin:
+    # What repeats and nothing predicts is the run's own. Where nothing repeats it cannot be told from noise, unless
+    # that is known.
+    if (problem.repeats or measured) and residual - floor > margin:
         credit["run"] += residual - floor
     return {kind: value / (before - floor) for kind, value in credit.items()}
 
 
 def make_budget(
-    problem: GapRegression, total: float, noise: float, processing: float, drift: float = 0.0
+    problem: GapRegression,
+    total: float,
+    noise: float,
+    processing: float,
+    drift: float = 0.0,
+    measured: bool = False,
 ) -> Budget:
     """Return the budget of a gap, of which the regression (without the drift of a channel) explains shares."""
-    return divide_gap(total, noise, processing, lambda share: shares(problem, share), drift)
+    return divide_gap(total, noise, processing, lambda share: shares(problem, share, measured), drift)

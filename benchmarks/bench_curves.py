@@ -1,0 +1,127 @@
+"""Curves of a structure beside the time simulation of the same rig, steady state by steady state.
+
+For the pulse rig and the four-panel wing, at the three default levels: amplitude of the first harmonic by harmonic
+balance over that by simulation, at frequencies over the band, and the processor time of either. Then the pulse rig with
+little friction and damping, whose response folds: the frequencies at which a sine stepped up and down jumps, over those
+of the folds.
+
+    python -m benchmarks.bench_curves [pulse-rig|four-panel-wing|folds ...]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+
+from sindyjoint import curves
+from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics.pulse_test import with_laws
+from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.mechanics.transient import respond
+from sindyjoint.substructure.forced import ForcedResponse, frequency_response
+from sindyjoint.substructure.harmonic_balance import Balance
+
+PER_PERIOD = 200
+# Periods that a simulation has, and of each step of a stepped sine.
+PERIODS, STEP_PERIODS = 90, 60
+# Of the band, where the two are held beside each other.
+SHARES = (0.15, 0.35, 0.5, 0.65, 0.85)
+FOLDING = PaperLaw(k1=6.066e3, k2=-1.927e5, k3=-2.684e9, c1=3.0, M_F=0.15, name="joint")
+FORCE = 0.15
+
+
+def amplitudes(rig: Rig, frequencies: np.ndarray, periods: int, force: float) -> np.ndarray:
+    """Return the first harmonic at the driven point in the last period of each step of a stepped sine, m."""
+    rate = PER_PERIOD * float(np.mean(frequencies))
+    phase, parts = 0.0, []
+    ends = []
+    for frequency in frequencies:
+        n = round(periods * rate / frequency)
+        parts.append(phase + 2 * np.pi * frequency / rate * np.arange(n))
+        phase = parts[-1][-1] + 2 * np.pi * frequency / rate
+        ends.append(sum(map(len, parts)))
+    phases = np.concatenate(parts)
+    done = _deflection(rig, force * np.sin(phases), rate)
+    found = []
+    for end, frequency in zip(ends, frequencies, strict=True):
+        # Over the last four periods, by least squares: a step's period is no whole number of samples.
+        last = slice(end - round(4 * rate / frequency), end)
+        columns = np.column_stack([np.sin(phases[last]), np.cos(phases[last]), np.ones(phases[last].size)])
+        weights = np.linalg.lstsq(columns, done[last], rcond=None)[0]
+        found.append(np.hypot(*weights[:2]))
+    return np.array(found)
+
+
+def _deflection(rig: Rig, force: np.ndarray, rate: float) -> np.ndarray:
+    done = respond(
+        rig.structure(), sampled(np.append(force, force[-1]), rate), rig.at, duration=force.size / rate,
+        sample_rate=rate, step=rig.step, points=(rig.at,), modes=rig.modes, limits=None,
+    )  # fmt: skip
+    return done.displacement[rig.at]
+
+
+def on_branch(level: ForcedResponse, frequency: float) -> float:
+    """Return the amplitude of a curve without folds at a frequency, m."""
+    from scipy.interpolate import CubicSpline
+
+    order = np.argsort(level.frequency)
+    return float(np.exp(CubicSpline(level.frequency[order], np.log(level.amplitude[order]))(frequency)))
+
+
+def levels_of(name: str) -> None:
+    """Print a line per level of a rig."""
+    rig = load_rig(name)
+    began = time.process_time()
+    made = curves(rig, modes=1)
+    print(f"{name}: mode 1 and three levels in {time.process_time() - began:.1f} s", flush=True)
+    structure = rig.structure()
+    # The simulation damps the beams by dampers that have their loss factors at the first mode: so it is balanced, too.
+    balance = Balance.of(structure, rig.at, viscous=True)
+    for level in made.levels:
+        began = time.process_time()
+        curve = frequency_response(balance, level.force, (made.levels[0].frequency[0], made.locked[0] * 1.15))
+        balanced = time.process_time() - began
+        ends = curve.frequency[[0, -1]]
+        chosen = [*(ends[0] + share * np.ptp(ends) for share in SHARES), curve.peak[0]]
+        began = time.process_time()
+        ratios = [
+            on_branch(curve, one) / amplitudes(rig, np.array([one]), PERIODS, level.force)[0]
+            for one in chosen
+        ]
+        spent = time.process_time() - began
+        apart = max(abs(ratio - 1) for ratio in ratios)
+        print(
+            f"  {level.force:g} N: balance over simulation {' '.join(f'{one:.4f}' for one in ratios)} (last: peak); "
+            f"largest difference {100 * apart:.2f} %; {balanced:.1f} s for the curve, {spent:.1f} s for six "
+            "points simulated",
+            flush=True,
+        )
+
+
+def folds() -> None:
+    """Print the frequencies at which a stepped sine jumps over those of the folds."""
+    rig = with_laws(load_rig("pulse-rig"), lambda hinge: FOLDING)
+    curve = frequency_response(Balance.of(rig.structure(), rig.at, viscous=True), FORCE, (3.6, 4.3))
+    print(
+        f"pulse rig, c1 = {FOLDING.c1:g}, M_F = {FOLDING.M_F:g} at {FORCE:g} N: folds at", curve.folds, "Hz"
+    )
+    print(f"  largest angle {curve.angle.max():.3g} rad, softening from {FOLDING.softening_angle:.3g} rad")
+    low, high = min(curve.folds), max(curve.folds)
+    for name, fold, start, stop in (("up", high, 0.985, 1.012), ("down", low, 1.03, 0.988)):
+        steps = fold * np.arange(start, stop, 0.0015 * np.sign(stop - start))
+        found = amplitudes(rig, steps, STEP_PERIODS, FORCE)
+        jump = int(np.argmax(np.abs(np.diff(np.log(found)))))
+        at = (steps[jump] + steps[jump + 1]) / 2
+        print(
+            f"  stepped {name}: jumps from {1e3 * found[jump]:.3f} to {1e3 * found[jump + 1]:.3f} mm between "
+            f"{steps[jump]:.4f} and {steps[jump + 1]:.4f} Hz; fold over jump {fold / at:.4f}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    for asked in sys.argv[1:] or ("pulse-rig", "four-panel-wing", "folds"):
+        folds() if asked == "folds" else levels_of(asked)

@@ -1,0 +1,230 @@
+"""The law of joints inside a structure from its accelerometers, over random joints.
+
+    python benchmarks/bench_structure_discovery.py run pulse-rig --seeds 1 40 --out pulse.json
+    python benchmarks/bench_structure_discovery.py run four-panel-wing --drive multisine --wrong --out wing.json
+    python benchmarks/bench_structure_discovery.py show pulse.json
+
+Each seed draws k1, k2, k3, c1, M_F of every kind of joint within 20 % of the paper's, drives the structure at forces
+found by trial simulations, and discovers the laws from accelerometers and a force cell with 1 % noise. `--wrong`: the
+beams' stiffness is 1 % and their mass 0.5 % (standard deviations, one number each) other than the file says, and the
+file says that it may be.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sindyjoint.errors import SimulationError, SindyJointError
+from sindyjoint.mechanics.beam import Beam
+from sindyjoint.mechanics.laws import softening_limit
+from sindyjoint.mechanics.rig_test import RigTest, Sensor, uncertain_numbers
+from sindyjoint.mechanics.rigs import load_rig
+from sindyjoint.mechanics.structure import Hinge, assemble
+from sindyjoint.mechanics.virtual_rig import Drive, Recorder, simulate_run, virtual_rig_test
+from sindyjoint.paper import TERMS
+
+STATIONS = {
+    "pulse-rig": {"a": ("lower beam", 0.3), "b": ("lower beam", 0.5), "c": ("upper beam", 0.15),
+                  "d": ("upper beam", 0.35), "e": ("upper beam", 0.5)},
+    "four-panel-wing": {f"{panel} {at}": (f"panel {panel}", at) for panel in range(1, 5) for at in (0.45, 1.0)},
+}  # fmt: skip
+# Frequencies, Hz, and the force, N, at which the paper's joints come near the wanted angle.
+SINES = {
+    "pulse-rig": {3.0: 4.4, 3.6: 2.6, 5.2: 5.2, 6.0: 10.0},
+    "four-panel-wing": {1.2: 0.92, 4.4: 3.4, 5.4: 2.4, 6.4: 6.5},
+}
+BANDS = {"pulse-rig": (2.0, 12.0), "four-panel-wing": (1.0, 9.0)}
+LEVELS = (1.0, 0.87, 0.75)
+LARGEST = 0.6  # of the softening limit
+NAMES = ("k1", "k2", "k3", "c1", "M_F")
+
+
+def with_random_laws(rig, generator):
+    """Return a rig whose kinds of joint have random laws, and these laws by kind."""
+    laws = {}
+    for item in rig.items:
+        if isinstance(item, Hinge) and item.law.name not in laws:
+            drawn = {name: getattr(item.law, name) * generator.uniform(0.8, 1.2) for name in NAMES}
+            laws[item.law.name] = replace(item.law, **drawn)
+    items = tuple(replace(i, law=laws[i.law.name]) if isinstance(i, Hinge) else i for i in rig.items)
+    return replace(rig, items=items), laws
+
+
+def with_other_beams(rig, stiffness, mass):
+    """Return a rig whose beams are stiffer and heavier by factors."""
+    items = tuple(
+        replace(i, bending_stiffness=i.bending_stiffness * stiffness, mass_per_length=i.mass_per_length * mass)
+        if isinstance(i, Beam) else i for i in rig.items
+    )  # fmt: skip
+    return replace(rig, items=items)
+
+
+def largest_share(structure, at, sensors, drive, recorder):
+    """Return the largest joint angle as a share of its softening limit; infinite where it is passed."""
+    quick = replace(recorder, duration=3.0, settling=4.0, noise=0.0, step=5e-4)
+    try:
+        _, response = simulate_run(structure, at, sensors, drive, quick, np.random.default_rng(0))
+    except SimulationError:
+        return np.inf
+    limits = [min(map(abs, softening_limit(hinge.law))) for hinge in structure.hinges]
+    return max(np.abs(angle).max() / limit for angle, limit in zip(response.angle, limits, strict=True))
+
+
+def find_force(structure, at, sensors, drive, recorder, start):
+    """Return the force at which the largest joint angle is about the wanted share of its softening limit."""
+    low, high, force = 0.0, np.inf, start
+    for _ in range(9):
+        share = largest_share(structure, at, sensors, replace(drive, amplitude=force), recorder)
+        if 0.85 * LARGEST < share < LARGEST:
+            break
+        low, high = (force, high) if share < LARGEST else (low, force)
+        force = (low + high) / 2 if np.isfinite(high) else 1.6 * force
+    return force if share < LARGEST else low
+
+
+def drives_of(name, structure, at, sensors, recorder, kind):
+    """Return twelve sines or three multisines."""
+    drives = []
+    if kind == "sine":
+        for frequency, start in SINES[name].items():
+            drive = Drive("trial", "sine", 1.0, frequency)
+            top = find_force(structure, at, sensors, drive, recorder, start)
+            drives += [
+                Drive(f"{frequency:g} Hz {level:g}", "sine", level * top, frequency, level=f"{level:g}")
+                for level in LEVELS
+            ]
+        return drives
+    drive = Drive("trial", "multisine", 1.0, 0.5, BANDS[name])
+    top = find_force(structure, at, sensors, drive, recorder, 3.0)
+    return [
+        Drive(f"multisine {level:g}", "multisine", level * top, 0.5, BANDS[name], level=f"{level:g}")
+        for level in LEVELS
+    ]
+
+
+def campaign(name, seed, kind="sine", wrong=False):
+    """Return a virtual test of a rig with random joints as its file describes it, and the laws by kind."""
+    generator = np.random.default_rng(seed)
+    rig, laws = with_random_laws(load_rig(name), generator)
+    factors = 1 + generator.normal(size=2) * (0.01, 0.005) * wrong
+    described = assemble(rig.items, rig.clamp_stiffness, STATIONS[name])
+    described = replace(described, loss_frequency=float(described.frequencies(1)[0]))
+    true = replace(
+        assemble(with_other_beams(rig, *factors).items, rig.clamp_stiffness, STATIONS[name]),
+        loss_frequency=described.loss_frequency,
+    )
+    sensors = tuple(Sensor(station, station) for station in STATIONS[name])
+    kinds = tuple(hinge.law.name for hinge in true.hinges)
+    recorder = Recorder(noise=0.01)
+    drives = drives_of(name, true, "tip", sensors, recorder, kind)
+    test = RigTest(name, true, kinds, "tip", sensors, ())
+    test = virtual_rig_test(test, drives, recorder, generator)
+    stated = {item.name: {"stiffness": 0.01, "mass": 0.005} for item in rig.items if isinstance(item, Beam)}
+    uncertain = uncertain_numbers(rig.items, rig.clamp_stiffness, stated) if wrong else ()
+    return replace(test, structure=described, uncertain=uncertain), laws, factors
+
+
+def one(name, seed, kind, wrong):
+    """Return what was found of one campaign."""
+    from sindyjoint.workflows.discover_rig import discover_rig
+
+    begun = time.perf_counter()
+    test, laws, factors = campaign(name, seed, kind, wrong)
+    made = time.perf_counter()
+    result = discover_rig(test, random_state=seed)
+    record = {
+        "seed": seed,
+        "simulated": made - begun,
+        "seconds": time.perf_counter() - made,
+        "factors": [*factors],
+    }
+    record |= {"kinds": {}, "update": None if result.update is None else result.update.change.tolist()}
+    for found in result.laws:
+        truth = dict(zip(TERMS, (getattr(laws[found.kind], n) for n in NAMES), strict=True))
+        model = None if found.discovery is None else found.discovery.model
+        record["kinds"][found.kind] = {
+            "reason": found.reason,
+            "verdict": None if model is None else found.discovery.verdict.verdict,
+            "terms": [] if model is None else list(model.ids),
+            "numbers": {} if model is None else {
+                term.id: [term.coefficient, term.standard_error, *term.interval95, truth[term.id]]
+                for term in model.terms if term.id in truth
+            },
+        }  # fmt: skip
+    return record
+
+
+def run(name, seeds, kind, wrong, out):
+    """Write what was found of each campaign as it is found; a file that is there already is gone on with."""
+    path = Path(out)
+    records = json.loads(path.read_text())["campaigns"] if path.is_file() else []
+    done = {record["seed"] for record in records}
+    for seed in range(seeds[0], seeds[1] + 1):
+        if seed in done:
+            continue
+        try:
+            records.append(one(name, seed, kind, wrong))
+        except SindyJointError as error:
+            records.append({"seed": seed, "error": str(error), "kinds": {}})
+        path.write_text(
+            json.dumps({"rig": name, "drive": kind, "wrong": wrong, "campaigns": records}, indent=1)
+        )
+
+
+def show(path):
+    """Print exact sets, undecided ones, relative RMS error and coverage."""
+    told = json.loads(Path(path).read_text())
+    campaigns = told["campaigns"]
+    made = [record for record in campaigns if "error" not in record]
+    print(f"{told['rig']}, {told['drive']}, structure {'wrong' if told['wrong'] else 'as described'}: "
+          f"{len(campaigns)} campaigns, {len(campaigns) - len(made)} failed")  # fmt: skip
+    if not made:
+        return
+    laws = [law for record in made for law in record["kinds"].values()]
+    exact = np.mean([all(set(TERMS) == set(k["terms"]) for k in r["kinds"].values()) for r in made])
+    of_laws = np.mean([set(TERMS) == set(law["terms"]) for law in laws])
+    undecided = np.mean([law["verdict"] in (None, "undecided") for law in laws])
+    print(f"exact set: {exact:.1%} of campaigns, {of_laws:.1%} of laws; undecided {undecided:.1%}")
+    held = []
+    for term, name in zip(TERMS, NAMES, strict=True):
+        rows = np.array([law["numbers"][term] for law in laws if term in law["numbers"]])
+        if rows.size:
+            inside, error = (
+                (rows[:, 2] <= rows[:, 4]) & (rows[:, 4] <= rows[:, 3]),
+                rows[:, 0] / rows[:, 4] - 1,
+            )
+            held += inside.tolist()
+            rms = np.sqrt(np.mean(error**2))
+            print(
+                f"{name:4s} RMS {rms:.2%}, mean {error.mean():+.2%}, held {inside.mean():.1%} of {inside.size}"
+            )
+    seconds = np.median([record["seconds"] for record in made])
+    print(f"intervals hold {np.mean(held):.1%} of {len(held)}; discovery {seconds:.1f} s in the median")
+
+
+def main():
+    """Run or show."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    runs = verbs.add_parser("run")
+    runs.add_argument("rig", choices=[*STATIONS])
+    runs.add_argument("--drive", choices=["sine", "multisine"], default="sine")
+    runs.add_argument("--wrong", action="store_true")
+    runs.add_argument("--seeds", nargs=2, type=int, default=[1, 10])
+    runs.add_argument("--out", required=True)
+    verbs.add_parser("show").add_argument("file")
+    given = parser.parse_args()
+    if given.verb == "show":
+        show(given.file)
+    else:
+        run(given.rig, given.seeds, given.drive, given.wrong, given.out)
+
+
+if __name__ == "__main__":
+    main()

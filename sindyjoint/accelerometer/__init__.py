@@ -1,0 +1,6 @@
+"""The joint's angle from an accelerometer, alone or beside other sensors of the motion."""
+
+from sindyjoint.accelerometer.fusion import Fusion, fuse, unknown_means
+from sindyjoint.accelerometer.noise import disagreement
+
+__all__ = ["Fusion", "disagreement", "fuse", "unknown_means"]

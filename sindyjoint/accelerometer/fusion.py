@@ -1,0 +1,229 @@
+"""The angle of a run with an accelerometer: fused, with what the sensors leave open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.accelerometer.noise import moving_size, rough_noise, sensor_noise
+from sindyjoint.accelerometer.smoother import integrated_twice, slow_correction
+from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.source import SensorNoise
+from sindyjoint.text import Quantities, list_some
+
+Array = NDArray[np.float64]
+
+# Noise below this share of a channel's RMS counts as so much: beyond, rounding decides.
+LEAST_NOISE = 1e-3
+# Drift, and motion below the excitation, as a share of the angle's RMS, beyond which its mean is not known.
+DRIFTS = 0.02
+# Share of the largest rate beyond which the joint surely moves.
+MOVES = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Fusion:
+    """By what sensors the angle of a run was measured, and what it leaves open.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+        As measured, rad/s² (m/s²).
+    angle, rate : ndarray, shape (n,), or None
+        As measured beside it, rad and rad/s.
+    noise : float
+        Of single samples of the acceleration, rad/s².
+    angle_noise, rate_noise : float
+        Of the others, rad and rad/s; infinite where they are not measured.
+    drift : float
+        Of the displacement sensor, a random walk, rad per square root of a sample.
+    prior : float
+        RMS of the angle, rad, where the acceleration alone tells it; otherwise infinite.
+    mean_known : bool
+        Whether the mean angle is: an accelerometer does not see it, and a sensor that drifts makes it up.
+    constant : float
+        Taken off the moment with an unknown mean angle, N·m.
+    """
+
+    acceleration: Array
+    angle: Array | None
+    rate: Array | None
+    noise: float
+    angle_noise: float = np.inf
+    rate_noise: float = np.inf
+    drift: float = 0.0
+    prior: float = np.inf
+    mean_known: bool = True
+    constant: float = 0.0
+
+    def white_noise(self, frequency: ArrayLike, sample_rate: float) -> Array:
+        """Return the RMS of white noise of the angle that is as dense at a frequency as the angle's noise, rad.
+
+        Parameters
+        ----------
+        frequency : array_like
+            Hz.
+        sample_rate : float
+            Hz.
+        """
+        angular = (
+            2 * np.pi * np.maximum(np.asarray(frequency, dtype=np.float64), 1e-3 / self.acceleration.size)
+        )
+        displacement = self.angle_noise**2 + (self.drift * sample_rate / angular) ** 2
+        told = 1 / displacement + (angular / self.rate_noise) ** 2 + (angular**2 / self.noise) ** 2
+        return np.asarray(1 / np.sqrt(told + 1 / self.prior**2))
+
+    def draw(self, size: int, sample_rate: float, generator: np.random.Generator) -> Array:
+        """Return noise as the angle has it, rad, shape (size,)."""
+        spectrum = np.fft.rfft(generator.standard_normal(size))
+        shape = self.white_noise(np.fft.rfftfreq(size, 1 / sample_rate), sample_rate)
+        return np.fft.irfft(spectrum * shape, size)
+
+    def scaled(self, factor: float) -> Fusion:
+        """Return the same with the noise of all sensors times a factor, as of a mean of samples."""
+        names = ("noise", "angle_noise", "rate_noise", "drift")
+        return replace(self, **{name: factor * getattr(self, name) for name in names})
+
+
+def fuse(
+    moment: Array,
+    acceleration: Array,
+    sample_rate: float,
+    angle: Array | None = None,
+    rate: Array | None = None,
+    frequency: float | None = None,
+    declared: SensorNoise | None = None,
+) -> tuple[Array, Array, Fusion]:
+    """Return moment and angle of a run with an accelerometer, and what is known of them.
+
+    Parameters
+    ----------
+    moment, acceleration : ndarray, shape (n,)
+        N·m and rad/s² (N, m/s²).
+    sample_rate : float
+        Hz.
+    angle, rate : ndarray, shape (n,), optional
+        Where they were measured, too, rad and rad/s.
+    frequency : float, optional
+        Of the excitation, Hz: what moves slower is no motion of a run that repeats.
+    declared : SensorNoise, optional
+        Noise of the sensors. Default: measured.
+
+    Returns
+    -------
+    moment, angle : ndarray, shape (n,)
+        Where the mean angle is not known it is zero, and the moment is without its constant part.
+    fusion : Fusion
+    """
+    declared = declared or SensorNoise()
+    step = 1 / sample_rate
+    path = integrated_twice(acceleration - np.mean(acceleration), step)
+    least = LEAST_NOISE * float(np.std(acceleration))
+    noise = max(declared.acceleration or rough_noise(acceleration), least)
+    fusion = Fusion(acceleration, angle, rate, noise)
+    if rate is not None:
+        of_rate = max(declared.rate or rough_noise(rate), LEAST_NOISE * float(np.std(rate)))
+        fusion = replace(fusion, rate_noise=of_rate)
+    if angle is None:
+        prior = moving_size(acceleration, sample_rate, noise, frequency)
+        fusion = replace(fusion, prior=prior, mean_known=False)
+    else:
+        fusion = _with_measured_noise(fusion, angle, path, sample_rate, declared)
+    found = path + slow_correction(
+        path,
+        step,
+        fusion.noise,
+        angle,
+        fusion.angle_noise,
+        rate,
+        fusion.rate_noise,
+        fusion.drift,
+        fusion.prior,
+    )
+    known = fusion.mean_known
+    if angle is not None:
+        known = fusion.drift * np.sqrt(found.size / 6) <= DRIFTS * float(np.std(found))
+    if frequency is not None:
+        slow = averaged(found, sample_rate / frequency)
+        known = known and float(np.std(slow)) <= DRIFTS * float(np.std(found))
+        found = found if known else found - slow
+    if known:
+        return moment, found, fusion
+    found = found - np.mean(found)
+    constant = constant_moment(moment, found, step)
+    return moment - constant, found, replace(fusion, mean_known=False, constant=constant)
+
+
+def _with_measured_noise(
+    fusion: Fusion, angle: Array, path: Array, sample_rate: float, declared: SensorNoise
+) -> Fusion:
+    noise, angle_noise, drift = sensor_noise(angle, fusion.acceleration, path, sample_rate)
+    least = LEAST_NOISE * float(np.std(fusion.acceleration))
+    return replace(
+        fusion,
+        # The rough one is too large where samples are few, never too small; a strong drift hides the other.
+        noise=max(declared.acceleration or float(np.clip(noise, 0.5 * fusion.noise, fusion.noise)), least),
+        angle_noise=max(declared.angle or angle_noise, LEAST_NOISE * float(np.std(angle))),
+        drift=drift,
+    )
+
+
+def averaged(signal: Array, samples: float) -> Array:
+    """Return the running mean of a signal over a period, which is zero for all that repeats with it, shape (n,).
+
+    The integral ends between samples, so a period need not be a whole number of them. At the ends of the record, where
+    half a period is missing, it goes on as straight as it was over the half before.
+    """
+    n, half = signal.size, samples / 2
+    running = np.concatenate([[0.0], np.cumsum(signal)])
+    first, last = half - 0.5, n - 0.5 - half
+
+    def mean(at: ArrayLike) -> Array:
+        before, after = (
+            np.interp(np.asarray(at) + 0.5 + side, np.arange(n + 1), running) for side in (-half, half)
+        )
+        return (after - before) / samples
+
+    grid = np.arange(n)
+    slow = mean(np.clip(grid, first, last))
+    if last - first >= half:
+        early, late = (
+            (mean(at + half / 2) - mean(at - half / 2)) / half for at in (first + half / 2, last - half / 2)
+        )
+        slow += early * np.minimum(grid - first, 0) + late * np.maximum(grid - last, 0)
+    return slow
+
+
+def constant_moment(moment: Array, angle: Array, step: float) -> float:
+    """Return the part of a moment that no function of the motion about its unknown mean explains, N·m.
+
+    The law about the mean position, M = c + Σ kᵢθⁱ + c₁θ̇ + M_F sign θ̇ + Iθ̈, i ≤ 4, by least squares while the joint
+    moves.
+    """
+    rate = np.gradient(angle, step)
+    moves = np.abs(rate) > MOVES * np.max(np.abs(rate))
+    size = float(np.max(np.abs(angle))) or 1.0
+    powers = np.vander(angle / size, 5)
+    columns = np.column_stack([powers, rate, np.sign(rate), np.gradient(rate, step)])
+    return float(scaled_least_squares(columns[moves], moment[moves], rcond=1e-8)[4])
+
+
+def unknown_means(fusions: Mapping[str, Fusion | None], q: Quantities) -> Iterator[str]:
+    """Yield what the sensors of the motion of some runs leave open at zero frequency, in words."""
+    angle, moment = q.angle.lower(), q.moment.lower()
+    for drifts, cause in ((False, "an accelerometer does not see it"), (True, f"the {angle} sensor drifts")):
+        runs = {
+            name: abs(fusion.constant)
+            for name, fusion in fusions.items()
+            if fusion is not None and not fusion.mean_known and (fusion.angle is not None) == drifts
+        }
+        if runs:
+            yield (
+                f"the mean {angle} is not known in {list_some(list(runs))} ({cause}): preload and any constant "
+                f"{moment} are undetermined, the constant part (up to {max(runs.values()):.3g} {q.moment_unit}) was "
+                f"taken off the {moment}, and the stiffness coefficients hold about the mean position of the runs (at "
+                "a mean of θ0 from the unloaded position k1 + 2·k2·θ0 + 3·k3·θ0² and k2 + 3·k3·θ0)"
+            )

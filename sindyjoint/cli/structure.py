@@ -1,0 +1,73 @@
+"""Joints inside a structure: what ``sindyjoint discover`` and ``sindyjoint simulate`` do with a rig."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sindyjoint.cli.answer import answer
+from sindyjoint.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from sindyjoint.workflows.discover_rig import RigDiscovery
+
+# Of the options of a search those that belong to the channels of a joint's own test.
+OF_CHANNELS = ("states", "bandwidth", "align")
+
+
+def is_rig(path: Path) -> bool:
+    """Return whether a path is a rig, and no campaign."""
+    from sindyjoint.mechanics.rig_test_file import is_rig_test
+
+    return is_rig_test(path)
+
+
+def discover_structure(
+    rig: Path,
+    out: Path | None,
+    as_json: bool,
+    progress: Progress,
+    seed: int | None,
+    force: bool,
+    options: Mapping[str, Any],
+) -> bool:
+    """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
+
+    def find(progress: Progress) -> RigDiscovery:
+        from sindyjoint.workflows.discover_rig import discover_rig
+
+        chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
+        return discover_rig(rig, progress=progress.say, **chosen)
+
+    result = answer(find, out, as_json, progress, seed, [rig], force=force)
+    if out is not None:
+        from sindyjoint.reporting.output import write_results
+        from sindyjoint.reporting.results.structure_joints import place_of_law
+
+        for law in result.laws:
+            if law.discovery is not None:
+                command = ["sindyjoint", *sys.argv[1:]]
+                write_results(law.discovery, out / place_of_law(law), command, seed, force=force)
+    return result.found
+
+
+def simulate_structure(
+    rig: Path, out: Path, format: str, seed: int, force: bool, progress: Progress
+) -> tuple[Path, dict[str, Any]]:
+    """Make and write a virtual test of a rig; return its manifest and what was written."""
+    from sindyjoint.mechanics.rig_test_file import load_rig_plan, write_rig_test
+    from sindyjoint.mechanics.virtual_rig import virtual_rig_test
+
+    with progress:
+        plan = load_rig_plan(rig)
+        progress.say(f"simulating {len(plan.drives)} runs")
+        test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed)
+        progress.say("writing the files")
+        manifest = write_rig_test(rig, test, out, format, force)
+    runs = [
+        {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.drive.size}
+        for run in test.runs
+    ]
+    return manifest, {"schema": 1, "manifest": str(manifest), "joint": test.name, "runs": runs}

@@ -1,0 +1,221 @@
+"""A test of an assembled structure: what drove it, what its sensors measured, and which of its joints are sought."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.beam import Beam
+from sindyjoint.mechanics.structure import Item, Structure, assemble
+from sindyjoint.record import MINIMUM_SAMPLES, Motion, Use
+
+Array = NDArray[np.float64]
+Quantity = Literal["acceleration", "velocity", "displacement"]
+
+#: How often each quantity is differentiated from a displacement.
+ORDER: dict[str, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
+#: What of a part each uncertain number is.
+OF_BEAM = {"stiffness": ("bending_stiffness",), "mass": ("mass_per_length",), "loss": ("loss_factor",)}
+OF_MASS = {"mass": ("mass", "inertia")}
+#: The drive of a structure whose base is shaken, in the place of a point.
+BASE = "base"
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor on a structure.
+
+    Parameters
+    ----------
+    name : str
+    point : str
+        Where it sits.
+    quantity : {"acceleration", "velocity", "displacement"}
+    noise : float or None
+        Standard deviation of single samples, SI, where it was declared.
+    """
+
+    name: str
+    point: str
+    quantity: Quantity = "acceleration"
+    noise: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RigRun:
+    """One run of a structure; every signal in SI at the same instants.
+
+    Parameters
+    ----------
+    name : str
+    drive : ndarray, shape (n,)
+        Force, N, or acceleration of the base, m/s².
+    responses : ndarray, shape (sensors, n)
+    sample_rate : float
+        Hz.
+    frequency : float or None
+        At which the drive repeats, Hz; None for a run that does not.
+    level : str or None
+    use : {"identify", "validate"}
+
+    Raises
+    ------
+    InputError
+        For signals of different length, too few samples, or values that are not finite.
+    """
+
+    name: str
+    drive: Array
+    responses: Array
+    sample_rate: float
+    frequency: float | None = None
+    level: str | None = None
+    use: Use = "identify"
+
+    def __post_init__(self) -> None:
+        n = self.drive.size
+        if self.responses.ndim != 2 or self.responses.shape[1] != n or n < MINIMUM_SAMPLES:
+            raise InputError(
+                f"run {self.name!r}: responses of shape {self.responses.shape} beside a drive of {n} samples; expected "
+                f"one row per sensor, as many samples, and at least {MINIMUM_SAMPLES}"
+            )
+        if not (np.all(np.isfinite(self.drive)) and np.all(np.isfinite(self.responses))):
+            raise InputError(
+                f"run {self.name!r}: a signal holds values that are not finite numbers; repair the file"
+            )
+
+    @property
+    def signals(self) -> Array:
+        """Drive and responses, shape (1 + sensors, n)."""
+        return np.vstack([self.drive, self.responses])
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainNumber:
+    """A number of a structure that is known to some accuracy.
+
+    Parameters
+    ----------
+    name : str
+    uncertainty : float
+        Relative standard uncertainty.
+    mass, stiffness, loss : ndarray, shape (n, n)
+        What it contributes to each matrix: a change of ε of the number adds ε times these.
+    """
+
+    name: str
+    uncertainty: float
+    mass: Array
+    stiffness: Array
+    loss: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RigTest:
+    """A structure with unknown joints, its sensors and its runs.
+
+    Parameters
+    ----------
+    name : str
+    structure : Structure
+    kinds : tuple of str
+        Of every joint the kind it is of: joints of one kind share a law.
+    at : str
+        Point where the force acts, or ``"base"``.
+    drive_noise : float or None
+        Standard deviation of single samples of the drive, SI, where it was declared.
+    sensors : tuple of Sensor
+    runs : tuple of RigRun
+    simulated : bool
+    motion : {"rotation", "translation"}
+        Of the joints.
+    uncertain : tuple of UncertainNumber
+        Numbers of the structure with a stated uncertainty.
+    """
+
+    name: str
+    structure: Structure
+    kinds: tuple[str, ...]
+    at: str
+    sensors: tuple[Sensor, ...]
+    runs: tuple[RigRun, ...]
+    drive_noise: float | None = None
+    simulated: bool = False
+    motion: Motion = "rotation"
+    uncertain: tuple[UncertainNumber, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [sensor.name for sensor in self.sensors]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice or not names:
+            raise InputError(
+                f"sensor name(s) {', '.join(twice) or '(none)'}; expected sensors of different names"
+            )
+        if len(self.kinds) != self.structure.n_joints or not self.kinds:
+            raise InputError(f"{len(self.kinds)} joint(s); expected a structure with at least one joint")
+        for run in self.runs:
+            if len(run.responses) != len(self.sensors):
+                raise InputError(
+                    f"run {run.name!r}: {len(run.responses)} response(s) for {len(self.sensors)} sensor(s)"
+                )
+        sensor_rows(self.structure, self.sensors)
+        load_row(self.structure, self.at)
+
+    @property
+    def identification_runs(self) -> tuple[RigRun, ...]:
+        """Runs that may be used for fitting."""
+        return tuple(run for run in self.runs if run.use == "identify")
+
+
+def sensor_rows(structure: Structure, sensors: Sequence[Sensor]) -> Array:
+    """Return how the deflection at every sensor follows from the coordinates, shape (sensors, n)."""
+    return np.stack([structure.point(sensor.point) for sensor in sensors])
+
+
+def load_row(structure: Structure, at: str) -> Array:
+    """Return the load of a unit drive on the coordinates, shape (n,): at a point, or −M·r of a base that is shaken.
+
+    In coordinates that move with the base its acceleration a is the load −M·r·a (Clough and Penzien, Dynamics of
+    Structures, 1993, section 2-3); r is the rigid motion with the base.
+    """
+    if at != BASE:
+        return structure.point(at)
+    if structure.base is None:
+        raise InputError("the base is shaken, and the structure does not say what its base carries")
+    return -structure.mass @ structure.base
+
+
+def uncertain_numbers(
+    items: Sequence[Item], clamp_stiffness: float, stated: Mapping[str, Mapping[str, float]]
+) -> tuple[UncertainNumber, ...]:
+    """Return the uncertain numbers of a chain.
+
+    Parameters
+    ----------
+    items, clamp_stiffness
+        As :func:`~sindyjoint.mechanics.structure.assemble` takes them.
+    stated : mapping of str to mapping of str to float
+        By the names of parts the relative standard uncertainty of their ``"stiffness"``, ``"mass"`` or ``"loss"``.
+    """
+    whole = assemble(items, clamp_stiffness)
+    found = []
+    for index, item in enumerate(items):
+        for what, uncertainty in stated.get(item.name, {}).items():
+            names = OF_BEAM[what] if isinstance(item, Beam) else OF_MASS[what]
+            doubled = replace(item, **{name: 2 * getattr(item, name) for name in names})
+            other = assemble([*items[:index], doubled, *items[index + 1 :]], clamp_stiffness)
+            found.append(
+                UncertainNumber(
+                    f"{what} of {item.name}",
+                    uncertainty,
+                    other.mass - whole.mass,
+                    other.stiffness - whole.stiffness,
+                    other.loss - whole.loss,
+                )  # fmt: skip
+            )
+    return tuple(found)

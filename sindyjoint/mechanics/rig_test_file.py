@@ -1,0 +1,402 @@
+"""``rig.toml`` with sensors and runs: read for discovery, and written by a virtual test."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from sindyjoint.documents import read_toml
+from sindyjoint.errors import InputError, MissingInputError, SindyJointError
+from sindyjoint.files.atomic import output_folder
+from sindyjoint.files.manifest import first_complaint
+from sindyjoint.files.readers import read_table
+from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.writers import ENCODERS, REMARK
+from sindyjoint.mechanics.laws import Law, PaperLaw
+from sindyjoint.mechanics.rig_file import (
+    DriveTable,
+    MatricesTable,
+    RigFile,
+    RunTable,
+    SensorTable,
+    StationTable,
+)
+from sindyjoint.mechanics.rig_limits import solvable_structure
+from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, Sensor, UncertainNumber, uncertain_numbers
+from sindyjoint.mechanics.rigs import RIG_FOLDER, build_item, shipped_rigs
+from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
+from sindyjoint.mechanics.virtual import JOINTS
+from sindyjoint.mechanics.virtual_rig import Drive, Recorder
+
+Array = NDArray[np.float64]
+
+UNITS = {
+    "acceleration": "m/s**2",
+    "velocity": "m/s",
+    "displacement": "m",
+    "force": "N",
+    "base acceleration": "m/s**2",
+}
+#: In the place of a law that is sought; its numbers are never used.
+UNKNOWN = PaperLaw(k1=1.0, name="unknown")
+MOST_FREEDOMS = 2000
+
+
+class RigPlan(NamedTuple):
+    """A rig with its sensors, and what a virtual test shall do with it."""
+
+    test: RigTest
+    drives: tuple[Drive, ...]
+    recorder: Recorder
+
+
+def is_rig_test(path: str | Path) -> bool:
+    """Return whether a file is a rig with sensors and runs, and no campaign."""
+    path = rig_path(path)
+    if not path.is_file() or path.suffix != ".toml":
+        return False
+    try:
+        read = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return "chain" in read or "matrices" in read
+
+
+def rig_path(rig: str | Path) -> Path:
+    """Return the file of a rig: of one that ships with the package, in a folder, or itself."""
+    if str(rig) in shipped_rigs():
+        return RIG_FOLDER / f"{rig}.toml"
+    path = Path(rig)
+    return path / "rig.toml" if (path / "rig.toml").is_file() else path
+
+
+def load_rig_test(rig: str | Path) -> RigTest:
+    """Read a rig with sensors and measured runs.
+
+    Raises
+    ------
+    InputError, UnitError, UnknownNameError, MissingInputError
+        In one line that names file and field.
+    """
+    path, given = _read(rig)
+
+    def build() -> RigTest:
+        test = _build_test(given, path, {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN})
+        files = [table for table in given.run if table.file is not None]
+        if not files:
+            raise InputError("no [[run]] has a file; expected at least one, or a virtual test by simulate")
+        runs = tuple(_read_run(table, given, path, test) for table in files)
+        marked = any(SIMULATED_KEY in (path.parent / str(table.file)).name for table in files)
+        return replace(test, runs=runs, simulated=test.simulated or marked)
+
+    return _with_path(build, path)
+
+
+def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
+    """Read a rig whose joints have laws, with the runs that a virtual test shall make."""
+    path, given = _read(rig)
+
+    def build() -> RigPlan:
+        test = _build_test(given, path, {**JOINTS, **(laws or {})})
+        drives = tuple(
+            _drive_of(table, number, given.drive) for number, table in enumerate(given.run, 1) if table.shape
+        )
+        if not drives:
+            raise InputError(
+                "no [[run]] has a shape; expected shape = 'sine' or 'multisine', amplitude and frequency"
+            )
+        r = given.recorder
+        recorder = Recorder(
+            parse_quantity(r.sample_rate, "Hz", "[recorder] sample_rate"),
+            parse_quantity(r.duration, "s", "[recorder] duration"),
+            parse_quantity(r.settling, "s", "[recorder] settling"),
+            r.noise,
+        )
+        return RigPlan(test, drives, recorder)
+
+    return _with_path(build, path)
+
+
+def _read(rig: str | Path) -> tuple[Path, RigFile]:
+    path = rig_path(rig)
+    if not path.is_file():
+        raise MissingInputError(
+            f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
+        )
+    try:
+        return path, RigFile.model_validate(read_toml(path))
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_complaint(error)}") from error
+
+
+def _with_path(build: Any, path: Path) -> Any:
+    try:
+        return build()
+    except SindyJointError as error:
+        text = str(error)
+        raise type(error)(text if text.startswith(str(path.parent)) else f"{path}: {text}") from error
+
+
+def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
+    places = [(table.point, f"[[sensor]] {number}") for number, table in enumerate(given.sensor, 1)]
+    shaken = given.drive.quantity == "base acceleration"
+    if not shaken:
+        places.append((given.drive.point, "[drive]"))
+    stations = {
+        _point(place): (place.beam, parse_quantity(place.at, "m", f"{where} point.at"))
+        for place, where in places
+        if isinstance(place, StationTable)
+    }
+    if given.matrices is not None:
+        if stations:
+            raise InputError(
+                "a place along a beam is of a [[chain]]; with [matrices] a point is one of its freedoms"
+            )
+        structure, kinds, uncertain = _matrices(given.matrices, path)
+        motion = given.matrices.motion
+    else:
+        structure, kinds, uncertain = _chain(given, path, laws, stations)
+        motion = "rotation"
+    sensors = tuple(_sensor(table, number) for number, table in enumerate(given.sensor, 1))
+    at = BASE if shaken else _point(given.drive.point)
+    noise = _noise(given.drive, "[drive]")
+    return RigTest(given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain)
+
+
+def _chain(
+    given: RigFile, path: Path, laws: Mapping[str, Law], stations: Mapping[str, tuple[str, float]]
+) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...]]:
+    items: tuple[Item, ...] = tuple(
+        build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1)
+    )
+    clamp = given.base.clamp_stiffness
+    stiffness = np.inf if clamp is None else parse_quantity(clamp, "N*m/rad", "[base] clamp_stiffness")
+    solvable_structure(items, stiffness)
+    frequency = given.loss_frequency and parse_quantity(given.loss_frequency, "Hz", "loss_frequency")
+    structure = assemble(items, stiffness, stations, frequency or None)
+    if not frequency:
+        unknown = any(hinge.law is UNKNOWN for hinge in structure.hinges)
+        structure = replace(structure, loss_frequency=float(structure.frequencies(1, locked=unknown)[0]))
+    joints = [part for part in given.chain if part.joint is not None]
+    kinds = tuple(str(p.kind or (p.joint if p.law in ("unknown", "model") else p.law)) for p in joints)
+    stated = {
+        str(part.beam or part.joint or part.mass): {
+            what: value
+            for what in ("stiffness", "mass", "loss")
+            if (value := getattr(part, f"{what}_uncertainty")) > 0
+        }
+        for part in given.chain
+    }
+    for part in given.chain:
+        name = str(part.beam or part.joint or part.mass)
+        wrong = set(stated[name]) - ({"stiffness", "mass", "loss"} if part.beam else {"mass"})
+        if wrong:
+            raise InputError(
+                f"{name!r}: {min(wrong)}_uncertainty is of a beam; expected mass_uncertainty at most"
+            )
+    return structure, kinds, uncertain_numbers(items, stiffness, stated)
+
+
+def _matrices(
+    given: MatricesTable, path: Path
+) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...]]:
+    """Return a structure whose first coordinates are the joints' angles (or elongations), from matrices of freedoms."""
+    n = len(given.freedoms)
+    if n > MOST_FREEDOMS:
+        raise InputError(f"[matrices] {n} freedoms; expected at most {MOST_FREEDOMS}: reduce the model")
+    file = path.parent / given.file
+    columns = read_table(file)[0]
+    matrices = {name: _matrix(columns, name, n, file) for name in ("mass", "stiffness", "damping")}
+    given_mass, given_stiffness, given_damping = matrices["mass"], matrices["stiffness"], matrices["damping"]
+    if given_mass is None or given_stiffness is None:
+        raise InputError(f"{file}: expected arrays mass and stiffness, {n} × {n} as there are freedoms")
+    place = {name: index for index, name in enumerate(given.freedoms)}
+    across, behind = np.zeros((len(given.joint), n)), []
+    for row, joint in zip(across, given.joint, strict=True):
+        unknown = [name for name in joint.between if name not in place]
+        if unknown:
+            raise InputError(f"[[matrices.joint]] {joint.name!r}: {unknown[0]!r} is none of the freedoms")
+        row[place[joint.between[-1]]] = 1.0
+        if len(joint.between) == 2:
+            row[place[joint.between[0]]] = -1.0
+        behind.append(place[joint.between[-1]])
+    others = [index for index in range(n) if index not in behind]
+    forward = np.vstack([across, np.eye(n)[others]])
+    if len(set(behind)) < len(behind) or np.linalg.matrix_rank(forward) < n:
+        raise InputError(
+            "[[matrices.joint]]: two joints end at one freedom; name the freedoms the other way round"
+        )
+    back = np.linalg.inv(forward)
+    mass, stiffness = (back.T @ matrix @ back for matrix in (given_mass, given_stiffness))
+    damping = None if given_damping is None else back.T @ given_damping @ back
+    zero = np.zeros((n, n))
+    base = next((columns.columns([name])[0] for name in ("base", "base[:,0]") if name in columns.names), None)
+    structure = Structure(
+        mass, stiffness, zero, tuple(Hinge(joint.name, UNKNOWN) for joint in given.joint),
+        {name: back[index] for name, index in place.items()}, viscous=damping,
+        base=None if base is None else forward @ base,
+    )  # fmt: skip
+    uncertain = []
+    if given.stiffness_uncertainty:
+        uncertain.append(UncertainNumber("stiffness", given.stiffness_uncertainty, zero, stiffness, zero))
+    if given.mass_uncertainty:
+        uncertain.append(UncertainNumber("mass", given.mass_uncertainty, mass, zero, zero))
+    return structure, tuple(joint.kind or joint.name for joint in given.joint), tuple(uncertain)
+
+
+def _matrix(table: Any, name: str, n: int, file: Path) -> Array | None:
+    """Return a matrix whose columns a reader has named one by one; None where there is none."""
+    for pattern, first in (("{}[:,{}]", 0), ("{}(:,{})", 1)):
+        names = [pattern.format(name, number) for number in range(first, first + n)]
+        if n > 1 and all(each in table.names for each in names):
+            matrix = np.column_stack(table.columns(names))
+            if matrix.shape == (n, n) and np.all(np.isfinite(matrix)):
+                return matrix
+            raise InputError(f"{file}: {name} has shape {matrix.shape}; expected ({n}, {n}), finite numbers")
+    if n == 1 and name in table.names:
+        return np.asarray(table.columns([name])[0]).reshape(1, 1)
+    return None
+
+
+def _point(place: str | StationTable) -> str:
+    return place if isinstance(place, str) else f"{place.beam} at {place.at}"
+
+
+def _sensor(table: SensorTable, number: int) -> Sensor:
+    return Sensor(
+        str(table.column), _point(table.point), table.quantity, _noise(table, f"[[sensor]] {number}")
+    )
+
+
+def _noise(table: SensorTable | DriveTable, where: str) -> float | None:
+    return (
+        None if table.noise is None else parse_quantity(table.noise, UNITS[table.quantity], f"{where} noise")
+    )
+
+
+def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> RigRun:
+    file = path.parent / str(table.file)
+    channels: list[DriveTable | SensorTable] = [given.drive, *given.sensor]
+    factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]
+    seconds = conversion(given.time.unit, "s", f"{file}: time")
+    read, _ = read_table(file)
+    stamps, *signals = read.columns([given.time.column, *(channel.column for channel in channels)])
+    steps = np.diff(stamps * seconds)
+    if not steps.size or not (
+        steps.mean() > 0 and np.all(np.abs(steps - steps.mean()) <= 0.01 * steps.mean())
+    ):
+        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the file")
+    drive, *responses = (signal * factor for signal, factor in zip(signals, factors, strict=True))
+    if table.frequency is None:
+        raise InputError(
+            f"{file}: [[run]] has no frequency; the joints are recovered from drives that repeat: state the frequency "
+            "of a sine, or at which a multisine repeats"
+        )
+    frequency = parse_quantity(table.frequency, "Hz", f"{file}: frequency")
+    return RigRun(
+        table.name or Path(str(table.file)).stem, drive, np.array(responses), 1 / float(steps.mean()), frequency,
+        table.level, table.use,
+    )  # fmt: skip
+
+
+def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:
+    where = f"[[run]] {number}"
+    if table.amplitude is None or table.frequency is None or table.shape is None:
+        raise InputError(f"{where}: a run to simulate wants shape, amplitude and frequency")
+    band = None
+    if table.band is not None:
+        low, high = (parse_quantity(end, "Hz", f"{where} band") for end in table.band)
+        band = (low, high)
+    name = table.name or Path(table.file or f"run-{number:02d}").stem
+    return Drive(
+        name, table.shape, parse_quantity(table.amplitude, UNITS[drive.quantity], f"{where} amplitude"),
+        parse_quantity(table.frequency, "Hz", f"{where} frequency"), band, None, table.level, table.use,
+    )  # fmt: skip
+
+
+#: What a file of a virtual test is called after.
+SIMULATED_KEY = "simulated"
+
+
+def write_rig_test(
+    rig: str | Path, test: RigTest, folder: str | Path, format: str = "csv", force: bool = False
+) -> Path:
+    """Write the runs of a virtual test and a ``rig.toml`` that describes them; the laws of the joints are not in it.
+
+    Parameters
+    ----------
+    rig : str or Path
+        Of which the test was made: the file's other tables stay as they are.
+    test : RigTest
+        With runs.
+    folder : path
+    format : {"csv", "tsv", "npz", "parquet", "h5", "mat"}
+    force : bool
+        Replace files that are no such test.
+    """
+    if format not in ENCODERS:
+        raise InputError(f"format is {format!r}; expected one of {', '.join(ENCODERS)}")
+    path = rig_path(rig)
+    document = tomllib.loads(path.read_text(encoding="utf-8"))
+    given = RigFile.model_validate(document)
+    for part, table in zip(document["chain"], given.chain, strict=True):
+        if table.joint is not None:
+            part |= {"law": "unknown", "kind": table.kind or table.law}
+    document["loss_frequency"] = f"{test.structure.loss_frequency!r} Hz"
+    document["time"] = {"column": "time", "unit": "s"}
+    drive = document.setdefault("drive", {})
+    drive |= {"column": "drive", "unit": UNITS[given.drive.quantity].replace("**", "^")}
+    for table, sensor in zip(document["sensor"], given.sensor, strict=True):
+        table |= {"unit": UNITS[sensor.quantity].replace("**", "^")}
+    for key in ("pulse", "output", "recorder", "measured"):
+        document.pop(key, None)
+    files = {run.name: f"{_file_name(run.name)}-{SIMULATED_KEY}.{format}" for run in test.runs}
+    document["run"] = [
+        {"file": files[run.name], "name": run.name, "frequency": f"{run.frequency!r} Hz", "use": run.use}
+        | ({"level": run.level} if run.level is not None else {})
+        for run in test.runs
+    ]
+    with output_folder(folder, "rig-test", force=force) as stage:
+        for run in test.runs:
+            time = np.arange(run.drive.size) / run.sample_rate
+            columns = {"time": time, "drive": run.drive}
+            columns |= {
+                sensor.name: signal for sensor, signal in zip(test.sensors, run.responses, strict=True)
+            }
+            (stage / files[run.name]).write_bytes(ENCODERS[format](columns, REMARK))
+        (stage / "rig.toml").write_text(_toml(document), encoding="utf-8", newline="\n")
+    return Path(folder) / "rig.toml"
+
+
+def _file_name(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "._-" else "-" for c in name)
+
+
+def _toml(document: Mapping[str, Any]) -> str:
+    """Return a document of plain values, tables and lists of tables as TOML; JSON's strings and lists are TOML's."""
+
+    def value(item: Any) -> str:
+        if isinstance(item, dict):
+            return "{ " + ", ".join(f"{key} = {value(inner)}" for key, inner in item.items()) + " }"
+        return json.dumps(item, ensure_ascii=False)
+
+    lines, tables = [], []
+    for key, item in document.items():
+        entries: Sequence[Any] = (
+            item if isinstance(item, list) and item and isinstance(item[0], dict) else [item]
+        )
+        if isinstance(entries[0], dict):
+            head = f"[[{key}]]" if isinstance(item, list) else f"[{key}]"
+            for entry in entries:
+                tables += ["", head, *(f"{name} = {value(inner)}" for name, inner in entry.items())]
+        else:
+            lines.append(f"{key} = {value(item)}")
+    return "\n".join([*lines, *tables, ""])

@@ -1,0 +1,228 @@
+"""Virtual tests of an assembled structure: its joints' laws are known, and its sensors have noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, Sensor, load_row
+from sindyjoint.mechanics.sensors import Channel
+from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.transient import Response, respond
+from sindyjoint.record import Use
+
+Array = NDArray[np.float64]
+Shape = Literal["sine", "multisine", "sweep", "impact"]
+
+# Samples of the simulation for one of the record, at least; what lies above half its rate a filter takes out, as that
+# of any recorder does.
+OVERSAMPLING = 8
+# Central differences of sixth order: at a third of the record's rate 1e-5 of a rate of change is missing.
+CENTRAL = np.array([3 / 4, -3 / 20, 1 / 60])
+FADE_IN = 1.0  # s
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What drives one run of a virtual test.
+
+    Parameters
+    ----------
+    name : str
+    shape : {"sine", "multisine", "sweep", "impact"}
+    amplitude : float
+        Peak, N, or m/s² of the base.
+    frequency : float or None
+        Of a sine, or at which a multisine repeats, Hz.
+    band : tuple of float or None
+        Lowest and highest frequency of a multisine or a sweep, Hz.
+    width : float or None
+        Of an impact, a half-sine, s.
+    level : str or None
+    use : {"identify", "validate"}
+    """
+
+    name: str
+    shape: Shape
+    amplitude: float
+    frequency: float | None = None
+    band: tuple[float, float] | None = None
+    width: float | None = None
+    level: str | None = None
+    use: Use = "identify"
+
+    def __post_init__(self) -> None:
+        needed = {
+            "sine": ("frequency",), "multisine": ("frequency", "band"), "sweep": ("band",), "impact": ("width",),
+        }  # fmt: skip
+        if self.shape not in needed:
+            raise InputError(
+                f"run {self.name!r}: shape is {self.shape!r}; expected one of {', '.join(needed)}"
+            )
+        missing = [name for name in needed[self.shape] if getattr(self, name) is None]
+        if missing:
+            raise InputError(f"run {self.name!r}: a {self.shape} wants {' and '.join(missing)}")
+
+    @property
+    def period(self) -> float | None:
+        """Frequency at which the drive repeats, Hz; None where it does not."""
+        return self.frequency if self.shape in ("sine", "multisine") else None
+
+    def values(self, time: Array, generator: np.random.Generator) -> Array:
+        """Return the drive at some instants, shape (n,); a multisine has random phases, a sweep fades out again."""
+        if self.shape == "sine":
+            return self.amplitude * np.sin(2 * np.pi * (self.frequency or 0.0) * time)
+        if self.shape == "impact":
+            width = self.width or 0.0
+            inside = (time >= 0) & (time < width)
+            return self.amplitude * np.where(inside, np.sin(np.pi * time / width), 0.0)
+        low, high = self.band or (0.0, 0.0)
+        if self.shape == "sweep":
+            end = float(time[-1])
+            edge = np.clip(np.minimum(time, end - time) / (0.05 * end), 0, 1)
+            phase = 2 * np.pi * (low * time + (high - low) * time**2 / (2 * end))
+            return self.amplitude * np.sin(phase) * edge**2 * (3 - 2 * edge)
+        base = self.frequency or 0.0
+        lines = base * np.arange(np.ceil(low / base - 1e-9), np.floor(high / base + 1e-9) + 1)
+        if not lines.size:
+            raise InputError(
+                f"run {self.name!r}: no multiple of {base:g} Hz lies from {low:g} to {high:g} Hz"
+            )
+        phases = generator.uniform(0, 2 * np.pi, lines.size)
+        one = np.arange(0, 1 / base, 1 / (64 * high))
+        peak = np.abs(np.sin(2 * np.pi * np.outer(one, lines) + phases).sum(axis=1)).max()
+        return (
+            self.amplitude
+            / peak
+            * sum(np.sin(2 * np.pi * line * time + phase) for line, phase in zip(lines, phases, strict=True))
+        )
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """How the runs of a virtual test are recorded.
+
+    Parameters
+    ----------
+    sample_rate : float
+        Hz.
+    duration, settling : float
+        Of a record, and how long the drive has been on when it begins, s. Runs that do not repeat begin at rest.
+    noise : float
+        White noise of every channel as a fraction of its RMS.
+    step : float
+        Largest time step, s.
+    """
+
+    sample_rate: float = 500.0
+    duration: float = 20.0
+    settling: float = 10.0
+    noise: float = 0.01
+    step: float = 2.5e-4
+
+
+def simulate_run(
+    structure: Structure,
+    at: str,
+    sensors: Sequence[Sensor],
+    drive: Drive,
+    recorder: Recorder,
+    generator: np.random.Generator,
+    limits: str | None = "softening",
+) -> tuple[RigRun, Response]:
+    """Simulate a run of a structure as its sensors record it, and return what really happened, too.
+
+    Raises
+    ------
+    InputError, SimulationError
+        As :func:`~sindyjoint.mechanics.transient.respond`.
+    """
+    settling = recorder.settling if drive.period else 0.0
+    fine = recorder.sample_rate * OVERSAMPLING
+    time = np.arange(0, settling + recorder.duration + 2 / fine, 1 / fine)
+    values = drive.values(time, generator)
+    if drive.period:
+        edge = np.clip(time / FADE_IN, 0, 1)
+        values *= edge**2 * (3 - 2 * edge)
+    moved = structure
+    if at == BASE:
+        moved = replace(structure, points={**structure.points, BASE: load_row(structure, at)})
+    points = tuple(dict.fromkeys(sensor.point for sensor in sensors))
+    response = respond(
+        moved, sampled(values, fine), at, duration=settling + recorder.duration, sample_rate=fine, step=recorder.step,
+        points=points, limits=limits,
+    )  # fmt: skip
+    rate = recorder.sample_rate
+    whole = [
+        _sampled(response.force, rate),
+        *(_shown(structure, at, each, response, rate) for each in sensors),
+    ]
+    first = round(settling * recorder.sample_rate)
+    n = round(recorder.duration * recorder.sample_rate)
+    channel = Channel(noise=recorder.noise)
+    drive_signal, *others = (channel.read(s[first : first + n], generator) for s in whole)
+    run = RigRun(
+        drive.name, drive_signal, np.array(others), recorder.sample_rate, drive.period, drive.level, drive.use
+    )
+    return run, response
+
+
+def _shown(structure: Structure, at: str, sensor: Sensor, response: Response, rate: float) -> Array:
+    """Return what a sensor shows without noise; on a shaken base it shows the motion of the base, too.
+
+    Acceleration is the rate of the simulated velocity: that of the simulation's steps rings where a joint sticks.
+    """
+    if sensor.quantity == "acceleration":
+        signal = _sampled(response.velocity[sensor.point], rate, derivative=True)
+    else:
+        signal = _sampled(getattr(response, sensor.quantity)[sensor.point], rate)
+    if at != BASE:
+        return signal
+    if sensor.quantity != "acceleration":
+        raise InputError(f"sensor {sensor.name!r}: on a shaken base a virtual test knows accelerations only")
+    assert structure.base is not None
+    return signal + _sampled(response.force, rate) * float(structure.point(sensor.point) @ structure.base)
+
+
+def _sampled(signal: Array, rate: float, derivative: bool = False) -> Array:
+    """Return a signal, or its rate of change, at the rate of the record, behind a filter without delay."""
+    from scipy.signal import resample_poly
+
+    if derivative:
+        reach, n, fine = CENTRAL.size, signal.size, OVERSAMPLING * rate
+        padded = np.concatenate([np.full(reach, signal[0]), signal, np.full(reach, signal[-1])])
+        signal = sum(
+            c * fine * (padded[reach + k : n + reach + k] - padded[reach - k : n + reach - k])
+            for k, c in enumerate(CENTRAL, 1)
+        )
+    return np.asarray(resample_poly(signal, 1, OVERSAMPLING, padtype="line"))
+
+
+def virtual_rig_test(
+    test: RigTest,
+    drives: Sequence[Drive],
+    recorder: Recorder,
+    random_state: int | np.random.Generator | None = 0,
+) -> RigTest:
+    """Return a test of a structure whose joints' laws are known, with simulated runs.
+
+    Parameters
+    ----------
+    test : RigTest
+        Its structure's joints hold the true laws.
+    drives : sequence of Drive
+    recorder : Recorder
+    random_state : int, Generator or None
+        Source of noise and phases.
+    """
+    generator = np.random.default_rng(random_state)
+    runs = tuple(
+        simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)[0] for drive in drives
+    )
+    return replace(test, runs=runs, simulated=True)

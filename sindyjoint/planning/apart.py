@@ -1,0 +1,45 @@
+"""What telling effects apart comes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+TELL_APART = "tell-apart"
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How surely effects are told apart.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        That are held against each other.
+    before : float
+        Probability that the true one of them has by the runs that were made, or by the plan's other runs; NaN where
+        these show none of them.
+    after : tuple of float
+        The same after each further run that separates them, expected.
+    words : str
+        What that means; where no run that can be made separates them, that.
+    """
+
+    effects: tuple[str, ...]
+    before: float
+    after: tuple[float, ...]
+    words: str
+
+    enough: ClassVar[float] = 0.9  # at which effects are told apart
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``plan --json`` prints of it."""
+        before = self.before if np.isfinite(self.before) else None
+        return {
+            "effects": list(self.effects),
+            "before": before,
+            "after": list(self.after),
+            "words": self.words,
+        }

@@ -1,0 +1,230 @@
+"""The making of a plan: which runs could be made, what each would tell, which are chosen, and what they buy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.actuator import SINE
+from sindyjoint.planning.information import (
+    Information,
+    Sensors,
+    chosen_terms,
+    run_information,
+    stacked,
+)
+from sindyjoint.planning.known import Known
+from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
+from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, motion
+from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
+from sindyjoint.response.model_law import model_law
+from sindyjoint.text import percent, spelled
+
+Array = NDArray[np.float64]
+Say = Callable[[str], None]
+
+WORDS = {
+    WIDTHS: "widest relative half-width",
+    FREQUENCY: "widest relative change over the band",
+    PAPER: "requirement of the weakest term",
+}
+# Joints on which the chosen runs, and the grid, are predicted.
+PREDICTED = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Making:
+    """The making of a plan."""
+
+    known: Known
+    actuator: Actuator
+    sensors: Sensors
+    matter: tuple[int, ...]
+    goals: Goals
+    until: float | None
+    random_state: int
+    say: Say
+    waveforms: tuple[str, ...] = (SINE,)
+
+    @property
+    def _goal(self) -> str:
+        return self.goals[0][0]
+
+    def plan(self, unit: str, duration: float, count: int) -> Plan:
+        """Return the plan of ``count`` runs."""
+        joint = self.known.joint
+        drawn = joint.draws(POLICY.joints, self.random_state)
+        laws = [model_law(one) for one in (*joint.corners(), *drawn)]
+        middle = model_law(joint.model)
+        offered, grid = candidates(
+            laws, middle, self.actuator, duration, unit, waveforms=self.waveforms, say=self.say
+        )
+        choice = self._choice(offered, drawn)
+        self.say("choosing runs")
+        now = self._now(choice)
+        chosen = [] if now is not None and now.reached else best_runs(choice, count, self.until)
+        runs = tuple(offered[i] for i in chosen)
+        # The grid lasts as long, whatever number of runs the plan has.
+        grid = tuple(replace(run, duration=duration * len(chosen) / len(grid)) for run in grid)
+        missing = [choice.missing(chosen[:k]) for k in range(1, len(chosen) + 1)]
+        return self._predicted(runs, grid, missing, now)
+
+    def _choice(self, offered: Sequence[PlannedRun], drawn: Sequence[JointModel]) -> Choice:
+        information = self._information(offered, drawn, "what each run would tell")
+        return Choice(
+            tuple(offered), information, np.array([one.coefficients for one in drawn]), self.matter, self.goals,
+            self.known.expanded(len(drawn)), self._levels_made(offered),
+        )  # fmt: skip
+
+    def _levels_made(self, offered: Sequence[PlannedRun]) -> tuple[tuple[float, str], ...]:
+        """Return frequency and level of each run that was made: which of the offered levels moves the joint so far."""
+        law, made = model_law(self.known.joint.model), []
+        for frequency, swing in self.known.runs:
+            near = min((run.frequency for run in offered), key=lambda f: abs(f - frequency))
+            top = max((run for run in offered if run.frequency == near), key=lambda run: run.level)
+            share = swing / (np.ptp(motion(law, top.drive, near, top.level, waveform=top.waveform).angle) / 2)
+            made.append((frequency, str(int(np.argmin(np.abs(np.array(POLICY.levels) - share))))))
+        return tuple(made)
+
+    def _information(
+        self, runs: Sequence[PlannedRun], joints: Sequence[JointModel], stage: str
+    ) -> Information:
+        parts: dict[PlannedRun, Information] = {}
+        for run in runs:
+            if run not in parts:
+                self.say(f"{stage}: {len(parts) + 1} of {len(set(runs))}")
+                parts[run] = stacked([run_information(run, one, self.sensors) for one in joints])
+        return stacked([parts[run] for run in runs])
+
+    def _now(self, choice: Choice) -> Now | None:
+        """Return how far the runs that were made have come, and whether that is enough."""
+        known = self.known
+        if choice.known is None:
+            return None
+        widest = float(choice.widest([]).max())
+        if self._goal == WIDTHS:
+            half = known.half_widths()
+            widest = float(max(half[i] / abs(known.joint.model.coefficients[i]) for i in self.matter))
+        complete, missing = 1.0 - choice.left_out([]), choice.missing([])
+        enough = self.until is not None and widest <= self.until
+        reached = bool(enough and not missing and complete >= POLICY.complete)
+        return Now(len(known.runs), known.seconds, widest, complete, missing, reached)
+
+    def _predicted(
+        self,
+        runs: tuple[PlannedRun, ...],
+        grid: tuple[PlannedRun, ...],
+        missing: Sequence[int],
+        now: Now | None,
+    ) -> Plan:
+        """Return the plan of these runs, ended where they are enough, with what they and the grid would tell."""
+        joint, known = self.known.joint, self.known.expanded(PREDICTED)
+        joints = joint.draws(PREDICTED, self.random_state + 1)
+        coefficients = np.array([one.coefficients for one in joints])
+        told = known
+        if runs:
+            told = self._information(runs, joints, "what the plan tells").with_runs(known)
+        assert told is not None  # without runs there is a campaign
+        grid, grid_told = self._of_grid(grid, joints, known)
+        curve = self._curve((runs, told), (grid, grid_told), coefficients)
+        enough = len(runs)
+        if self.until is not None:
+            # Not before there are runs enough at different frequencies and levels.
+            reached = (
+                step.runs
+                for step, lack in zip(curve, missing, strict=True)
+                if not lack and step.highest <= self.until
+            )
+            enough = next(reached, len(runs))
+        if enough < len(runs):
+            told = told.take(range(len(self.known.runs) + enough))
+            shorter = tuple(replace(run, duration=run.duration * enough / len(runs)) for run in grid)
+            grid, grid_told = self._of_grid(shorter, joints, known)
+        found = predictions(joint.model, told, coefficients)
+        return Plan(
+            joint.model, tuple(joint.low), tuple(joint.high), self.actuator, self.sensors, self.goals,
+            tuple(joint.model.ids[i] for i in self.matter), runs[:enough], found,
+            () if grid_told is None else predictions(joint.model, grid_told, coefficients), grid, curve, self.until,
+            self._advice(curve, enough, now),
+            (*self.known.notes, *_warnings(found, bool(grid) or now is not None, joint.model.joint.motion)), now,
+        )  # fmt: skip
+
+    def _of_grid(
+        self, grid: tuple[PlannedRun, ...], joints: Sequence[JointModel], known: Information | None
+    ) -> tuple[tuple[PlannedRun, ...], Information | None]:
+        """Return the grid and what it would tell; nothing of a grid whose runs are too short."""
+        if not grid:
+            return (), None
+        try:
+            return grid, self._information(grid, joints, "the grid of the same duration").with_runs(known)
+        except InputError:
+            return (), None
+
+    def _curve(
+        self,
+        plan: tuple[tuple[PlannedRun, ...], Information],
+        grid: tuple[tuple[PlannedRun, ...], Information | None],
+        coefficients: Array,
+    ) -> tuple[Step, ...]:
+        """Return what is known after each run."""
+        made = [frequency for frequency, _ in self.known.runs]
+
+        def widest(
+            planned: tuple[PlannedRun, ...], told: Information | None, count: int
+        ) -> tuple[float, float]:
+            if told is None or count > len(planned):
+                return inf, inf
+            at = [*made, *(run.frequency for run in planned[:count])]
+            part = told.take(range(len(at)))
+            noise = np.random.default_rng(0)
+            values = made_small(self._goal, part, coefficients, self.matter, at, noise, DRAWS)
+            median, highest = np.quantile(values, (0.5, 0.95), method="nearest")
+            return float(median), float(highest)
+
+        steps = []
+        for k in range(1, len(plan[0]) + 1):
+            taken = chosen_terms(plan[1].take(range(len(made) + k)), coefficients)[:, list(self.matter)]
+            complete = float(taken.all(axis=1).mean())
+            steps.append(Step(k, k * plan[0][0].duration, *widest(*plan, k), complete, widest(*grid, k)[0]))
+        return tuple(steps)
+
+    def _advice(self, curve: Sequence[Step], enough: int, now: Now | None) -> str:
+        """Return when to stop, in words."""
+        if self.until is None:
+            return "all of the time is used: it was not said what is enough"
+        what = WORDS[self._goal]
+        goal = percent(self.until)
+        text = "" if now is None else f"the {what} is {_shown(now.widest)}; "
+        if now is not None and now.reached:
+            return f"stop: {text[:-2]}, and {goal} is enough"
+        if now is not None and now.widest <= self.until:
+            lack = "frequencies or levels are too few" if now.missing else "a discovery may leave a term out"
+            text += f"{goal} is enough, but {lack}; "
+        runs = counted_runs(enough, now is not None)
+        if curve[enough - 1].highest <= self.until:
+            return f"{text}after {runs} 95 of 100 tests reach a {what} of {goal}"
+        last = percent(curve[-1].highest)
+        return f"{text}not within this time: after {runs} 95 of 100 tests reach {last}, not {goal}"
+
+
+def _shown(share: float) -> str:
+    return percent(share) if np.isfinite(share) else "not known yet"
+
+
+def _warnings(found: Sequence[Prediction], compared: bool, motion: str) -> tuple[str, ...]:
+    warnings = [
+        f"a discovery would leave {spelled(each.id, motion)} out of {percent(1 - each.chosen)} of the joints of the "
+        "range: it carries too little of the moment there"
+        for each in found
+        if each.chosen <= 0.975
+    ]
+    if not compared:
+        warnings.append("the time is too short for a grid of three frequencies and three levels")
+    return tuple(warnings)

@@ -1,0 +1,156 @@
+"""Following a curve of solutions by its arc length."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import SimulationError
+
+Array = NDArray[np.float64]
+System = Callable[[Array], tuple[Array, Array]]
+
+# Relative step of derivatives by a frequency.
+STEP = 1e-6
+# A frequency that changes by this share counts, along a curve, as much as a motion that doubles.
+FREQUENCY_SHARE = 0.1
+TOLERANCE = 1e-7
+ITERATIONS = 12
+EASY = 4  # Newton steps up to which the next step along the curve is longer
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A point of the curve: unknowns with the parameter last, Jacobian, unit tangent of the scaled unknowns."""
+
+    unknowns: Array
+    jacobian: Array
+    tangent: Array
+    scale: Array
+
+    def shifted(self, change: Array, normal: Array | None = None) -> Array:
+        """Return how the solution moves where the residual changes, in the hyperplane across the curve.
+
+        Parameters
+        ----------
+        change : ndarray, shape (n, k)
+            Derivatives of the residual by k numbers.
+        normal : ndarray, shape (n + 1,), optional
+            Of another hyperplane, of the unscaled unknowns.
+
+        Returns
+        -------
+        ndarray, shape (n + 1, k)
+        """
+        row = self.tangent / self.scale if normal is None else normal
+        bordered = np.vstack([self.jacobian * self.scale, row * self.scale])
+        right = np.vstack([-change, np.zeros((1, change.shape[1]))])
+        moved: Array = self.scale[:, None] * np.linalg.solve(bordered, right)
+        return moved
+
+
+def solve(
+    system: System, start: Array, scale: Array, normal: Array, most: int = ITERATIONS
+) -> tuple[Array, Array, int] | None:
+    """Solve a system in the hyperplane through the start by Newton's method; None where that does not converge.
+
+    Parameters
+    ----------
+    system : callable
+        Unknowns, shape (n + 1,) → residual, shape (n,), and Jacobian, shape (n, n + 1).
+    start : ndarray, shape (n + 1,)
+    scale : ndarray, shape (n + 1,)
+        Size of each unknown.
+    normal : ndarray, shape (n + 1,)
+        Of the scaled unknowns.
+    most : int
+        Newton steps.
+    """
+    y = start.copy()
+    for count in range(1, most + 1):
+        residual, jacobian = system(y)
+        bordered = np.vstack([jacobian * scale, normal])
+        try:
+            step = np.linalg.solve(bordered, -np.append(residual, normal @ ((y - start) / scale)))
+        except np.linalg.LinAlgError:
+            return None
+        if not np.isfinite(step).all():
+            return None
+        # A long step is cut: sticking and slipping may change more than once on its way.
+        size = float(np.linalg.norm(step))
+        y = y + scale * step * min(1.0, 2.0 / size if size else 1.0)
+        if size <= TOLERANCE:
+            return y, jacobian, count
+    return None
+
+
+def follow(
+    system: System,
+    starts: Iterable[Array],
+    scale: Callable[[Array], Array],
+    *,
+    step: float = 0.02,
+    longest: float = 0.15,
+    shortest: float = 1e-5,
+    most: int = 1000,
+) -> Iterator[Solution]:
+    """Yield the curve through a start, towards a rising parameter, at steps that the difficulty chooses.
+
+    Pseudo-arc-length continuation (Keller, Applications of Bifurcation Theory, 1977).
+
+    Parameters
+    ----------
+    system : callable
+        See :func:`solve`.
+    starts : iterable of ndarray, shape (n + 1,)
+        Guesses of the first point, the best first; all have its parameter.
+    scale : callable
+        Unknowns → size of each.
+    step, longest, shortest : float
+        Along the curve of the scaled unknowns.
+    most : int
+        Points.
+
+    Raises
+    ------
+    SimulationError
+        Where no solution is found.
+    """
+    found, sizes = None, np.zeros(0)
+    for start in starts:
+        sizes = np.maximum(sizes, scale(start)) if sizes.size else scale(start)
+        normal = np.zeros(sizes.size)
+        normal[-1] = 1.0
+        found = solve(system, start, sizes, normal, 3 * ITERATIONS)
+        if found is not None:
+            break
+    if found is None:
+        raise SimulationError("harmonic balance finds no solution at the beginning of the curve", time=0.0)
+    y, jacobian, _ = found
+    sizes = scale(y)
+    tangent = _tangent(jacobian * sizes, normal)
+    for _ in range(most):
+        yield Solution(y, jacobian, tangent, sizes)
+        while True:
+            found = solve(system, y + step * sizes * tangent, sizes, tangent)
+            if found is not None:
+                break
+            step /= 2
+            if step < shortest:
+                raise SimulationError("harmonic balance finds no way on along the curve", time=0.0)
+        y, jacobian, count = found
+        step = float(np.clip(step * (1.4 if count <= EASY else 0.7 if count > 7 else 1.0), shortest, longest))
+        before, sizes = tangent * sizes, scale(y)
+        tangent = _tangent(jacobian * sizes, before / sizes)
+
+
+def _tangent(jacobian: Array, before: Array) -> Array:
+    """Return the unit null vector of the scaled Jacobian on the side of the one before."""
+    bordered = np.vstack([jacobian, before / np.linalg.norm(before)])
+    right = np.zeros(before.size)
+    right[-1] = 1.0
+    found = np.linalg.solve(bordered, right)
+    return np.asarray(found / np.linalg.norm(found))

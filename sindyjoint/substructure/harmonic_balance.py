@@ -1,0 +1,256 @@
+"""Harmonic balance of a structure with joints, with exact sticking.
+
+The linear rest is condensed onto the joints and the driven point, harmonic by harmonic: what remains unknown are the
+Fourier coefficients of the joints' angles and the first harmonic of the point's deflection. Coulomb friction is
+set-valued; its coefficients Λ are what the balance of the joint leaves for it, and they must be the projection of
+λ(τ) + ε·dθ/dτ onto the friction interval [−F, F]: the dynamic Lagrangian frequency–time method (Nacivet, Pierre,
+Thouverez & Jézéquel, J. Sound and Vibration 265, 2003) with the projection written as one equation, solved by Newton's
+method. No regularisation: where a joint sticks its rate is zero up to the harmonics that are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.structure import Structure, craig_bampton
+from sindyjoint.substructure.harmonics import analysis, differentiation, real_blocks, synthesis
+from sindyjoint.substructure.period import PeriodMoment, period_moment
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+SAMPLES_PER_HARMONIC = 16
+# ε as a multiple of the stiffness of a joint and of what it carries: from 3 on Newton's method finds its way along the
+# modes of the four-panel wing in few steps; from 100 on the harmonics that are left out count for more.
+HOLD = 3.0
+# A joint that never slips could stand anywhere in its friction interval; this small share of its angle in what is
+# projected lets it stand at zero, and turns the phase at which others reverse by as much, rad.
+CENTRING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """The balance of all harmonics; unknowns are (2H + 1) coefficients of each joint's angle, then cos and sin of w.
+
+    Parameters
+    ----------
+    mass, loss, stiffness : ndarray, shape (n, n)
+        Reduced: joint angles first, then the deflection of the driven point; loss is stiffness times loss factor.
+    laws : tuple of Law
+    output : ndarray, shape (n,)
+        Row of the point whose deflection is reported.
+    harmonics : int
+    tangents : ndarray, shape (joints,)
+        Stiffness of each joint at zero, N·m/rad.
+    hold : ndarray, shape (joints,)
+        ε of the projection, N·m/rad; the solution does not depend on it as harmonics are added.
+    viscous_from : float
+        Zero: the beams' loss factors hold at the frequency of the motion, whatever it is, and its harmonics are damped
+        as by a damper that gives them there. Else ω of such a damper, rad/s.
+    """
+
+    mass: Array
+    loss: Array
+    stiffness: Array
+    laws: tuple[Any, ...]
+    output: Array
+    harmonics: int
+    tangents: Array
+    hold: Array
+    viscous_from: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        structure: Structure,
+        at: str,
+        point: str | None = None,
+        *,
+        modes: int = 12,
+        harmonics: int = 21,
+        mode: int = 1,
+        viscous: bool = False,
+    ) -> Balance:
+        """Return the balance of a structure driven at a point.
+
+        Parameters
+        ----------
+        structure : Structure
+        at, point : str
+            Where the force acts, and where the deflection is reported. Default of the second: the first.
+        modes : int
+            Fixed-interface modes that are kept.
+        harmonics : int
+        mode : int
+            Near whose frequency the motion is, from 1.
+        viscous : bool
+            Whether the beams are damped as in a simulation: by a damper that has their loss factors at the first mode.
+
+        Raises
+        ------
+        InputError
+            For a structure without joints.
+        """
+        if not structure.n_joints:
+            raise InputError(
+                "the structure has no joint: its response is linear; expected at least one joint"
+            )
+        reduced = craig_bampton(structure, [at, point or at], modes)
+        first = 2 * np.pi * structure.frequencies(1)[0]
+        joints = np.arange(structure.n_joints)
+        tangents = structure.tangent_stiffness()
+        near = 2 * np.pi * structure.frequencies(mode)[-1]
+        hold = HOLD * (np.abs(tangents) + near**2 * reduced.mass[joints, joints])
+        laws = tuple(hinge.law for hinge in structure.hinges)
+        return cls(
+            reduced.mass, reduced.loss, reduced.stiffness, laws, reduced.point(point or at), harmonics, tangents,
+            hold, first if viscous else 0.0,
+        )  # fmt: skip
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.laws) * (2 * self.harmonics + 1) + 2
+
+    def with_laws(self, laws: Sequence[Any]) -> Balance:
+        """Return the same structure with other laws."""
+        return replace(self, laws=tuple(laws))
+
+    @cached_property
+    def _matrices(self) -> tuple[Array, Array, Array]:
+        samples = SAMPLES_PER_HARMONIC * (self.harmonics + 1)
+        return (
+            synthesis(self.harmonics, samples), analysis(self.harmonics, samples), differentiation(self.harmonics)
+        )  # fmt: skip
+
+    def angles(self, unknowns: Array) -> Array:
+        """Return the joints' angles over one period, rad, shape (joints, samples)."""
+        return unknowns[:-2].reshape(len(self.laws), -1) @ self._matrices[0].T
+
+    def peak_angles(self, unknowns: Array) -> Array:
+        """Return half of the peak-to-peak angle of each joint, rad, shape (joints,)."""
+        return np.asarray(np.ptp(self.angles(unknowns), axis=1) / 2)
+
+    def _dynamic(self, omega: float, growth: float, orders: NDArray[Any]) -> Complex:
+        """Return D_h = K − (hΩ)²·M + i·h·(η·K − Ω·ξ·M), η·K being the loss, shape (orders, n, n)."""
+        h = orders[:, None, None]
+        share = omega / self.viscous_from if self.viscous_from else 1.0
+        damping = share * self.loss - omega * growth * self.mass
+        return self.stiffness - (h * omega) ** 2 * self.mass + 1j * h * damping
+
+    def linear(self, omega: float, growth: float = 0.0) -> Array:
+        """Return the linear rest condensed onto the unknowns, shape (size, size).
+
+        Parameters
+        ----------
+        omega : float
+            rad/s.
+        growth : float
+            ξ, 1/s: negative damping proportional to mass, of a free vibration held at its amplitude.
+        """
+        joints, width = len(self.laws), 2 * self.harmonics + 1
+        orders = np.arange(self.harmonics + 1)
+        dynamic = self._dynamic(omega, growth, orders)
+        matrix = np.zeros((self.size, self.size))
+        held = slice(0, joints), slice(joints, None)
+        condensed = _condensed(dynamic, *held)
+        rows = np.arange(joints) * width
+        matrix[np.ix_(rows, rows)] = condensed[0].real
+        for order in orders[2:]:
+            pairs = np.ravel(rows[:, None] + [2 * order - 1, 2 * order])
+            matrix[np.ix_(pairs, pairs)] = real_blocks(condensed[order])
+        # The first harmonic, in which the force acts, keeps the point.
+        first = _condensed(dynamic[1:2], slice(0, joints + 1), slice(joints + 1, None))[0]
+        matrix[np.ix_(self.first, self.first)] = real_blocks(first)
+        return matrix
+
+    @cached_property
+    def first(self) -> NDArray[np.intp]:
+        """Places of the first harmonic of joints and point among the unknowns, cos and sin side by side."""
+        rows = np.arange(len(self.laws)) * (2 * self.harmonics + 1)
+        return np.append(np.ravel(rows[:, None] + [1, 2]), [self.size - 2, self.size - 1])
+
+    def first_harmonic(self, unknowns: Array, omega: float, growth: float = 0.0) -> Complex:
+        """Return the complex amplitudes of all freedoms in the first harmonic, shape (n,)."""
+        kept = len(self.laws) + 1
+        held = unknowns[self.first[::2]] - 1j * unknowns[self.first[1::2]]
+        dynamic = self._dynamic(omega, growth, np.ones(1))[0]
+        inner = -np.linalg.solve(dynamic[kept:, kept:], dynamic[kept:, :kept] @ held)
+        return np.concatenate([held, inner])
+
+    def deflection(self, unknowns: Array, omega: float) -> complex:
+        """Return the complex amplitude of the reported point's first harmonic, m."""
+        return complex(self.output @ self.first_harmonic(unknowns, omega))
+
+    def moments(self, unknowns: Array, omega: float, slopes: bool = True) -> list[PeriodMoment]:
+        """Return what each joint transfers over a period; without slopes its derivatives are zero."""
+        to_time, _, derive = self._matrices
+        to_rate = omega * to_time @ derive
+        width = 2 * self.harmonics + 1
+        return [
+            period_moment(
+                law, (to_time @ own, to_rate @ own), (to_time, to_rate) if slopes else None, 2 * np.pi / omega
+            )
+            for law, own in zip(self.laws, unknowns[:-2].reshape(-1, width), strict=True)
+        ]
+
+    def residual(
+        self, unknowns: Array, omega: float, force: float = 0.0, growth: float = 0.0, slopes: bool = True
+    ) -> tuple[Array, Array]:
+        """Return what is out of balance, and its derivatives by the unknowns.
+
+        Parameters
+        ----------
+        unknowns : ndarray, shape (size,)
+        omega : float
+            Ω, rad/s.
+        force : float
+            F of the force F·cos Ωt at the point, N.
+        growth : float
+            ξ, 1/s.
+        slopes : bool
+            Whether the derivatives are asked for.
+
+        Returns
+        -------
+        ndarray, shape (size,); ndarray, shape (size, size)
+            N·m, and N in the last two.
+        """
+        to_time, to_coefficients, derive = self._matrices
+        width = 2 * self.harmonics + 1
+        jacobian = self.linear(omega, growth)
+        out = jacobian @ unknowns
+        out[-2] -= force
+        shift = to_time @ (derive + CENTRING * np.eye(width))
+        for j, moment in enumerate(self.moments(unknowns, omega, slopes)):
+            own = slice(j * width, (j + 1) * width)
+            out[own] += to_coefficients @ moment.middle
+            jacobian[own, own] += to_coefficients @ moment.d_middle if slopes else 0.0
+            if moment.friction.min() < 0:
+                raise InputError(
+                    "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
+                )
+            # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
+            moved = to_time @ -out[own] + self.hold[j] * (shift @ unknowns[own])
+            sticks = np.abs(moved) < moment.friction
+            out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
+            if not slopes:
+                continue
+            weighted = to_coefficients * sticks
+            jacobian[own] -= weighted @ to_time @ jacobian[own]
+            slides = to_coefficients * (np.sign(moved) * ~sticks)
+            jacobian[own, own] += self.hold[j] * weighted @ shift + slides @ moment.d_friction
+        return out, jacobian
+
+
+def _condensed(dynamic: Complex, kept: slice, inner: slice) -> Complex:
+    """Condense dynamic stiffnesses of several orders onto the kept freedoms."""
+    solved = np.linalg.solve(dynamic[:, inner, inner], dynamic[:, inner, kept])
+    return np.asarray(dynamic[:, kept, kept] - dynamic[:, kept, inner] @ solved)

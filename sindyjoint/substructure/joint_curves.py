@@ -1,0 +1,205 @@
+"""Stiffness and loss of a joint over amplitude: its loop under a harmonic motion, in the steady state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.response.model_law import model_law
+from sindyjoint.response.policy import POLICY
+from sindyjoint.shown import Shown
+from sindyjoint.substructure.period import steady_states
+
+Array = NDArray[np.float64]
+
+# Samples per period; reversals fall on samples, where friction is taken in the middle of its interval.
+SAMPLES = 720
+# Step of a derivative by a number of the model, in standard errors.
+STEP = 1e-3
+# What a loop is measured by, in the order of :func:`loop_measures`.
+MEASURES = ("secant", "storage", "loss_factor", "energy")
+
+
+def loop_measures(law: Any, amplitude: ArrayLike, frequency: float) -> Array:
+    """Return what the loop of a law under θ = A·sin 2πft says, shape (4, n).
+
+    Secant stiffness [M(A) − M(−A)]/(2A) between the reversals, friction there in the middle of its interval; storage
+    stiffness K′ = ∮M·sin/(πA), the part of the first harmonic in phase with the angle; energy per cycle E = ∮M dθ; loss
+    factor η = E/(πK′A²) (Ferry, Viscoelastic Properties of Polymers, 1980, chapter 1). The paper's law has k1 + k3·A²,
+    k1 + ¾·k3·A², and E = π·c1·2πf·A² + 4·M_F·A. The moving inertia is no part of it.
+
+    Parameters
+    ----------
+    law : Law
+    amplitude : array_like, shape (n,)
+        A, rad (m).
+    frequency : float
+        f, Hz.
+
+    Examples
+    --------
+    >>> from sindyjoint.mechanics.laws import PaperLaw
+    >>> secant, storage, loss, energy = loop_measures(PaperLaw(k1=6000.0, M_F=2.0), [5e-4], 4.0)
+    >>> round(float(secant[0]), 3), round(float(energy[0]), 6)
+    (6000.0, 0.004)
+    """
+    sizes = np.atleast_1d(np.asarray(amplitude, dtype=np.float64))
+    phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    sine, cosine = np.sin(phase), np.cos(phase)
+    quarter = SAMPLES // 4
+    cosine[[quarter, 3 * quarter]] = 0.0
+    found = np.empty((len(MEASURES), sizes.size))
+    for place, size in enumerate(sizes):
+        angle, rate = size * sine, 2 * np.pi * frequency * size * cosine
+        states = steady_states(law, angle, rate, 1.0 / frequency)
+        side = np.ones(SAMPLES)
+        up, down = law.moment(angle, rate, side, states), law.moment(angle, rate, -side, states)
+        moment = (up + down) / 2 + np.sign(cosine) * (up - down) / 2
+        storage = 2 * np.mean(moment * sine) / size
+        energy = 2 * np.pi * size * np.mean(moment * cosine)
+        secant = (moment[quarter] - moment[3 * quarter]) / (2 * size)
+        found[:, place] = secant, storage, energy / (np.pi * storage * size**2), energy
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class JointCurve:
+    """What a joint does at one frequency.
+
+    Parameters
+    ----------
+    frequency : float
+        Hz.
+    amplitude : ndarray, shape (n,)
+        rad (m).
+    secant, storage : ndarray, shape (n,)
+        Secant and storage stiffness, N·m/rad (N/m).
+    loss_factor : ndarray, shape (n,)
+    energy : ndarray, shape (n,)
+        Dissipated per cycle, J.
+    secant_error, storage_error, loss_factor_error, energy_error : ndarray, shape (n,)
+        Standard errors, from the covariance of the model's numbers.
+    tested : ndarray of bool, shape (n,)
+        Whether angle, rate and frequency lie within what the model was fitted to.
+    """
+
+    frequency: float
+    amplitude: Array
+    secant: Array
+    storage: Array
+    loss_factor: Array
+    energy: Array
+    secant_error: Array
+    storage_error: Array
+    loss_factor_error: Array
+    energy_error: Array
+    tested: NDArray[np.bool_]
+
+    def interval95(self, measure: str) -> tuple[Array, Array]:
+        """Return the ends of the 95 % interval of one of the measures, each of shape (n,)."""
+        value, error = getattr(self, measure), getattr(self, f"{measure}_error")
+        return value - 1.96 * error, value + 1.96 * error
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointCurves(Shown):
+    """The result of :func:`sindyjoint.curves` for a model.
+
+    Parameters
+    ----------
+    name : str
+        Of the joint.
+    motion : {"rotation", "translation"}
+    equation : str
+    tested_angle, tested_rate : float
+        Largest of the runs that the model was fitted to, rad and rad/s (m, m/s); zero where not known.
+    curves : tuple of JointCurve
+        One per frequency.
+    simulated : bool
+        Whether the model comes from a virtual test.
+    warnings : tuple of str
+    """
+
+    name: str
+    motion: str
+    equation: str
+    tested_angle: float
+    tested_rate: float
+    curves: tuple[JointCurve, ...]
+    simulated: bool = False
+    warnings: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "schema": 1,
+            "joint": {"name": self.name, "motion": self.motion},
+            "equation": self.equation,
+            "tested": {"angle": self.tested_angle, "rate": self.tested_rate},
+            "curves": [
+                {
+                    "frequency": curve.frequency,
+                    "amplitude": curve.amplitude.tolist(),
+                    **{name: _with_interval(curve, name) for name in MEASURES},
+                    "tested": curve.tested.tolist(),
+                }
+                for curve in self.curves
+            ],
+            "warnings": list(self.warnings),
+        }
+
+
+def _with_interval(curve: JointCurve, measure: str) -> dict[str, list[float]]:
+    low, high = curve.interval95(measure)
+    return {"value": getattr(curve, measure).tolist(), "low": low.tolist(), "high": high.tolist()}
+
+
+def model_curve(model: JointModel, amplitude: ArrayLike, frequency: float) -> JointCurve:
+    """Return stiffness, loss and energy of a model over amplitude, with standard errors to first order.
+
+    Parameters
+    ----------
+    model : JointModel
+    amplitude : array_like, shape (n,)
+        rad (m).
+    frequency : float
+        Hz.
+    """
+    sizes = np.asarray(amplitude, dtype=np.float64)
+    values = loop_measures(model_law(model), sizes, frequency)
+    slopes = [
+        (loop_measures(high, sizes, frequency) - loop_measures(low, sizes, frequency)) / (2 * step)
+        for low, high, step in varied_laws(model)
+    ]
+    moving = np.flatnonzero(model.number_errors > 0)
+    covariance = model.covariance_matrix[np.ix_(moving, moving)]
+    errors = np.zeros_like(values)
+    if slopes:
+        variance = np.einsum("iab,ij,jab->ab", np.array(slopes), covariance, np.array(slopes))
+        errors = np.sqrt(np.maximum(variance, 0.0))
+    fitted, more = model.fitted, 1 + POLICY.range_slack
+    tested = (sizes <= more * fitted.angle) & (2 * np.pi * frequency * sizes <= more * fitted.rate)
+    if fitted.frequencies:
+        tested &= min(fitted.frequencies) / more <= frequency <= more * max(fitted.frequencies)
+    measures = dict(zip(MEASURES, values, strict=True))
+    widths = {f"{name}_error": row for name, row in zip(MEASURES, errors, strict=True)}
+    return JointCurve(float(frequency), sizes, **measures, **widths, tested=tested)
+
+
+def varied_laws(model: JointModel) -> Sequence[tuple[Any, Any, float]]:
+    """Return for each uncertain number of a model the laws with it smaller and larger, and by how much."""
+    found = []
+    for place in np.flatnonzero(model.number_errors > 0):
+        step = STEP * model.number_errors[place]
+        ends = []
+        for side in (-1, 1):
+            numbers = model.numbers
+            numbers[place] += side * step
+            ends.append(model_law(model.with_numbers(numbers)))
+        found.append((ends[0], ends[1], float(step)))
+    return found

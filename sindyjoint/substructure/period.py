@@ -1,0 +1,161 @@
+"""The moment of a joint over one period of a prescribed motion, in the steady state of its internal states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import SimulationError
+from sindyjoint.mechanics.laws import as_compiled
+
+Array = NDArray[np.float64]
+
+# Runge–Kutta steps of internal states per sample of a period, and periods until they repeat within the tolerance.
+SUBSTEPS = 4
+PERIODS = 60
+REPEATS = 1e-8
+# Step of a derivative, as a share of the largest value over the period.
+STEP = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodMoment:
+    """Moment over a period, M = middle + friction·s with s in [−1, 1] at standstill and sign θ̇ in slip, and its slopes.
+
+    Parameters
+    ----------
+    middle, friction : ndarray, shape (n,)
+        N·m (N).
+    d_middle, d_friction : ndarray, shape (n, m)
+        Derivatives by the m coefficients of the motion.
+    """
+
+    middle: Array
+    friction: Array
+    d_middle: Array
+    d_friction: Array
+
+
+def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
+    """Return the internal states over one period once they repeat, shape (n_states, n).
+
+    Periods are passed until the states at their end no longer change; what decays slowly (a Maxwell branch with a long
+    relaxation time) is extrapolated by Aitken's Δ² process. A slider that never slips stays where it began: at zero.
+
+    Parameters
+    ----------
+    law : Law
+    angle, rate : ndarray, shape (n,)
+        Samples at k·period/n.
+    period : float
+        s.
+
+    Raises
+    ------
+    SimulationError
+        If a state does not stay finite.
+    """
+    compiled = as_compiled(law)
+    states = np.zeros((compiled.n_states, angle.size + 1))
+    if not compiled.n_states:
+        return states[:, :-1]
+    from sindyjoint.mechanics.kernels import integrate_states
+
+    closed = np.append(angle, angle[0]), np.append(rate, rate[0])
+    ends = [states[:, 0].copy()]
+    for _ in range(PERIODS):
+        integrate_states(compiled.address, *closed, compiled.numbers, period / angle.size, SUBSTEPS, states)
+        if not np.isfinite(states).all():
+            raise SimulationError(
+                "an internal state of the joint is no longer finite over a period", time=0.0
+            )
+        ends.append(states[:, -1].copy())
+        if np.all(np.abs(ends[-1] - ends[-2]) <= REPEATS * np.abs(states).max(axis=1)):
+            break
+        states[:, 0] = ends[-1]
+        if len(ends) % 4 == 0:
+            last, before = ends[-1] - ends[-2], ends[-2] - ends[-3]
+            slow = (last * before > 0) & (np.abs(last) < np.abs(before))
+            with np.errstate(all="ignore"):
+                states[:, 0] += np.where(slow, last**2 / (before - last), 0.0)
+    return states[:, :-1]
+
+
+def period_moment(
+    law: Any, motion: tuple[Array, Array], slopes: tuple[Array, Array] | None, period: float
+) -> PeriodMoment:
+    """Return the moment over a period and its derivatives.
+
+    Parameters
+    ----------
+    law : Law
+    motion : tuple of ndarray, shape (n,)
+        Angle and rate.
+    slopes : tuple of ndarray, shape (n, m)
+        Their derivatives by the coefficients of the motion; None: those of the moment are left at zero.
+    period : float
+        s.
+    """
+    states = steady_states(law, *motion, period)
+    at = [*motion, *states]
+
+    def parts(*values: Array) -> Array:
+        angle, rate, inner = values[0], values[1], np.array(values[2:]).reshape(-1, values[0].size)
+        side = np.ones_like(angle)
+        up, down = law.moment(angle, rate, side, inner), law.moment(angle, rate, -side, inner)
+        return np.array([(up + down) / 2, (up - down) / 2])
+
+    middle, friction = parts(*at)
+    if slopes is None:
+        none = np.zeros((middle.size, 1))
+        return PeriodMoment(middle, friction, none, none)
+    d_at = [*slopes, *_state_slopes(law, at, slopes, period)]
+    partial = _partials(parts, at)
+    total = sum(p[..., None] * d for p, d in zip(partial, d_at, strict=True))
+    return PeriodMoment(middle, friction, total[0], total[1])
+
+
+def _partials(function: Callable[..., Array], at: list[Array]) -> list[Array]:
+    """Return central differences of a function of samples by each of its arguments."""
+    found = []
+    for place, values in enumerate(at):
+        step = STEP * max(float(np.abs(values).max()), 1e-9)
+        high, low = list(at), list(at)
+        high[place], low[place] = values + step, values - step
+        found.append((function(*high) - function(*low)) / (2 * step))
+    return found
+
+
+def _state_slopes(law: Any, at: list[Array], slopes: tuple[Array, Array], period: float) -> Array:
+    """Return derivatives of the internal states by the coefficients, shape (n_states, n, m).
+
+    The linearised state equation by the implicit Euler rule, closed over the period: near enough for Newton steps.
+    """
+    count, (samples, size) = len(at) - 2, slopes[0].shape
+    if not count:
+        return np.empty((0, samples, size))
+
+    def rates(*values: Array) -> Array:
+        side = np.where(values[1] >= 0, 1.0, -1.0)
+        return np.asarray(law.state_rate(values[0], values[1], side, np.array(values[2:])))
+
+    by_angle, by_rate, *by_state = _partials(rates, at)
+    step = period / samples
+    drive = step * (by_angle[..., None] * slopes[0] + by_rate[..., None] * slopes[1]).transpose(1, 0, 2)
+    back = np.linalg.inv(np.eye(count) - step * np.array(by_state).transpose(2, 1, 0))
+
+    def passed(start: Array, with_drive: float) -> Array:
+        rows = np.empty((samples, count, start.shape[1]))
+        for i in range(samples):
+            start = rows[i] = back[i] @ (start + with_drive * drive[i] if with_drive else start)
+        return rows
+
+    # From the last sample to itself one period later: d = Φ·d + g.
+    once = passed(np.eye(count), 0.0)[-1]
+    forced = passed(np.zeros((count, size)), 1.0)[-1]
+    start = np.linalg.lstsq(np.eye(count) - once, forced, rcond=1e-6)[0]
+    return passed(start, 1.0).transpose(1, 0, 2)

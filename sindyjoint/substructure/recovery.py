@@ -1,0 +1,155 @@
+"""Angles and moments of cut-open joints from the sensors of the structure, harmonic by harmonic.
+
+The measured drive and the sensors y are a linear function of what is unknown, the drive f and the joints' moments m:
+y = A·(f, m) + noise, A of the structure with open joints. Weighted least squares, W the inverse of the noise
+variances: (f, m) = (AᴴWA)⁻¹AᴴW·y with covariance (AᴴWA)⁻¹; the joint angles follow from both, θ = G·(f, m). What the
+sensors show beyond the unknowns tells whether the structure is the one described.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.substructure.spectra import Spectra, channel_spectra
+from sindyjoint.substructure.transfer import Transfer, open_joints
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Of unit columns: directions of the unknowns that sensors show weaker than this are not solved for.
+BLIND = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """What was recovered of one run.
+
+    Parameters
+    ----------
+    run : RigRun
+    spectra : Spectra
+        Of drive and sensors.
+    transfer : Transfer
+    estimator : ndarray, shape (h, 1 + joints, channels)
+        P of (f, m) = P·y.
+    states : ndarray, shape (h, 2·joints, channels)
+        What gives the joints' angles and then their moments from the channels.
+    misfit : float
+        Weighted sum of squares of what is left of the channels.
+    degrees : int
+        Its degrees of freedom.
+    """
+
+    run: RigRun
+    spectra: Spectra
+    transfer: Transfer
+    estimator: Complex
+    states: Complex
+    misfit: float
+    degrees: int
+
+    @property
+    def values(self) -> Complex:
+        """Amplitudes of the joints' angles, rad, and then of their moments, N·m, shape (2·joints, h)."""
+        return np.einsum("hkc,ch->kh", self.states, self.spectra.amplitudes)
+
+    @property
+    def blocks(self) -> Complex:
+        """The same from each block, shape (blocks, 2·joints, h)."""
+        return np.einsum("hkc,bch->bkh", self.states, self.spectra.blocks)
+
+    @property
+    def covariance(self) -> Complex:
+        """Covariance of these of a real part (and of an imaginary one), shape (h, 2·joints, 2·joints)."""
+        return np.einsum("hkc,ch,hlc->hkl", self.states, self.spectra.variance, self.states.conj())
+
+    @property
+    def standard_error(self) -> Array:
+        """Of a real part, shape (2·joints, h)."""
+        return np.sqrt(np.einsum("hkk->kh", self.covariance).real)
+
+    @property
+    def coordinates(self) -> Complex:
+        """Amplitudes of every coordinate of the structure, shape (n, h)."""
+        loads = np.einsum("hkc,ch->hk", self.estimator, self.spectra.amplitudes)
+        return np.einsum("hnk,hk->nh", self.transfer.coordinates, loads)
+
+
+def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recovery:
+    """Recover angles and moments of the joints in a periodic run.
+
+    Parameters
+    ----------
+    test : RigTest
+    run : RigRun
+    spectra : Spectra, optional
+        Of the run, where they are known already.
+
+    Raises
+    ------
+    InputError
+        With fewer sensors than joints, or for a run without frequency.
+    """
+    joints = test.structure.n_joints
+    if len(test.sensors) < joints:
+        raise InputError(
+            f"{len(test.sensors)} sensor(s) for {joints} joints; expected at least one sensor for each joint"
+        )
+    declared = np.array([test.drive_noise or np.nan, *(s.noise or np.nan for s in test.sensors)], dtype=float)
+    spectra = spectra or channel_spectra(run, declared)
+    solved = solve_channels(test, spectra, spectra.angular)
+    transfer = solved.transfer
+    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(solved.left), axis=0)
+    states = np.concatenate([transfer.angles, of_moments], axis=1) @ solved.estimator
+    degrees = 2 * spectra.angular.size * (len(test.sensors) - joints)
+    return Recovery(
+        run, spectra, transfer, solved.estimator, states, float(np.sum(np.abs(solved.left) ** 2)), degrees
+    )
+
+
+class Solved(NamedTuple):
+    """The least-squares solution of all harmonics of a run.
+
+    Parameters
+    ----------
+    transfer : Transfer
+    estimator : ndarray, shape (h, 1 + joints, channels)
+        P of (f, m) = P·y.
+    left : ndarray, shape (h, channels)
+        What is left of the channels, in standard errors of a real part.
+    """
+
+    transfer: Transfer
+    estimator: Complex
+    left: Complex
+
+
+def solve_channels(test: RigTest, spectra: Spectra, angular: Array) -> Solved:
+    """Solve drive and joint moments of the channels at the harmonics of some spectra.
+
+    Parameters
+    ----------
+    test : RigTest
+    spectra : Spectra
+        Whose amplitudes and variances are used.
+    angular : ndarray, shape (h,)
+        Their angular frequencies, rad/s.
+    """
+    transfer = open_joints(test.structure, test.at, test.sensors, angular)
+    design = np.zeros((angular.size, 1 + len(test.sensors), 1 + test.structure.n_joints), dtype=complex)
+    design[:, 0, 0] = 1.0
+    design[:, 1:] = transfer.sensors
+    weight = 1 / np.sqrt(spectra.variance.T)
+    weighted = design * weight[:, :, None]
+    norms = np.linalg.norm(weighted, axis=1, keepdims=True)
+    norms[norms == 0] = 1.0
+    estimator = np.linalg.pinv(weighted / norms, rcond=BLIND) * weight[:, None, :] / norms.swapaxes(1, 2)
+    unknowns = np.einsum("hkc,ch->hk", estimator, spectra.amplitudes)
+    left = (spectra.amplitudes.T - np.einsum("hck,hk->hc", design, unknowns)) * weight
+    return Solved(transfer, estimator, left)

@@ -1,0 +1,124 @@
+"""Fourier series of the channels of a periodic run, with their noise measured from what does not repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rig_test import RigRun
+from sindyjoint.states.harmonics import HarmonicBasis, local_noise, refine_frequency, steady_start
+from sindyjoint.states.periodic import REPLICATES
+from sindyjoint.states.policy import POLICY
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.
+MOST_HARMONICS = 400
+# Of the sampling rate: above it the filters of recorders fall.
+BAND = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """The channels of a run as Fourier series: x(t) = mean + Re Σ amplitude·exp(2πi·order·frequency·t).
+
+    Parameters
+    ----------
+    frequency : float
+        Hz.
+    first : int
+        First sample of the steady periods; time counts from it.
+    edges : ndarray of int, shape (blocks + 1,)
+        Samples, counted from there, at which blocks of whole periods begin and end.
+    mean : ndarray, shape (channels,)
+    amplitudes : ndarray, shape (channels, h)
+        Of the orders 1 to h.
+    blocks : ndarray, shape (blocks, channels, h)
+        The same from each block.
+    variance : ndarray, shape (channels, h)
+        Of the real and of the imaginary part of an amplitude.
+    """
+
+    frequency: float
+    first: int
+    edges: NDArray[np.intp]
+    mean: Array
+    amplitudes: Complex
+    blocks: Complex
+    variance: Array
+
+    @property
+    def angular(self) -> Array:
+        """Angular frequencies of the harmonics, rad/s, shape (h,)."""
+        return 2 * np.pi * self.frequency * np.arange(1, self.amplitudes.shape[1] + 1)
+
+
+def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float | None = None) -> Spectra:
+    """Return the Fourier series of all channels of a periodic run: its drive, then its sensors.
+
+    Parameters
+    ----------
+    run : RigRun
+    declared : ndarray, shape (1 + sensors,), optional
+        Standard deviation of single samples of each channel as declared, NaN where it was not: a floor of what is
+        measured.
+    bandwidth : float, optional
+        Highest frequency, Hz. Default: 0.35 of the sampling rate.
+
+    Raises
+    ------
+    InputError
+        If fewer than three periods are steady.
+    """
+    assert run.frequency is not None
+    signals = run.signals
+    main = signals[np.argmax(signals.std(axis=1) / (np.abs(signals).max(axis=1) + 1e-300))]
+    frequency = refine_frequency(main, run.sample_rate, run.frequency)
+    per = run.sample_rate / frequency
+    first = max(int(round(steady_start(s, run.sample_rate, frequency) * per)) for s in signals[1:])
+    periods = int(np.floor((run.drive.size - first) / per + 1e-3))
+    if periods < POLICY.fewest_periods:
+        raise InputError(
+            f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; expected {POLICY.fewest_periods} or "
+            "more: record longer, or begin later"
+        )
+    stop = min(first + int(round(periods * per)), run.drive.size)
+    blocks = min(REPLICATES, periods)
+    edges = np.round(np.round(np.linspace(0, periods, blocks + 1)) * per).astype(np.intp)
+    edges[-1] = stop - first
+    time = np.arange(stop - first) / run.sample_rate
+    top = BAND * run.sample_rate if bandwidth is None else min(bandwidth, BAND * run.sample_rate)
+    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, (int(np.diff(edges).min()) - 8) // 4)))
+    basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
+    means, whole, variance, parts = [], [], [], []
+    for number, signal in enumerate(signals[:, first:stop]):
+        mean, a, b = basis.fit(signal)
+        residual = signal - basis.series(mean, a, b)
+        noise = local_noise(residual, run.sample_rate, basis.angular / (2 * np.pi), 0.5 * frequency)
+        if declared is not None and np.isfinite(declared[number]):
+            noise = np.maximum(noise, declared[number] ** 2)
+        # Of exact data rounding is all that is left.
+        least = np.finfo(float).eps * float(np.abs(signal).max(initial=1e-300))
+        means.append(mean)
+        whole.append(a - 1j * b)
+        variance.append(2 * np.maximum(noise, least**2) / time.size)
+        of_blocks = []
+        for low, high in zip(edges[:-1], edges[1:], strict=True):
+            _, a, b = basis.rows(slice(low, high)).fit(signal[low:high])
+            of_blocks.append(a - 1j * b)
+        parts.append(of_blocks)
+    return Spectra(
+        frequency, first, edges, np.array(means), np.array(whole), np.array(parts).swapaxes(0, 1), np.array(variance)
+    )  # fmt: skip
+
+
+def strongest(spectra: Spectra, count: int) -> tuple[Spectra, Array]:
+    """Return the harmonics of a run that stand furthest out of the noise, and their angular frequencies."""
+    power = np.sum(np.abs(spectra.amplitudes[1:]) ** 2 / spectra.variance[1:], axis=0)
+    rows = np.sort(np.argsort(power)[-count:])
+    kept = replace(spectra, amplitudes=spectra.amplitudes[:, rows], variance=spectra.variance[:, rows])
+    return kept, spectra.angular[rows]

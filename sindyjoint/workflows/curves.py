@@ -1,0 +1,283 @@
+"""Curves that a designer works with: of a joint over amplitude, of a structure over frequency and amplitude."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_file import read_model
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.laws import softening_limit
+from sindyjoint.mechanics.pulse_test import hinges, with_laws
+from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.mechanics.structure import Structure
+from sindyjoint.options import checks_options
+from sindyjoint.response.model_law import model_law
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
+from sindyjoint.substructure.forced import ForcedResponse, frequency_response
+from sindyjoint.substructure.harmonic_balance import Balance
+from sindyjoint.substructure.joint_curves import JointCurves, model_curve
+from sindyjoint.substructure.modes import ModeCurve, mode_over_amplitude, point_of_mode
+from sindyjoint.substructure.structure_curves import StructureCurves
+from sindyjoint.substructure.varied import Varied
+from sindyjoint.threads import single_threaded
+
+Array = NDArray[np.float64]
+Say = Callable[[str], None]
+Model = JointModel | str | Path
+
+# Amplitudes of a joint: from this share of the tested angle to this multiple of it, so many.
+FROM, BEYOND, AMPLITUDES = 0.02, 1.5, 40
+# Curves end at this share of a joint's softening limit; where it has none and was not tested, at this angle, rad.
+TO_SOFTENING, WIDEST = 0.95, 0.01
+# The band of a response, in shares of the first frequencies with sliding and with locked joints.
+BAND = (0.8, 1.15)
+
+
+@checks_options()
+@single_threaded()
+def curves(
+    subject: JointModel | Rig | str | Path,
+    *,
+    model: Model | Sequence[Model] = (),
+    frequencies: Sequence[float] = (),
+    amplitudes: tuple[float, float] | None = None,
+    levels: Sequence[float] = (),
+    band: tuple[float, float] | None = None,
+    modes: int = 2,
+    at: str | None = None,
+    point: str | None = None,
+    harmonics: int = 21,
+    progress: Say | None = None,
+) -> JointCurves | StructureCurves:
+    """Return a joint's stiffness, loss and energy over amplitude; or a structure's frequency response and modes.
+
+    Parameters
+    ----------
+    subject : JointModel, Rig, str or Path
+        A model, its ``model.json`` or the folder with it; or a rig, its TOML file or the name of a shipped one.
+    model : JointModel or path, or several of them
+        Of a rig: replace the joints that bear their names, or that the rig gives as ``law = "model"``. Curves have
+        95 % bands from their covariance.
+    frequencies : sequence of float
+        Of a joint: Hz. Default: lowest and highest that the model was fitted to; 1 Hz where it knows none.
+    amplitudes : (float, float), optional
+        Of a joint: rad (m). Default: from 0.02 to 1.5 of the largest tested, below the softening limit.
+    levels : sequence of float
+        Of a rig: amplitudes of the force, N. Default: three, from where joints begin to slip in resonance to where
+        one comes near its softening limit, or to 1.5 of the angle that its model was tested to.
+    band : (float, float), optional
+        Of a rig: Hz. Default: around its first mode.
+    modes : int
+        Of a rig: how many modes are followed over amplitude.
+    at, point : str, optional
+        Of a rig: where the force acts, and whose deflection the response is. Default: as the rig says; the first.
+    harmonics : int
+        Of a rig: that are balanced.
+    progress : callable, optional
+        Called with the name of each stage.
+
+    Returns
+    -------
+    JointCurves or StructureCurves
+
+    Raises
+    ------
+    InputError
+        For a model or rig that cannot be read, and options that do not belong to it.
+    SimulationError
+        Where no periodic response is found.
+
+    Examples
+    --------
+    >>> found = curves("pulse-rig", levels=[0.4], modes=1)
+    >>> bool(found.modes[0].damping.max() > 0.03)
+    True
+    """
+    say = progress or (lambda stage: None)
+    if isinstance(subject, JointModel) or _names_model(subject):
+        given = {"model": model, "levels": levels, "band": band, "at": at, "point": point}
+        _refuse({name: value for name, value in given.items() if value}, "a rig", "a model")
+        read = subject if isinstance(subject, JointModel) else read_model(subject)  # type: ignore[arg-type]
+        return _of_joint(read, frequencies, amplitudes, say)
+    given = {"frequencies": frequencies, "amplitudes": amplitudes}
+    _refuse({name: value for name, value in given.items() if value}, "a model", "a rig")
+    rig = subject if isinstance(subject, Rig) else load_rig(subject, {"model": MODEL_PLACEHOLDER})
+    given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
+    known = [one if isinstance(one, JointModel) else read_model(one) for one in given_models]
+    placed = _with_models(rig, known)
+    making = _Making(placed, at or rig.at, point or at or rig.points[0], harmonics, say)
+    return making.curves(levels, band, modes)
+
+
+def _names_model(subject: Rig | str | Path) -> bool:
+    if isinstance(subject, Rig) or str(subject) in shipped_rigs():
+        return False
+    path = Path(subject)
+    return path.is_dir() or path.suffix.lower() == ".json"
+
+
+def _refuse(given: dict[str, object], owner: str, subject: str) -> None:
+    for name in given:
+        raise InputError(f"{name} was given, which belongs to the curves of {owner}; these are of {subject}")
+
+
+def _of_joint(
+    model: JointModel, frequencies: Sequence[float], amplitudes: tuple[float, float] | None, say: Say
+) -> JointCurves:
+    fitted = model.fitted
+    law = model_law(model)
+    if amplitudes is None:
+        if not fitted.angle > 0:
+            raise InputError("the model does not say up to which angle it was tested; give amplitudes")
+        amplitudes = (FROM * fitted.angle, min(BEYOND * fitted.angle, TO_SOFTENING * _softens(law)))
+    if not 0 < amplitudes[0] < amplitudes[1] < np.inf:
+        raise InputError(f"amplitudes are {amplitudes}; expected two positive numbers, the smaller one first")
+    known = (min(fitted.frequencies), max(fitted.frequencies)) if fitted.frequencies else (1.0,)
+    chosen = sorted(set(frequencies or known))
+    if not all(0 < frequency < np.inf for frequency in chosen):
+        raise InputError(f"frequencies are {list(frequencies)}; expected positive numbers")
+    sizes = np.geomspace(*amplitudes, AMPLITUDES)
+    found = []
+    for frequency in chosen:
+        say(f"loops at {frequency:g} Hz")
+        found.append(model_curve(model, sizes, frequency))
+    warnings = []
+    if not np.any(model.number_errors > 0):
+        warnings.append("the model holds no standard errors: the curves have no bands")
+    if model.inputs:
+        warnings.append(f"at the reference of {', '.join(each.name for each in model.inputs)}")
+    return JointCurves(
+        model.joint.name, model.joint.motion, model.equation(), fitted.angle, fitted.rate, tuple(found),
+        fitted.simulated, tuple(warnings),
+    )  # fmt: skip
+
+
+def _softens(law: object) -> float:
+    low, high = softening_limit(law)
+    return min(-low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A rig whose joints have their laws, and the model of each joint where it has one."""
+
+    rig: Rig
+    models: tuple[JointModel | None, ...]
+
+    @property
+    def tested(self) -> Array:
+        """Tested angle of each joint, rad; infinite without a model."""
+        return np.array([np.inf if m is None else m.fitted.angle for m in self.models])
+
+
+def _with_models(rig: Rig, models: Sequence[JointModel]) -> _Placed:
+    standing: dict[str, JointModel] = {}
+    for model in models:
+        if model.joint.motion != "rotation":
+            raise InputError("the model is of a joint in translation; the joints of a rig rotate")
+        for name in find_model_joints(rig, model):
+            if name in standing:
+                raise InputError(f"two models stand for joint {name!r} of the rig {rig.name!r}; expected one")
+            standing[name] = model
+    left = [h.name for h in hinges(rig) if h.law is MODEL_PLACEHOLDER and h.name not in standing]
+    if left:
+        raise InputError(
+            f"the rig {rig.name!r} has a joint whose law is 'model' ({left[0]}), and no model was given; give --model"
+        )
+    laws = {id(model): model_law(model) for model in models}
+    placed = with_laws(
+        rig, lambda hinge: laws[id(standing[hinge.name])] if hinge.name in standing else hinge.law
+    )
+    return _Placed(placed, tuple(standing.get(hinge.name) for hinge in hinges(rig)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Making:
+    """The making of a structure's curves."""
+
+    placed: _Placed
+    at: str
+    point: str
+    harmonics: int
+    say: Say
+
+    def curves(
+        self, levels: Sequence[float], band: tuple[float, float] | None, modes: int
+    ) -> StructureCurves:
+        """Return the curves; see :func:`curves`."""
+        if modes < 1 or self.harmonics < 1:
+            raise InputError(f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each")
+        if not all(0 < level < np.inf for level in levels):
+            raise InputError(f"levels are {list(levels)}; expected positive forces")
+        structure = self.placed.rig.structure()
+        sliding, locked = structure.frequencies(modes), structure.frequencies(modes, locked=True)
+        if band is None:
+            band = (BAND[0] * float(sliding[0]), BAND[1] * float(locked[0]))
+        if not 0 < band[0] < band[1] < np.inf:
+            raise InputError(f"band is {band}; expected two positive frequencies, the lower one first")
+        laws, warnings = [hinge.law for hinge in structure.hinges], list[str]()
+        varied = Varied.of(laws, self.placed.models)
+        limits = self._limits(laws)
+        followed = []
+        for number in range(1, modes + 1):
+            self.say(f"mode {number} over amplitude")
+            followed.append(self._mode(structure, number, limits, varied))
+        balance = Balance.of(structure, self.at, self.point, harmonics=self.harmonics)
+        responses = []
+        for level in levels or self._levels(structure, followed[0]):
+            self.say(f"frequency response at {level:g} N")
+            ends = np.array([_softens(law) for law in laws])
+            found = frequency_response(
+                balance, level, band, varied=varied, tested=self.placed.tested, limits=ends
+            )
+            warnings += self._warnings(found, ends)
+            responses.append(found)
+        return StructureCurves(
+            self.placed.rig.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.placed.tested,
+            sliding, locked, tuple(followed), tuple(responses), self.harmonics, True, tuple(warnings),
+        )  # fmt: skip
+
+    def _limits(self, laws: Sequence[object]) -> Array:
+        """Return the angle of each joint at which modes end, rad."""
+        softens = [TO_SOFTENING * _softens(law) for law in laws]
+        limits = np.minimum(softens, BEYOND * self.placed.tested)
+        return np.where(np.isfinite(limits), limits, WIDEST)
+
+    def _mode(self, structure: Structure, number: int, limits: Array, varied: Varied | None) -> ModeCurve:
+        """Follow a mode by the driven point, or by the one that it moves most where that is near a node."""
+        point = point_of_mode(structure, number, self.at)
+        balance = Balance.of(structure, point, harmonics=self.harmonics, mode=number)
+        return mode_over_amplitude(balance, number, point, limits, varied=varied, tested=self.placed.tested)
+
+    def _levels(self, structure: Structure, mode: ModeCurve) -> list[float]:
+        """Return forces that hold the first mode where joints begin to slip, on the way, and near its end."""
+        last = mode.amplitude[-1]
+        first = mode.amplitude[0]
+        slips = mode.slips[np.isfinite(mode.slips)]
+        if slips.size and slips.min() > 0:
+            first = 1.5 * float(slips.min())
+        wanted = (first, float(np.sqrt(first * last)), 0.85 * last)
+        forces = np.interp(wanted, mode.amplitude, mode.force)
+        return [float(f"{force:.1e}") for force in forces]
+
+    def _warnings(self, found: ForcedResponse, ends: Array) -> list[str]:
+        warnings = []
+        names = [hinge.name for hinge in hinges(self.placed.rig)]
+        peaks = found.angle.max(axis=1)
+        for name, peak, end, tested in zip(names, peaks, ends, self.placed.tested, strict=True):
+            if peak > end:
+                warnings.append(
+                    f"at {found.force:g} N {name} passes its softening limit at {found.frequency[-1]:.4g} Hz, where "
+                    "the curve ends; lower the force"
+                )
+            elif peak > tested:
+                warnings.append(
+                    f"at {found.force:g} N {name} moves up to {peak:.3g} rad where {tested:.3g} rad was tested"
+                )
+        return warnings

@@ -1,0 +1,237 @@
+"""The part of a plan that tells effects apart: the search for runs is that of the advice of a diagnosis."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sindyjoint.diagnosis.campaign.designs import PLANNED
+from sindyjoint.diagnosis.campaign.hidden import hidden_law
+from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects, select_effects
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Step
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError, SindyJointError
+from sindyjoint.mechanics.actuator import SINE, Actuator
+from sindyjoint.mechanics.laws import Law, SumLaw
+from sindyjoint.mechanics.virtual import VirtualTest
+from sindyjoint.planning.apart import Apart
+from sindyjoint.planning.information import Sensors
+from sindyjoint.planning.plan_file import UNITS, play
+from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.record import Campaign
+from sindyjoint.response.model_law import model_law
+from sindyjoint.text import list_some, percent, spelled
+from sindyjoint.workflows.diagnose import diagnose
+
+Say = Callable[[str], None]
+
+
+def rivals_of(path: str | Path) -> tuple[str, ...]:
+    """Return the effects that a diagnosis could not tell apart, of the first class that has several.
+
+    Raises
+    ------
+    InputError
+        For a file that is no diagnosis, or has no such class.
+    """
+    place = Path(path)
+    place = place / "diagnosis.json" if place.is_dir() else place
+    try:
+        steps = json.loads(place.read_text(encoding="utf-8"))["steps"]
+        classes = [tuple(map(str, step["members"])) for step in steps]
+    except OSError as error:
+        raise InputError(
+            f"{place}: {error.strerror or error}; expected the diagnosis.json of a diagnosis"
+        ) from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{place}: no diagnosis; expected what 'diagnose --out' writes") from None
+    found = next((members for members in classes if len(members) > 1), None)
+    if found is None:
+        raise InputError(f"{place}: every effect is told apart already; give the effects")
+    return found
+
+
+def chosen_effects(names: Sequence[str]) -> tuple[Effect, ...]:
+    """Return the effects of some names, two at least.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+    """
+    found = select_effects(load_effects(), list(dict.fromkeys(names)))
+    if len(found) < 2:
+        raise InputError(
+            f"effects are {', '.join(names) or 'not given'}; expected two or more to be told apart"
+        )
+    return found
+
+
+def probability_of(result: Diagnosis, name: str, effects: Sequence[str]) -> float:
+    """Return the probability of an effect among some, by a diagnosis; zero where none of them was found."""
+    step = _step(result, effects)
+    return 0.0 if step is None else dict(_all(step)).get(name, 0.0)
+
+
+def _all(step: Step) -> tuple[tuple[str, float], ...]:
+    return ((step.effect, step.probability), *step.rivals)
+
+
+def _step(result: Diagnosis, effects: Sequence[str]) -> Step | None:
+    return next((step for step in result.steps if {*step.members} & {*effects}), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Separated:
+    """Runs that tell effects apart, what that comes to, and the model of the campaign that they follow."""
+
+    runs: tuple[PlannedRun, ...]
+    apart: Apart
+    model: JointModel
+
+
+def after_runs(
+    campaign: Campaign | str | Path,
+    model: JointModel | None,
+    effects: Sequence[Effect],
+    actuator: Actuator,
+    duration: float,
+    say: Say,
+) -> Separated:
+    """Return the runs that would tell effects apart that a campaign does not."""
+    names = tuple(effect.id for effect in effects)
+    result = diagnose(
+        campaign, model, effects=effects, max_effects=1, actuator=actuator, random_state=0, progress=say
+    )
+    step = _step(result, names)
+    motion = result.model.joint.motion
+    if step is None:
+        words = f"the campaign shows none of them: {result.reason}"
+        return Separated((), Apart(names, float("nan"), (), words), result.model)
+    best = max(probability for _, probability in _all(step))
+    if len(step.members) < 2:
+        words = f"told apart already: {spelled(step.effect, motion)}, {percent(step.probability)}"
+        return Separated((), Apart(names, best, (), words), result.model)
+    runs = [each for each in result.advice if each.frequency]
+    planned = tuple(planned_run(each, actuator, result.model, duration) for each in runs)
+    after = tuple(float(each.expected_confidence) for each in runs)
+    return Separated(
+        planned, Apart(names, best, after, _words(names, after, result.advice, motion)), result.model
+    )
+
+
+def _words(names: Sequence[str], after: Sequence[float], advice: Sequence[Advice], motion: str) -> str:
+    who = list_some([spelled(name, motion) for name in names], "effects")
+    if after:
+        return f"{who}: the true one is then expected to have {percent(after[-1])}"
+    said = next((each.waveform for each in advice), "the search for a run was ended before it found one")
+    return f"{who} stay one class, {said}"
+
+
+def planned_run(advice: Advice, actuator: Actuator, model: JointModel, duration: float) -> PlannedRun:
+    """Return an advised run as a plan has it; the moment that moves the joint so far is the model's."""
+    duration = max(duration, 6 / advice.frequency)
+    unit = UNITS[actuator.drive][model.joint.motion != "rotation"]
+    if actuator.drive == "angle":
+        return PlannedRun("angle", PLANNED[advice.waveform], advice.frequency, advice.level, unit, duration)
+    test = VirtualTest(
+        model_law(model), (advice.frequency,), (1.0,), "moment", max(1000.0, 20 * advice.frequency), duration,
+        angle_limit=advice.level,
+    )  # fmt: skip
+    level = float(f"{test.amplitude(advice.frequency, 1.0):.4g}")
+    return PlannedRun("moment", SINE, advice.frequency, level, unit, duration)
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A joint of the range in which one of the effects is true, and a test of it.
+
+    Parameters
+    ----------
+    truth : str
+    law : Law
+    runs : tuple of PlannedRun
+    sensors : Sensors
+    seed : int
+        Of the noise.
+    """
+
+    truth: str
+    law: Law
+    runs: tuple[PlannedRun, ...]
+    sensors: Sensors
+    seed: int
+
+    def test(self, *further: PlannedRun) -> Campaign:
+        """Return the virtual test, with some runs more."""
+        return play(self.law, [*self.runs, *further], self.sensors, self.seed)
+
+
+def worlds_of(
+    joints: Sequence[JointModel],
+    effects: Sequence[Effect],
+    runs: Sequence[PlannedRun],
+    sensors: Sensors,
+    share: float,
+    random_state: int,
+) -> list[World]:
+    """Return a joint of the range for each effect, which adds a share of the moment there."""
+    peak = max(float(np.abs(play(model_law(joints[0]), [run], sensors).runs[0].angle).max()) for run in runs)
+    frequencies = sorted({run.frequency for run in runs})
+    worlds = []
+    for number, (joint, effect) in enumerate(zip(joints, effects, strict=True)):
+        law = model_law(joint)
+        generator = np.random.default_rng([random_state, number])
+        added = hidden_law(effect.id, law, peak, frequencies, generator, share)
+        worlds.append(World(effect.id, SumLaw(law, added), tuple(runs), sensors, random_state + number))
+    return worlds
+
+
+def before_runs(
+    worlds: Sequence[World],
+    effects: Sequence[Effect],
+    actuator: Actuator,
+    duration: float,
+    say: Say,
+) -> tuple[tuple[PlannedRun, ...], Apart]:
+    """Return the run that tells effects apart in virtual tests of all worlds, and what that comes to.
+
+    Each world asks for the run that separates best there; all of them are made in all worlds, and judged anew.
+    """
+    names = tuple(effect.id for effect in effects)
+    before, asked, advice = [], list[PlannedRun](), list[Advice]()
+    motion = "rotation"
+    for number, world in enumerate(worlds, 1):
+        say(f"virtual test {number} of {len(worlds)}: {spelled(world.truth)} is true")
+        found = diagnose(world.test(), effects=effects, max_effects=1, actuator=actuator, random_state=0)
+        motion = found.model.joint.motion
+        before.append(probability_of(found, world.truth, names))
+        advice += found.advice
+        asked += [
+            planned_run(each, actuator, found.model, duration) for each in found.advice if each.frequency
+        ]
+    start = float(np.mean(before))
+    if start >= Apart.enough:
+        return (), Apart(names, start, (), f"the other runs tell them apart: {percent(start)}")
+    best, after = None, start
+    for number, run in enumerate(dict.fromkeys(asked), 1):
+        say(f"run {number} of {len(set(asked))} in every virtual test")
+        sure = float(np.mean([_again(world, run, effects) for world in worlds]))
+        if sure > after:
+            best, after = run, sure
+    if best is None:
+        return (), Apart(names, start, (), _words(names, (), [a for a in advice if not a.frequency], motion))
+    return (best,), Apart(names, start, (after,), _words(names, (after,), (), motion))
+
+
+def _again(world: World, run: PlannedRun, effects: Sequence[Effect]) -> float:
+    names = [effect.id for effect in effects]
+    try:
+        found = diagnose(world.test(run), effects=effects, max_effects=1, advise=False, random_state=0)
+    except SindyJointError:
+        # A run that this joint does not bear.
+        return 0.0
+    return probability_of(found, world.truth, names)

@@ -1,0 +1,148 @@
+"""The law of a joint inside a structure; data by SciPy's integrator, not by the package's."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.cli import main
+from sindyjoint.files.writers import ENCODERS
+from sindyjoint.reporting.output import write_results
+from sindyjoint.reporting.record_exports import StructureRecord
+from sindyjoint.workflows.discover_rig import discover_rig
+
+from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test
+
+K, K3, C = 900.0, 4e6, 12.0
+DRIVES = [(1.5, 2.0), (1.5, 5.0), (2.5, 2.0), (2.5, 6.0), (4.0, 6.0), (4.0, 12.0)]
+
+
+def elastic(d, v):
+    return K * d + K3 * d**3 + C * v
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [
+        integrated_run(f"{f:g} Hz {a:g} N", f, a, elastic, noise=0.005, seed=i)
+        for i, (f, a) in enumerate(DRIVES)
+    ]
+
+
+@pytest.fixture(scope="module")
+def found(runs):
+    return discover_rig(rig_test(runs), random_state=0)
+
+
+def test_the_law_of_an_elastic_joint_has_no_friction(found):
+    (law,) = found.laws
+    assert law.found and law.joints == ("joint",)
+    model = law.discovery.model
+    assert set(model.ids) == {"linear_stiffness", "cubic_stiffness", "linear_damping"}
+    for term, true in zip(model.terms, (K, K3, C), strict=True):
+        assert term.coefficient == pytest.approx(true, rel=0.02)
+        assert abs(term.coefficient - true) < 4 * term.standard_error
+    assert found.misfit == pytest.approx(1.0, abs=0.2) and found.found
+
+
+def test_a_structure_that_is_another_one_is_seen(runs):
+    from .two_masses import structure
+
+    heavier = structure()
+    # Half the second mass is missing from the description.
+    missing = np.outer(heavier.point("x2"), heavier.point("x2"))
+    other = discover_rig(rig_test(runs, structure=replace(heavier, mass=heavier.mass - 0.5 * M2 * missing)))
+    assert other.misfit > 2
+    assert "not quite the one described" in other.warnings[0]
+
+
+def test_noise_alone_gives_no_law(runs):
+    generator = np.random.default_rng(5)
+    silent = [
+        replace(
+            run,
+            drive=generator.normal(size=run.drive.size),
+            responses=generator.normal(size=run.responses.shape),
+        )
+        for run in runs[:2]
+    ]
+    (law,) = discover_rig(rig_test(silent)).laws
+    assert not law.found
+    assert law.reason or law.discovery.reason
+
+
+@pytest.fixture()
+def folder(tmp_path, runs):
+    for number, run in enumerate(runs):
+        columns = {
+            "time": np.arange(run.drive.size) / RATE,
+            "f": run.drive,
+            "a1": run.responses[0],
+            "a2": run.responses[1],
+        }
+        (tmp_path / f"{number}.npz").write_bytes(ENCODERS["npz"](columns, ""))
+    np.savez(
+        tmp_path / "matrices.npz",
+        mass=np.diag([M1, M2]),
+        stiffness=np.diag([K0, 0.0]),
+        damping=np.diag([C0, 0.0]),
+    )
+    lines = [
+        'name = "two masses"', "[matrices]", 'file = "matrices.npz"', 'freedoms = ["x1", "x2"]',
+        'motion = "translation"', "[[matrices.joint]]", 'name = "joint"', 'between = ["x1", "x2"]',
+        "[drive]", 'point = "x2"', 'column = "f"', 'unit = "N"',
+        *(f'[[sensor]]\ncolumn = "a{i}"\nunit = "m/s^2"\npoint = "x{i}"' for i in (1, 2)),
+        *(f'[[run]]\nfile = "{i}.npz"\nfrequency = "{run.frequency} Hz"' for i, run in enumerate(runs)),
+    ]  # fmt: skip
+    (tmp_path / "rig.toml").write_text("\n".join(lines))
+    return tmp_path
+
+
+def test_a_structure_by_its_matrices_from_the_command_line(folder, found, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["discover", f"{folder}/rig.toml", "--json", "-q", "--random-state", "0"])
+    assert ended.value.code == 0
+    record = json.loads(capsys.readouterr().out)
+    assert StructureRecord.model_validate(record)
+    terms = {term["id"]: term["coefficient"] for term in record["laws"][0]["discovery"]["terms"]}
+    assert terms == pytest.approx(
+        {t.id: t.coefficient for t in found.laws[0].discovery.model.terms}, rel=1e-6
+    )
+
+
+def test_the_page_shows_laws_and_sensors(found, tmp_path):
+    write_results(found, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert (
+        "joint/report.html" in page and "times their noise" in page and "when a sensor is taken away" in page
+    )
+    assert json.loads((tmp_path / "out" / "structure.json").read_text())["sensors"][0]["name"] == "x1"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ('frequency = "1.5 Hz"', "", "has no frequency"),
+        ('between = ["x1", "x2"]', 'between = ["x1", "x3"]', "'x3' is none of the freedoms"),
+        ('point = "x1"', 'point = "x9"', "point 'x9'"),
+        ('unit = "m/s^2"', 'unit = "kg"', "kg"),
+        ("[matrices]", "[matrizes]", "did you mean 'matrices'"),
+        (
+            'freedoms = ["x1", "x2"]',
+            'freedoms = ["x1", "x2", "x3"]',
+            "expected arrays mass and stiffness, 3 × 3",
+        ),
+        ('column = "a1"', 'column = "a7"', "a7"),
+        ('file = "0.npz"', 'file = "no.npz"', "no.npz"),
+        ('point = "x1"', 'point = { beam = "b", at = "1 m" }', "of a [[chain]]"),
+    ],
+)
+def test_mistakes_are_one_line_that_names_them(folder, capsys, before, after, said):
+    text = (folder / "rig.toml").read_text()
+    assert before in text
+    (folder / "rig.toml").write_text(text.replace(before, after, 1))
+    with pytest.raises(SystemExit) as ended:
+        main(["discover", str(folder / "rig.toml"), "-q"])
+    told = capsys.readouterr().err.strip()
+    assert ended.value.code == 2 and said in told and "Traceback" not in told

@@ -1,0 +1,266 @@
+"""Samples with an order and no time: the travelled path in its place, laws without rate, hysteresis along it.
+
+The truth comes from a stack of sliders that is followed here sample by sample, in NumPy, and from closed forms.
+"""
+
+import json
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import sindyjoint
+from sindyjoint import Campaign, verify
+from sindyjoint.cli.app import app
+from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.equation.element import Form
+from sindyjoint.equation.model_record import from_record, to_record
+from sindyjoint.equation.without_rate import is_rate_free, rate_free, without_rate
+from sindyjoint.errors import InputError
+from sindyjoint.quasi_static import along_path, reversals, travelled, white_noise
+from sindyjoint.states import force_states
+from sindyjoint.states.rows import group_labels
+
+K1, K3, M_F = 6066.0, -2.684e8, 0.9
+K_T, YIELD = 4000.0, 1.5e-4
+
+
+def cycles(level, samples=400, count=3):
+    return 4e-4 * level * np.sin(2 * np.pi * count * np.arange(samples * count + 1) / (samples * count))
+
+
+def slider(angle, stiffness, limit):
+    z = [0.0]
+    for step in np.diff(angle):
+        z.append(min(max(z[-1] + step, -limit), limit))
+    return stiffness * np.array(z)
+
+
+def rough(values, seed, share=0.01):
+    return values + share * np.std(values) * np.random.default_rng(seed).standard_normal(values.size)
+
+
+def made(moment_of, shuffled=False, **options):
+    angles, moments = [], []
+    for level in (1, 2, 3):
+        angle = cycles(level)
+        moment = moment_of(angle)
+        order = np.random.default_rng(level).permutation(angle.size) if shuffled else np.arange(angle.size)
+        angles.append(rough(angle, level, 0.003)[order])
+        moments.append(rough(moment, 10 + level)[order])
+    return Campaign.from_arrays(moment=moments, angle=angles, time=None, **options)
+
+
+def coulomb(angle):
+    return K1 * angle + K3 * angle**3 + M_F * np.sign(np.gradient(angle))
+
+
+def chain(angle):
+    return K1 * angle + slider(angle, K_T, YIELD)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return sindyjoint.discover(made(coulomb))
+
+
+def test_the_path_of_a_triangle_is_its_length_and_the_direction_its_sign():
+    angle = np.concatenate([np.linspace(0, 2, 201), np.linspace(2, -1, 301)[1:], np.linspace(-1, 0, 101)[1:]])
+    path = along_path(3 * angle, angle)
+    # A reversal is the last sample of one branch and the first of the next.
+    assert path.step * (path.angle.size - 3) == pytest.approx(6.0)
+    assert np.allclose(path.moment[path.valid], 3 * path.angle[path.valid], atol=1e-12)
+    _, corners, angles = travelled(angle)
+    assert corners == pytest.approx([0, 2, 5, 6]) and angles == pytest.approx([0, 2, -1, 0])
+
+
+def test_noise_makes_no_reversals_and_standing_still_no_path():
+    rng = np.random.default_rng(3)
+    angle = np.concatenate([np.linspace(0, 1, 500), np.ones(300), np.linspace(1, 0, 500)])
+    noisy = angle + 0.01 * rng.standard_normal(angle.size)
+    assert white_noise(noisy) == pytest.approx(0.01, rel=0.1)
+    path, corners, _ = travelled(noisy)
+    assert corners.size == 3 and path[-1] == pytest.approx(2.0, abs=0.1)
+    assert path[790] - path[510] < 0.1
+    assert white_noise(np.sin(np.linspace(0, 9, 400))) == 0.0
+    assert reversals(np.array([0.0, 3, 1, 4, -2]), 2.5).tolist() == [0, 3, 4]
+
+
+def test_a_joint_that_does_not_move_is_refused():
+    with pytest.raises(InputError, match="does not move beyond its noise"):
+        along_path(np.arange(100.0), np.zeros(100))
+
+
+def test_only_terms_and_elements_without_rate_are_candidates():
+    assert "linear_damping" not in rate_free(load_catalogue("paper"))
+    kept = rate_free(load_catalogue("extended")).ids
+    assert {"coulomb_friction", "position_dependent_friction", "hard_stop"} <= set(kept)
+    assert not {"stribeck_friction", "quadratic_damping", "rate_dependent_stiffness"} & set(kept)
+    with pytest.raises(InputError, match="every term depends on rate or time"):
+        rate_free(load_catalogue("damping"))
+    forms: dict[str, Form] = {effect.id: effect.variants[0] for effect in load_effects()}
+    free = {name for name, form in forms.items() if form.states and is_rate_free(form)}
+    assert free == {"dahl_friction", "bouc_wen_hysteresis", "jenkins_element", "backlash_play"}
+
+
+def test_the_law_is_found_without_time(found):
+    assert found.model.ids == ("linear_stiffness", "cubic_stiffness", "coulomb_friction")
+    for name, true in (("k1", K1), ("k3", K3), ("M_F", M_F)):
+        term = found.model[name]
+        assert term.coefficient == pytest.approx(true, abs=5 * term.standard_error + 0.01 * abs(true))
+    assert found.verdict.verdict == "undecided"
+    assert "the samples have no time, so that viscous damping cannot be judged" in found.verdict.reason
+    assert found.skew is None and found.bias is None
+    shown = str(found)
+    assert "not applicable, the samples have no time" in shown and "θ̈" not in shown
+    assert group_labels(found.states) == [run.level for run in found.campaign.runs]
+
+
+def test_the_saved_model_knows_that_it_had_no_time(found):
+    again = from_record(json.loads(json.dumps(to_record(found.model))))
+    assert again["fitted"].quasi_static
+    timed = replace(found.model, fitted=replace(found.model.fitted, quasi_static=False))
+    assert "quasi_static" not in to_record(timed)["fitted"]
+
+
+def test_a_model_is_held_against_the_path_without_what_depends_on_rate(found):
+    campaign = made(coulomb)
+    checked = verify(found.model, campaign, draws=0)
+    assert checked.response_nrmse < 0.03 and checked.runs[0].drive == "path"
+    damped = replace(
+        found.model.terms[0],
+        id="linear_damping",
+        symbol="c1",
+        formula="omega",
+        unit="N*m*s/rad",
+        coefficient=48.0,
+    )
+    whole = replace(found.model, terms=(*found.model.terms, damped), covariance=())
+    assert verify(whole, campaign, draws=0).response_nrmse == pytest.approx(checked.response_nrmse)
+    assert without_rate(whole)[1] == "not compared, for the samples have no time: viscous damping"
+
+
+def test_a_slider_is_named_along_the_path_with_its_numbers():
+    diagnosis = sindyjoint.diagnose(made(chain), advise=False)
+    (slider_found,) = diagnosis.effects
+    assert slider_found.name == "jenkins_element"
+    assert slider_found.parameters["k_t"] == pytest.approx(K_T, rel=0.005)
+    assert slider_found.parameters["theta_y"] == pytest.approx(YIELD, rel=0.005)
+    assert diagnosis.final.moment < 0.2 * diagnosis.initial.moment
+    whole = verify(diagnosis.whole, made(chain), draws=0)
+    assert whole.response_nrmse < 0.03
+
+
+def test_branches_exchanged_at_random_show_neither_hysteresis_nor_friction():
+    def exchanged(angle):
+        # The sample at the same angle on the way back lies as far behind the turn as this one before it.
+        there = np.arange(angle.size)
+        there = np.minimum((200 - there) % 400 + 400 * (there // 400), angle.size - 1)
+        swap = np.random.default_rng(7).random(angle.size) < 0.5
+        moment = chain(angle)
+        return np.where(swap, moment[there], moment)
+
+    discovery = sindyjoint.discover(made(exchanged))
+    friction = {"coulomb_friction", "position_dependent_friction", "asymmetric_friction"}
+    assert not friction & set(discovery.model.ids)
+    diagnosis = sindyjoint.diagnose(made(exchanged), advise=False)
+    assert not any(effect.variant.states for effect in diagnosis.effects)
+
+
+def test_samples_without_order_are_no_path():
+    with pytest.raises(InputError, match="run 'run 1': the joint does not move beyond its noise"):
+        made(chain, shuffled=True)
+
+
+def test_moments_in_another_order_give_no_model():
+    rng = np.random.default_rng(0)
+    angles = [cycles(level) for level in (1, 2, 3)]
+    moments = [rng.permutation(chain(angle)) for angle in angles]
+    campaign = Campaign.from_arrays(moment=moments, angle=angles, time=None)
+    assert not sindyjoint.discover(campaign).found
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"rate": 100.0}, "time=None says that the samples have no time, and rate is 100.0"),
+        ({"frequency": 3.0}, "samples without time have neither a frequency nor a measured rate"),
+    ],
+)
+def test_what_needs_time_is_refused_of_arrays(options, words):
+    with pytest.raises(InputError, match=words):
+        made(coulomb, **options)
+
+
+def test_runs_with_and_without_time_do_not_mix():
+    run = made(coulomb).runs[0]
+    with pytest.raises(InputError, match="some runs have time and some have none"):
+        Campaign(made(coulomb).joint, (run, replace(run, name="timed", quasi_static=False)))
+
+
+MANIFEST = """
+[joint]
+motion = "translation"
+[channels]
+time = "none"
+force = {{ column = "F", unit = "N" }}
+displacement = {{ column = "x", unit = "mm" }}
+{more}
+[[run]]
+file = "slow.csv"
+{run}
+"""
+
+
+def folder(tmp_path, more="", run=""):
+    x = cycles(3)
+    rows = np.column_stack([rough(coulomb(x), 5), 1e3 * x])
+    np.savetxt(tmp_path / "slow.csv", rows, "%.9g", ",", header="F,x", comments="")
+    (tmp_path / "campaign.toml").write_text(MANIFEST.format(more=more, run=run))
+    return tmp_path
+
+
+def test_the_command_line_takes_samples_without_time(tmp_path):
+    given = folder(tmp_path)
+    assert CliRunner().invoke(app, ["check", str(given), "--out", str(tmp_path / "check")]).exit_code == 0
+    result = CliRunner().invoke(app, ["discover", str(given), "--out", str(tmp_path / "out"), "--quiet"])
+    assert result.exit_code == 0 and "the samples have no time" in result.stdout
+    picture = (tmp_path / "out" / "figures" / "residual.svg").read_text()
+    assert "Travelled path" in picture and "Time (s)" not in picture
+    assert force_states(sindyjoint.load_campaign(given).runs[0]).method == "path"
+
+
+@pytest.mark.parametrize(
+    ("more", "run", "words"),
+    [
+        ('skew = "1 ms"', "", "skew: time = 'none' says that the samples have no time; leave it out"),
+        ("", "frequency = 3.0", "samples without time have neither a frequency nor a measured rate"),
+        ('rate = "1 kHz"', "", "expected time .a column, or 'none' for quasi-static samples. or rate"),
+        ('[inputs]\nT = { column = "F", unit = "K", delay = "1 s" }', "", "neither a delay nor a lag"),
+    ],
+)
+def test_keys_that_need_time_are_refused(tmp_path, more, run, words):
+    with pytest.raises(InputError, match=words):
+        sindyjoint.load_campaign(folder(tmp_path, more, run))
+
+
+@pytest.mark.parametrize("options", [{"align": True}, {"bandwidth": 3.0}, {"states": "periodic"}])
+def test_options_that_need_time_are_refused(options):
+    with pytest.raises(InputError, match="no time"):
+        sindyjoint.discover(made(coulomb), **options)
+
+
+@pytest.mark.shared
+def test_screw_of_the_public_set_is_answered(public_data, tmp_path):
+    source = public_data("screw-tao-coarse")
+    for file in source.glob("*.csv"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    text = (source / "campaign.toml").read_text()
+    (tmp_path / "campaign.toml").write_text(text.replace('rate         = "0.5 Hz"', 'time = "none"'))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        discovery = sindyjoint.discover(tmp_path)
+    assert discovery.headline.colour != "good" and discovery.verdict.verdict == "undecided"
