@@ -24,11 +24,12 @@ from sindyjoint.mechanics.transient import respond
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 
-PER_PERIOD = 200
-# Periods that a simulation has, and of each step of a stepped sine.
-PERIODS, STEP_PERIODS = 90, 60
-# Of the band, where the two are held beside each other.
-SHARES = (0.15, 0.35, 0.5, 0.65, 0.85)
+PER_PERIOD, STEPS_PER_PERIOD = 100, 400
+# Periods that a simulation has, over how many its force rises, and of each step of a stepped sine.
+PERIODS, RISE, STEP_PERIODS = 120, 60, 60
+# Where the two are held beside each other: shares of the band in which a joint moves at least a tenth of its most.
+# Where all stick, the response is linear, and only the beams' 0.2 % would end what a start leaves.
+SHARES, MOVES = (0.0, 0.25, 0.5, 0.75, 1.0), 0.1
 FOLDING = PaperLaw(k1=6.066e3, k2=-1.927e5, k3=-2.684e9, c1=3.0, M_F=0.15, name="joint")
 FORCE = 0.15
 
@@ -44,7 +45,8 @@ def amplitudes(rig: Rig, frequencies: np.ndarray, periods: int, force: float) ->
         phase = parts[-1][-1] + 2 * np.pi * frequency / rate
         ends.append(sum(map(len, parts)))
     phases = np.concatenate(parts)
-    done = _deflection(rig, force * np.sin(phases), rate)
+    rise = np.minimum(np.arange(phases.size) / (RISE * PER_PERIOD), 1.0)
+    done = _deflection(rig, force * rise * np.sin(phases), rate)
     found = []
     for end, frequency in zip(ends, frequencies, strict=True):
         # Over the last four periods, by least squares: a step's period is no whole number of samples.
@@ -58,7 +60,7 @@ def amplitudes(rig: Rig, frequencies: np.ndarray, periods: int, force: float) ->
 def _deflection(rig: Rig, force: np.ndarray, rate: float) -> np.ndarray:
     done = respond(
         rig.structure(), sampled(np.append(force, force[-1]), rate), rig.at, duration=force.size / rate,
-        sample_rate=rate, step=rig.step, points=(rig.at,), modes=rig.modes, limits=None,
+        sample_rate=rate, step=PER_PERIOD / STEPS_PER_PERIOD / rate, points=(rig.at,), modes=rig.modes, limits=None,
     )  # fmt: skip
     return done.displacement[rig.at]
 
@@ -84,7 +86,7 @@ def levels_of(name: str) -> None:
         began = time.process_time()
         curve = frequency_response(balance, level.force, (made.levels[0].frequency[0], made.locked[0] * 1.15))
         balanced = time.process_time() - began
-        ends = curve.frequency[[0, -1]]
+        ends = curve.frequency[curve.angle.max(axis=0) > MOVES * curve.angle.max()][[0, -1]]
         chosen = [*(ends[0] + share * np.ptp(ends) for share in SHARES), curve.peak[0]]
         began = time.process_time()
         ratios = [
@@ -110,8 +112,8 @@ def folds() -> None:
     )
     print(f"  largest angle {curve.angle.max():.3g} rad, softening from {FOLDING.softening_angle:.3g} rad")
     low, high = min(curve.folds), max(curve.folds)
-    for name, fold, start, stop in (("up", high, 0.985, 1.012), ("down", low, 1.03, 0.988)):
-        steps = fold * np.arange(start, stop, 0.0015 * np.sign(stop - start))
+    for name, fold, start, stop in (("up", high, 0.993, 1.006), ("down", low, 1.012, 0.993)):
+        steps = fold * np.arange(start, stop, 0.002 * np.sign(stop - start))
         found = amplitudes(rig, steps, STEP_PERIODS, FORCE)
         jump = int(np.argmax(np.abs(np.diff(np.log(found)))))
         at = (steps[jump] + steps[jump + 1]) / 2

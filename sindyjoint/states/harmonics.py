@@ -212,14 +212,12 @@ def _sum_periods(
 ) -> NDArray[np.complex128]:
     """Return the sums of a signal times each harmonic's rotation over each whole period, shape (periods, harmonics).
 
-    A period that is no whole number of samples ends within one, of which it has its share: rounded to samples, periods
-    of 90.9 would differ by 1 %.
+    A harmonic's sum over one period is not zero where the period is no whole number of samples; the mean is removed
+    first, so the remainder is the same in every period.
     """
     per = sample_rate / frequency
-    edges = np.arange(int(signal.size / per) + 1) * per
-    time = np.arange(signal.size) / sample_rate
+    edges = np.round(np.arange(int(signal.size / per) + 1) * per).astype(int)
+    time = np.arange(edges[-1]) / sample_rate
     rotation = np.exp(-2j * np.pi * frequency * np.outer(time, np.arange(1, harmonics + 1)))
-    turned = (signal - np.mean(signal))[:, None] * rotation
-    sums = np.concatenate([np.zeros((1, harmonics)), np.cumsum(turned, axis=0)])
-    before = np.minimum(edges.astype(int), signal.size - 1)
-    return np.diff(sums[before] + (edges - before)[:, None] * turned[before], axis=0)
+    centred = signal[: edges[-1]] - np.mean(signal)
+    return np.add.reduceat(centred[:, None] * rotation, edges[:-1], axis=0)

@@ -69,6 +69,7 @@ REACHED = {
         name: ("workflows.plan:plan", name)
         for name in ("like", "model", "campaign", "drive", "goal", "until", "random_state")
     },
+    "curves": {name: ("workflows.curves:curves", name) for name in ("modes", "at", "point", "harmonics")},
     "plot": {
         "width": ("reporting.registry:draw", "width"),
         "dpi": ("reporting.style:figure_bytes", "dpi"),
@@ -96,6 +97,9 @@ PASSED_ON = {
     "rate",
     "time",
     "plan",
+    # Of curves, too.
+    "frequencies",
+    "amplitudes",
 }
 # What the command itself does.
 OF_THE_COMMAND = {
@@ -117,6 +121,7 @@ OF_THE_COMMAND = {
 # Of the noise of the virtual test, which only a command makes.
 OWN = {
     ("simulate", "random_state"): 0,
+    ("curves", "levels"): None,
     ("changed", "random_state"): 0,
     ("init", "answers"): None,
     ("init", "yes"): False,

@@ -1,6 +1,6 @@
 """What a designer works with: a joint's law as stiffness, loss and energy, and what it does to a structure.
 
-    python examples/12_curves.py [folder for the picture]
+    python examples/14_curves.py [folder for the picture]
 
 The law of the paper's inter-panel joint is discovered from a virtual test. Its curves, with 95 % bands, are those of
 the joint alone; in the pulse rig the same law bends the frequency response and damps the first mode.
@@ -32,5 +32,5 @@ print(structure)
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 folder.mkdir(parents=True, exist_ok=True)
-(folder / "12_curves.png").write_bytes(figure_bytes(draw("response", structure), "png", dpi=110))
-print(f"picture: {folder / '12_curves.png'}")
+(folder / "14_curves.png").write_bytes(figure_bytes(draw("response", structure), "png", dpi=110))
+print(f"picture: {folder / '14_curves.png'}")
