@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 LEAST_NOISE = 1e-3
 # Drift, and motion below the excitation, as a share of the angle's RMS, beyond which its mean is not known.
 DRIFTS = 0.02
+# Elastic part of the moment, as a share of its RMS, from which it tells where the angle is zero.
+RESTORES = 0.2
 # Share of the largest rate beyond which the joint surely moves.
 MOVES = 0.1
 
@@ -46,6 +48,8 @@ class Fusion:
         Whether the mean angle is: an accelerometer does not see it, and a sensor that drifts makes it up.
     constant : float
         Taken off the moment with an unknown mean angle, N·m.
+    placed : bool
+        Whether an unknown mean angle was chosen so that the elastic moment is zero at zero angle.
     """
 
     acceleration: Array
@@ -58,6 +62,7 @@ class Fusion:
     prior: float = np.inf
     mean_known: bool = True
     constant: float = 0.0
+    placed: bool = False
 
     def white_noise(self, frequency: ArrayLike, sample_rate: float) -> Array:
         """Return the RMS of white noise of the angle that is as dense at a frequency as the angle's noise, rad.
@@ -115,7 +120,8 @@ def fuse(
     Returns
     -------
     moment, angle : ndarray, shape (n,)
-        Where the mean angle is not known it is zero, and the moment is without its constant part.
+        An angle whose mean is not known is counted from where the elastic moment is zero; without a stiffness from its
+        mean, and the moment then is without its constant part.
     fusion : Fusion
     """
     declared = declared or SensorNoise()
@@ -153,7 +159,11 @@ def fuse(
     if known:
         return moment, found, fusion
     found = found - np.mean(found)
-    constant = constant_moment(moment, found, step)
+    elastic = elastic_moment(moment, found, acceleration, step)
+    zero = zero_of(elastic, found, moment)
+    if zero is not None:
+        return moment, found - zero, replace(fusion, mean_known=False, placed=True)
+    constant = float(elastic[-1])
     return moment - constant, found, replace(fusion, mean_known=False, constant=constant)
 
 
@@ -197,18 +207,41 @@ def averaged(signal: Array, samples: float) -> Array:
     return slow
 
 
-def constant_moment(moment: Array, angle: Array, step: float) -> float:
-    """Return the part of a moment that no function of the motion about its unknown mean explains, N·m.
+def elastic_moment(moment: Array, angle: Array, acceleration: Array, step: float) -> Array:
+    """Return the elastic moment about an unknown mean angle as a polynomial of θ, coefficients of θ⁴ to θ⁰, N·m/radⁱ.
 
-    The law about the mean position, M = c + Σ kᵢθⁱ + c₁θ̇ + M_F sign θ̇ + Iθ̈, i ≤ 4, by least squares while the joint
-    moves.
+    The law about the mean position, M = Σ kᵢθⁱ + c₁θ̇ + M_F sign θ̇ + Iθ̈, i ≤ 4, by least squares while the joint moves;
+    its constant is what no motion explains.
     """
     rate = np.gradient(angle, step)
     moves = np.abs(rate) > MOVES * np.max(np.abs(rate))
+    # At its ends a record says least of the slow part of the angle.
+    moves[: angle.size // 10] = moves[angle.size - angle.size // 10 :] = False
     size = float(np.max(np.abs(angle))) or 1.0
     powers = np.vander(angle / size, 5)
-    columns = np.column_stack([powers, rate, np.sign(rate), np.gradient(rate, step)])
-    return float(scaled_least_squares(columns[moves], moment[moves], rcond=1e-8)[4])
+    columns = np.column_stack([powers, rate, np.sign(rate), acceleration - np.mean(acceleration)])
+    found = scaled_least_squares(columns[moves], moment[moves], rcond=1e-8)[:5]
+    return np.asarray(found / size ** np.arange(4, -1, -1))
+
+
+def zero_of(elastic: Array, angle: Array, moment: Array) -> float | None:
+    """Return the angle at which an elastic moment is zero, rad; None where it restores too little, or is nowhere zero.
+
+    Parameters
+    ----------
+    elastic : ndarray, shape (5,)
+        As :func:`elastic_moment` gives it.
+    angle, moment : ndarray, shape (n,)
+        About the unknown mean angle, rad and N·m.
+    """
+    if np.std(np.polyval(elastic, angle)) < RESTORES * np.std(moment):
+        return None
+    roots = np.roots(elastic)
+    real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (np.abs(roots) <= np.max(np.abs(angle)))]
+    if not real.size:
+        return None
+    nearest = float(real[np.argmin(np.abs(real))])
+    return nearest if np.polyval(np.polyder(elastic), nearest) > 0 else None
 
 
 def unknown_means(fusions: Mapping[str, Fusion | None], q: Quantities) -> Iterator[str]:
@@ -216,14 +249,20 @@ def unknown_means(fusions: Mapping[str, Fusion | None], q: Quantities) -> Iterat
     angle, moment = q.angle.lower(), q.moment.lower()
     for drifts, cause in ((False, "an accelerometer does not see it"), (True, f"the {angle} sensor drifts")):
         runs = {
-            name: abs(fusion.constant)
+            name: fusion
             for name, fusion in fusions.items()
             if fusion is not None and not fusion.mean_known and (fusion.angle is not None) == drifts
         }
-        if runs:
-            yield (
-                f"the mean {angle} is not known in {list_some(list(runs))} ({cause}): preload and any constant "
-                f"{moment} are undetermined, the constant part (up to {max(runs.values()):.3g} {q.moment_unit}) was "
-                f"taken off the {moment}, and the stiffness coefficients hold about the mean position of the runs (at "
-                "a mean of θ0 from the unloaded position k1 + 2·k2·θ0 + 3·k3·θ0² and k2 + 3·k3·θ0)"
+        for placed in (True, False):
+            names = [name for name, fusion in runs.items() if fusion.placed == placed]
+            if not names:
+                continue
+            largest = max(abs(runs[name].constant) for name in names)
+            yield f"the mean {angle} is not known in {list_some(names)} ({cause}): " + (
+                f"zero {angle} was put where the elastic {moment} is zero, so that a preload and a zero error of the "
+                f"{moment} are undetermined; with a preload the stiffness coefficients hold about that position (at θ0 "
+                "from the unloaded one k1 + 2·k2·θ0 + 3·k3·θ0² and k2 + 3·k3·θ0)"
+                if placed
+                else f"a preload is undetermined, the constant part (up to {largest:.3g} {q.moment_unit}) was taken "
+                f"off the {moment}, and coefficients hold about the mean position of each run"
             )

@@ -86,7 +86,7 @@ class Fitted:
     gains : tuple of (str, float)
         Declared relative uncertainty of the gain of each channel, which is in the intervals.
     mean_known : bool
-        Whether the mean angle was measured; otherwise the equation holds about the mean position of the runs.
+        Whether the mean angle was measured; otherwise zero is where the elastic moment is zero.
     quasi_static : bool
         Whether the samples had no time: the rate is then that of the path, one.
     """

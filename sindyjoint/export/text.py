@@ -90,7 +90,7 @@ def heading(model: JointModel, target: str) -> list[str]:
         + (
             ""
             if fitted.mean_known
-            else f"; about the mean {words.angle} of the tests, which was not measured"
+            else f"; the mean {words.angle} was not measured: zero is where the {words.moment} is"
         ),
     ]
 

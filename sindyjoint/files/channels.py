@@ -22,7 +22,6 @@ from sindyjoint.files.timeaxis import (
     with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
-from sindyjoint.numeric import delayed
 from sindyjoint.record import Motion
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
 from sindyjoint.source import ColumnUnit, FileUnit, SensorNoise
@@ -169,8 +168,7 @@ class RunReader:
         }
         signals, rate = self._timed(signals, columns)
         self._refuse_dead(signals)
-        signals = self._remove_delay(signals, rate)
-        signals = self._advance_acceleration(signals, rate)
+        signals = self._remove_delays(signals, rate)
         n = next(iter(signals.values())).size
         return signals | {name: np.full(n, value) for name, value in constants.items()}, rate
 
@@ -304,39 +302,28 @@ class RunReader:
                     )
                 )
 
-    def _remove_delay(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
-        """Move the moment ahead by the declared lag; every channel loses the edges that the filter needs."""
-        if self.channels.skew is None or "moment" not in signals:
-            return signals
-        samples = parse_quantity(self.channels.skew, "s", f"{self.manifest}: [channels] skew") * rate
-        if samples == 0:
-            return signals
-        lost = margin(samples)
-        n = signals["moment"].size
-        if n <= 4 * lost:
-            raise InputError(
-                f"{self.manifest}: [channels] skew: removing {self.channels.skew!r} takes {float(lost):.6g} "
-                f"samples from either end of {self.table.path.name}, which has {n}"
-            )
-        return {
-            name: advanced(values, samples) if name == "moment" else values[lost : n - lost]
-            for name, values in signals.items()
-        }
-
-    def _advance_acceleration(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
-        """Move the acceleration ahead by its own declared delay; every channel loses the edges that this needs."""
-        channel = self.channels.acceleration
-        if channel is None or channel.delay is None:
-            return signals
-        where = f"{self.manifest}: [channels] acceleration.delay"
-        samples = parse_quantity(channel.delay, "s", where) * rate
-        lost, n = int(np.ceil(abs(samples))), signals["acceleration"].size
-        if 4 * lost >= n:
-            raise InputError(
-                f"{where}: {channel.delay!r} is more than a quarter of {self.table.path.name}; check the unit"
-            )
-        ahead = signals | {"acceleration": delayed(signals["acceleration"], -samples)}
-        return {name: values[lost : n - lost] for name, values in ahead.items()}
+    def _remove_delays(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
+        """Move moment and acceleration ahead by their declared lags; all channels lose the edges that filters need."""
+        own = self.channels.acceleration
+        lags = {"moment": ("skew", self.channels.skew)}
+        lags["acceleration"] = ("acceleration.delay", None if own is None else own.delay)
+        for late, (key, given) in lags.items():
+            if given is None or late not in signals:
+                continue
+            samples = parse_quantity(given, "s", f"{self.manifest}: [channels] {key}") * rate
+            if samples == 0:
+                continue
+            lost, n = margin(samples), signals[late].size
+            if n <= 4 * lost:
+                raise InputError(
+                    f"{self.manifest}: [channels] {key}: removing {given!r} takes {float(lost):.6g} "
+                    f"samples from either end of {self.table.path.name}, which has {n}"
+                )
+            signals = {
+                name: advanced(values, samples) if name == late else values[lost : n - lost]
+                for name, values in signals.items()
+            }
+        return signals
 
 
 def _measured(channel: Channel, columns: dict[Column, Array], unit: str, where: str) -> Array:

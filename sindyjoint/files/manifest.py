@@ -21,6 +21,8 @@ from sindyjoint.text import expectation
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
+# What pydantic calls the other thing that [channels] time may be.
+WITHOUT_TIME = "literal['none']"
 
 
 class StrictTable(BaseModel):
@@ -101,6 +103,13 @@ class TimeChannel(StrictTable):
 
     column: Column = Field(description="Its name, or its number from 1.")
     unit: str = Field(default="s", description="Of the stamps; of clock times and dates it is s.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_words(cls, given: Any) -> Any:
+        if isinstance(given, dict | TimeChannel):
+            return given
+        raise ValueError('expected a column, such as { column = "time", unit = "s" }, or \'none\'')
 
 
 class Channels(StrictTable):
@@ -366,6 +375,8 @@ def first_complaint(error: ValidationError) -> str:
     # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
     by_location: dict[tuple[int | str, ...], ErrorDetails] = {}
     for complaint in error.errors(include_url=False):
+        if WITHOUT_TIME in complaint["loc"]:
+            continue  # what is said of the column that it is not says more
         by_location.setdefault(_location(complaint), complaint)
     complaints = list(by_location.values())
     # A misspelt key also makes the right one missing: say the cause first.
@@ -374,7 +385,7 @@ def first_complaint(error: ValidationError) -> str:
     field = field_name(_location(first))
     if first["type"] == "missing":
         message = f"key {first['loc'][-1]!r} is missing"
-        field = field_name(first["loc"][:-1])
+        field = field_name(_location(first)[:-1])
     else:
         message = expectation(first)
         given = f", not {first['input']!r:.60}"
@@ -385,7 +396,7 @@ def first_complaint(error: ValidationError) -> str:
 
 def _location(complaint: ErrorDetails) -> tuple[int | str, ...]:
     """Return where a complaint points, without the name of the type that was tried."""
-    location = complaint["loc"]
+    location = tuple(part for part in complaint["loc"] if part != TimeChannel.__name__)
     return location[:-1] if location and location[-1] in ("float", "str", "int", "bool") else location
 
 

@@ -111,7 +111,9 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
         line = in_words_of(
             campaign.joint.motion, "the mean angle was not measured where the model was fitted"
         )
-        warnings.append(f"{line}: it holds about the mean position there, the campaign has another zero")
+        warnings.append(
+            f"{line}: its zero is where the elastic moment was zero, that of the campaign may be another"
+        )
     declared = campaign.joint.inertia
     if declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia):
         line = in_words_of(campaign.joint.motion, "the campaign declares the inertia")

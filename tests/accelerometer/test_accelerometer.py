@@ -66,15 +66,26 @@ def test_the_acceleration_alone_gives_the_angle_about_its_mean(offset):
     moment, found, fusion = fuse(60 * angle + 0.3, acceleration + offset, RATE, frequency=FREQUENCY)
     assert error(found, angle) < 1e-4
     assert not fusion.mean_known
-    assert fusion.constant == pytest.approx(0.3, rel=1e-4)
-    assert moment == pytest.approx(60 * angle, abs=1e-4)
+    assert np.array_equal(moment, 60 * angle + 0.3)
+    assert np.mean(found) == pytest.approx(0.3 / 60, rel=1e-3)
 
 
-def test_the_constant_moment_is_not_taken_for_the_quadratic_stiffness():
+def test_the_angle_is_counted_from_where_the_elastic_moment_is_zero():
     angle, _, acceleration = motion()
-    moment, _, fusion = fuse(60 * angle + 900 * angle**2 + 0.3, acceleration, RATE, frequency=FREQUENCY)
-    assert fusion.constant == pytest.approx(0.3, rel=1e-3)
-    assert np.mean(moment) == pytest.approx(900 * np.mean(angle**2), rel=1e-2)
+    true = angle + 0.002
+    law = 60 * true + 900 * true**2 - 4e4 * true**3 + 0.3 * np.sign(np.gradient(true))
+    moment, found, fusion = fuse(law, acceleration, RATE, frequency=FREQUENCY)
+    assert fusion.placed and fusion.constant == 0
+    assert found == pytest.approx(true, abs=2e-5)
+    assert np.array_equal(moment, law)
+
+
+def test_without_a_stiffness_the_constant_part_is_taken_off():
+    angle, rate, acceleration = motion()
+    moment, found, fusion = fuse(0.5 * rate + 0.3, acceleration, RATE, frequency=FREQUENCY)
+    assert not fusion.placed and fusion.constant == pytest.approx(0.3, rel=1e-2)
+    assert np.mean(found) == pytest.approx(0, abs=1e-9)
+    assert moment == pytest.approx(0.5 * rate, abs=3e-3)
 
 
 def test_without_noise_the_fused_angle_is_the_measured_one():
@@ -202,7 +213,7 @@ def test_what_is_not_known_is_said():
         "mean angle is not known",
         "accelerometer does not see it",
         "preload",
-        "0.3 N*m",
+        "where the elastic moment is zero",
         "k1 + 2·k2·θ0",
     ):
         assert part in line

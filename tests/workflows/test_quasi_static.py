@@ -233,6 +233,16 @@ def test_the_command_line_takes_samples_without_time(tmp_path):
     assert force_states(sindyjoint.load_campaign(given).runs[0]).method == "path"
 
 
+def test_init_takes_none_for_the_sampling_rate(tmp_path):
+    given = folder(tmp_path)
+    (given / "campaign.toml").unlink()
+    file = given / "slow.csv"
+    file.write_text(file.read_text().replace("F,x", "force_N,disp_mm", 1))
+    written = sindyjoint.init(given, answers={"rate": "none"}).manifest
+    assert 'time = "none"' in written.read_text()
+    assert sindyjoint.load_campaign(written).quasi_static
+
+
 @pytest.mark.parametrize(
     ("more", "run", "words"),
     [

@@ -101,6 +101,11 @@ def test_a_diagnosis_is_refined_unless_its_response_gap_would_grow(monkeypatch):
     after = diagnose(runs, effects=effects, advise=False, refine=True)
     assert [e.id for e in after.whole.elements] == ["jenkins_element"]
     assert after.whole.numbers.tolist() != before.whole.numbers.tolist()
+    # Steps, terms and effects are those of the refined model.
+    (element,) = after.whole.elements
+    assert after.steps[-1].parameters == pytest.approx({n.name: n.value for n in element.numbers})
+    assert after.model.coefficients.tolist() == after.whole.coefficients.tolist()
+    assert after.steps[-1].gap_after == after.final
     # That of the whole model, as a verification has it; the diagnosis reads the same figure off its effects.
     gap = simulated_gap(before.whole, runs, before.test)
     assert gap == pytest.approx(before.final.response, rel=0.02)

@@ -66,7 +66,7 @@ def refit(
             break
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
-        model = _without(model, least)
+        model = _without(model, int(least))
     model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
     later, k = [], size
     for each in effects:

@@ -195,6 +195,9 @@ def _draft_time(
     bundle: Bundle, column: Column | None, channels: dict[str, str], doubts: Doubts
 ) -> float | None:
     """Write how the run was sampled, and return its rate, Hz."""
+    if doubts.answers.get("rate") == "none":
+        channels["time"] = quote("none") + "  # quasi-static samples, in their order"
+        return None
     if "rate" in doubts.answers:
         channels["rate"] = quote(doubts.answers["rate"])
         return parse_quantity(doubts.answers["rate"], "Hz", "rate")
@@ -235,7 +238,11 @@ def _draft_rate(bundle: Bundle, channels: dict[str, str], doubts: Doubts) -> flo
     elif step:
         rate = 1 / (float(step[1].replace(",", ".")) * _SECONDS[step[2].lower()])
     else:
-        doubts.ask("rate", f"how fast was {bundle.name} sampled, such as '1 kHz'?", None)
+        doubts.ask(
+            "rate",
+            f"how fast was {bundle.name} sampled, such as '1 kHz', or 'none' of quasi-static samples?",
+            None,
+        )
         return None
     channels["rate"] = quote(f"{rate:.9g} Hz") + "  # stated above the columns"
     return rate

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE
 from sindyjoint.reporting.figures.kind import Kind, by_name, each
 from sindyjoint.reporting.figures.labels import time_label
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, shortened
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-CHANNELS = ("moment", "angle", "rate")
 RUNS_PER_FIGURE = 6
 # Of the least and the largest value of so many segments the picture of a channel is made.
 SEGMENTS, MOST_SEGMENTS = 450, 30_000
@@ -99,7 +99,7 @@ class CheckData:
 def gather_check(check: Check) -> CheckData:
     """Return what is drawn of a check."""
     campaign: Campaign = check.campaign
-    channels = sum(getattr(run, name) is not None for run in campaign.runs for name in CHANNELS)
+    channels = sum(len(run.channels) for run in campaign.runs)
     segments = int(np.clip(MOST_SEGMENTS // channels, FEWEST_SEGMENTS, SEGMENTS))
     findings = check.soundness.findings
     return CheckData(
@@ -114,11 +114,9 @@ def gather_check(check: Check) -> CheckData:
 
 def _gather_run(run: Run, findings: list[Finding], segments: int) -> CheckedRun:
     traces = []
-    for name in CHANNELS:
-        signal = getattr(run, name)
-        if signal is not None:
-            places = find_extremes(signal, segments)
-            traces.append(Trace(name, places / run.sample_rate, signal[places]))
+    for name, signal in run.channels.items():
+        places = find_extremes(signal, segments)
+        traces.append(Trace(name, places / run.sample_rate, signal[places]))
     marks = []
     for finding in findings:
         spans = np.array(finding.spans, dtype=float).reshape(-1, 2) / run.sample_rate
@@ -155,7 +153,9 @@ def _widen(starts: Array, ends: Array, duration: float) -> tuple[Array, Array]:
 def draw_run(run: CheckedRun, ax: Axes, motion: Motion) -> Axes:
     """Draw the channels of a run one above the other, each over its range, and mark what was found."""
     words, q = words_of(motion), quantities(motion)
-    units = {"moment": q.moment_unit, "angle": q.angle_unit, "rate": q.rate_unit}
+    angle, rate = q.angle_unit, q.rate_unit
+    units = {"moment": q.moment_unit, "angle": angle, "rate": rate, "acceleration": f"{rate}/s"}
+    units |= {MEASURED_ANGLE: angle, MEASURED_RATE: rate}
     base = {trace.channel: -index * (ROW + GAP) for index, trace in enumerate(run.traces)}
     bottom = min(base.values())
     for mark in run.marks:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
-from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
+from sindyjoint.diagnosis.campaign.numbers.replicates import LEAST_LEFT, Replicates
 from sindyjoint.diagnosis.campaign.numbers.whole import Numbers, is_element, numbers_of, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, modelled, refit
@@ -126,9 +126,12 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     left = np.concatenate(
         [row.white(row.target - modelled(row, fitted.model, fitted.effects)) for row in work.rows]
     )
+    inner = np.r_[tuple(numbers.inner.values())] if numbers.inner else np.empty(0, dtype=int)
     trial, last, found = np.zeros_like(errors), None, None
     for _ in range(ROUNDS):
         # ``trial`` is θ - θ̂, ``short`` is what θ̂ - b(θ) - θ has still to go.
+        if np.any((numbers.values + trial)[inner] <= LEAST_LEFT * numbers.values[inner]):
+            return None
         there = Replicates.of(work, with_numbers(fitted, numbers.values + trial, numbers.covariance))
         if there is None or (rows := there.rows()) is None:
             return None
