@@ -64,7 +64,7 @@ def refit(
         weak = np.flatnonzero((pushing | (ratio < policy.needless_ratio)) & (share < policy.needless_share))
         if not effects or not weak.size or size <= 1:
             break
-        least = min(weak, key=lambda i: ratio[i])
+        least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
         model = _without(model, int(least))
     model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
