@@ -57,7 +57,8 @@ def simulate_structure(
     rig: Path, out: Path, format: str, seed: int, force: bool, progress: Progress
 ) -> tuple[Path, dict[str, Any]]:
     """Make and write a virtual test of a rig; return its manifest and what was written."""
-    from sindyjoint.mechanics.rig_test_file import load_rig_plan, write_rig_test
+    from sindyjoint.mechanics.rig_test_file import load_rig_plan
+    from sindyjoint.mechanics.rig_test_writing import write_rig_test
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
 
     with progress:

@@ -12,17 +12,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
 from sindyjoint.checksums import check_finished
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError
-from sindyjoint.text import expectation
+from sindyjoint.files.complaints import first_complaint
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
-# What pydantic calls the other thing that [channels] time may be.
-WITHOUT_TIME = "literal['none']"
 
 
 class StrictTable(BaseModel):
@@ -368,43 +365,3 @@ def natural_order(name: str) -> list[tuple[float, str]]:
     """
     parts = re.split(r"(\d+(?:\.\d+)?)", name)
     return [(float(part), "") if number % 2 else (-1.0, part) for number, part in enumerate(parts)]
-
-
-def first_complaint(error: ValidationError) -> str:
-    """Turn pydantic's list into one sentence: the field, what was expected, what was given."""
-    # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
-    by_location: dict[tuple[int | str, ...], ErrorDetails] = {}
-    for complaint in error.errors(include_url=False):
-        if WITHOUT_TIME in complaint["loc"]:
-            continue  # what is said of the column that it is not says more
-        by_location.setdefault(_location(complaint), complaint)
-    complaints = list(by_location.values())
-    # A misspelt key also makes the right one missing: say the cause first.
-    complaints.sort(key=lambda item: "unknown key" not in item["msg"])
-    first = complaints[0]
-    field = field_name(_location(first))
-    if first["type"] == "missing":
-        message = f"key {first['loc'][-1]!r} is missing"
-        field = field_name(_location(first)[:-1])
-    else:
-        message = expectation(first)
-        given = f", not {first['input']!r:.60}"
-        message += "" if first["type"] in ("value_error", "too_short", "too_long") else given
-    more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
-    return f"{field}: {message}{more}" if field else f"{message}{more}"
-
-
-def _location(complaint: ErrorDetails) -> tuple[int | str, ...]:
-    """Return where a complaint points, without the name of the type that was tried."""
-    location = tuple(part for part in complaint["loc"] if part != TimeChannel.__name__)
-    return location[:-1] if location and location[-1] in ("float", "str", "int", "bool") else location
-
-
-def field_name(location: tuple[int | str, ...]) -> str:
-    """Return a position in the manifest as a user writes it: ``[channels] angle.unit``."""
-    parts = [str(part) for part in location]
-    if not parts:
-        return ""
-    if parts[0] == "run" and len(location) > 1 and isinstance(location[1], int):
-        return " ".join([f"[[run]] {location[1] + 1}", ".".join(parts[2:])]).strip()
-    return " ".join([f"[{parts[0]}]", ".".join(parts[1:])]).strip()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,11 +14,9 @@ from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.files.atomic import output_folder
-from sindyjoint.files.manifest import first_complaint
+from sindyjoint.files.complaints import first_complaint
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import conversion, parse_quantity
-from sindyjoint.files.writers import ENCODERS, REMARK
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.rig_file import (
     DriveTable,
@@ -48,6 +45,8 @@ UNITS = {
 #: In the place of a law that is sought; its numbers are never used.
 UNKNOWN = PaperLaw(k1=1.0, name="unknown")
 MOST_FREEDOMS = 2000
+#: What a file of a virtual test is called after.
+SIMULATED_KEY = "simulated"
 
 
 class RigPlan(NamedTuple):
@@ -320,83 +319,3 @@ def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:
         name, table.shape, parse_quantity(table.amplitude, UNITS[drive.quantity], f"{where} amplitude"),
         parse_quantity(table.frequency, "Hz", f"{where} frequency"), band, None, table.level, table.use,
     )  # fmt: skip
-
-
-#: What a file of a virtual test is called after.
-SIMULATED_KEY = "simulated"
-
-
-def write_rig_test(
-    rig: str | Path, test: RigTest, folder: str | Path, format: str = "csv", force: bool = False
-) -> Path:
-    """Write the runs of a virtual test and a ``rig.toml`` that describes them; the laws of the joints are not in it.
-
-    Parameters
-    ----------
-    rig : str or Path
-        Of which the test was made: the file's other tables stay as they are.
-    test : RigTest
-        With runs.
-    folder : path
-    format : {"csv", "tsv", "npz", "parquet", "h5", "mat"}
-    force : bool
-        Replace files that are no such test.
-    """
-    if format not in ENCODERS:
-        raise InputError(f"format is {format!r}; expected one of {', '.join(ENCODERS)}")
-    path = rig_path(rig)
-    document = tomllib.loads(path.read_text(encoding="utf-8"))
-    given = RigFile.model_validate(document)
-    for part, table in zip(document["chain"], given.chain, strict=True):
-        if table.joint is not None:
-            part |= {"law": "unknown", "kind": table.kind or table.law}
-    document["loss_frequency"] = f"{test.structure.loss_frequency!r} Hz"
-    document["time"] = {"column": "time", "unit": "s"}
-    drive = document.setdefault("drive", {})
-    drive |= {"column": "drive", "unit": UNITS[given.drive.quantity].replace("**", "^")}
-    for table, sensor in zip(document["sensor"], given.sensor, strict=True):
-        table |= {"unit": UNITS[sensor.quantity].replace("**", "^")}
-    for key in ("pulse", "output", "recorder", "measured"):
-        document.pop(key, None)
-    files = {run.name: f"{_file_name(run.name)}-{SIMULATED_KEY}.{format}" for run in test.runs}
-    document["run"] = [
-        {"file": files[run.name], "name": run.name, "frequency": f"{run.frequency!r} Hz", "use": run.use}
-        | ({"level": run.level} if run.level is not None else {})
-        for run in test.runs
-    ]
-    with output_folder(folder, "rig-test", force=force) as stage:
-        for run in test.runs:
-            time = np.arange(run.drive.size) / run.sample_rate
-            columns = {"time": time, "drive": run.drive}
-            columns |= {
-                sensor.name: signal for sensor, signal in zip(test.sensors, run.responses, strict=True)
-            }
-            (stage / files[run.name]).write_bytes(ENCODERS[format](columns, REMARK))
-        (stage / "rig.toml").write_text(_toml(document), encoding="utf-8", newline="\n")
-    return Path(folder) / "rig.toml"
-
-
-def _file_name(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "._-" else "-" for c in name)
-
-
-def _toml(document: Mapping[str, Any]) -> str:
-    """Return a document of plain values, tables and lists of tables as TOML; JSON's strings and lists are TOML's."""
-
-    def value(item: Any) -> str:
-        if isinstance(item, dict):
-            return "{ " + ", ".join(f"{key} = {value(inner)}" for key, inner in item.items()) + " }"
-        return json.dumps(item, ensure_ascii=False)
-
-    lines, tables = [], []
-    for key, item in document.items():
-        entries: Sequence[Any] = (
-            item if isinstance(item, list) and item and isinstance(item[0], dict) else [item]
-        )
-        if isinstance(entries[0], dict):
-            head = f"[[{key}]]" if isinstance(item, list) else f"[{key}]"
-            for entry in entries:
-                tables += ["", head, *(f"{name} = {value(inner)}" for name, inner in entry.items())]
-        else:
-            lines.append(f"{key} = {value(item)}")
-    return "\n".join([*lines, *tables, ""])

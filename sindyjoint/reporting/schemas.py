@@ -42,13 +42,14 @@ def _records() -> dict[str, type[BaseModel]]:
     from sindyjoint.reporting import record_exports as exports
     from sindyjoint.reporting import record_tables as tables
     from sindyjoint.reporting import records as single
+    from sindyjoint.reporting.record_plan import PlanRecord
     from sindyjoint.response.nuisances import TestRecord
 
     return {
         "campaign": Manifest,
         "model": ModelRecord,
         "test": TestRecord,
-        "plan": tables.PlanRecord,
+        "plan": PlanRecord,
         "check": single.CheckRecord,
         "discovery": single.DiscoveryRecord,
         "comparison": tables.ComparisonRecord,
