@@ -19,8 +19,9 @@ from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.second_search import campaign_model
-from sindyjoint.judgement.verdict import judge
+from sindyjoint.judgement.verdict import Verdict, judge
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -209,7 +210,7 @@ def _judged(
     campaign = recovered_campaign(test, kind, states)
     counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
     model = campaign_model(regressor, campaign, states, counts)
-    verdict = judge(regressor, model)
+    verdict = within_the_states(judge(regressor, model), states)
 
     def replicated(known: JointModel) -> list[RecoveredReplicate]:
         law = model_law(known)
@@ -232,6 +233,23 @@ def _judged(
         campaign=campaign,
         bias=fixed.bias,
     )
+
+
+def within_the_states(verdict: Verdict, states: Sequence[ForceStates]) -> Verdict:
+    """Return a verdict that is no surer than the states: undecided where their angle is known less well than a term.
+
+    An error of the angle is one of the elastic moment of the same share: beyond the share below which a term counts as
+    absent, neither absence nor presence follows from what fits best.
+    """
+    share = float(np.sqrt(np.mean([(s.noise.angle / np.std(s.angle)) ** 2 for s in states])))
+    if share <= POLICY.negligible_share or verdict.verdict == "undecided":
+        return verdict
+    reason = (
+        f"the sensors show the angle of the joint only within {100 * share:.1f} % of itself, and terms are judged down "
+        f"to {100 * POLICY.negligible_share:.0f} % of the moment: sensors of displacement, longer runs or sines would "
+        f"tell; without that: {verdict.verdict}, {verdict.reason}"
+    )
+    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def recovered_campaign(test: RigTest, kind: str, states: Sequence[ForceStates]) -> Campaign:

@@ -11,6 +11,7 @@ from sindyjoint.files.writers import ENCODERS
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.record_exports import StructureRecord
 from sindyjoint.workflows.discover_rig import discover_rig
+from sindyjoint.workflows.joint_laws import within_the_states
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test
 
@@ -44,6 +45,19 @@ def test_the_law_of_an_elastic_joint_has_no_friction(found):
         assert term.coefficient == pytest.approx(true, rel=0.02)
         assert abs(term.coefficient - true) < 4 * term.standard_error
     assert found.misfit == pytest.approx(1.0, abs=0.2) and found.found
+
+
+def test_a_verdict_is_no_surer_than_the_angles(found):
+    """An angle known within 5 % of itself leaves the terms open; within a tenth of a per cent it changes nothing."""
+    discovery = found.laws[0].discovery
+    sure = replace(discovery.verdict, verdict="refuted")
+
+    def states(share):
+        return [replace(s, noise=replace(s.noise, angle=share * np.std(s.angle))) for s in discovery.states]
+
+    assert within_the_states(sure, states(0.001)) == sure
+    open_one = within_the_states(sure, states(0.05))
+    assert open_one.verdict == "undecided" and "within 5.0 % of itself" in open_one.reason
 
 
 def test_a_structure_that_is_another_one_is_seen(runs):
