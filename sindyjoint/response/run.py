@@ -159,8 +159,9 @@ def pooled_nrmse(errors: Sequence[tuple[str, float, float]]) -> float:
 
 
 def rms(values: ArrayLike) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
+    """Root mean square; infinite for what has run away."""
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
 
 
 def choose_drive(law: Law, states: ForceStates) -> Drive:

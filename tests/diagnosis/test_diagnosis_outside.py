@@ -111,9 +111,10 @@ def test_many_effects_are_less_likely_than_one_that_nobody_knows():
     ],
 )
 def test_what_is_in_no_catalogue_is_unknown(name, seed, most):
-    """Also where the search must end before it has found nothing more."""
+    """Also where the search must end early; names that help a little stand beside a stated remainder."""
     result = diagnose(hide(name, seed).campaign, advise=False, **({"max_effects": most} if most else {}))
-    assert result.verdict == "unknown"
+    remains = result.final.moment > 1.5 * result.noise_floor.moment
+    assert result.verdict == "unknown" or (result.verdict == "partly_named" and remains)
     assert all(step.probability <= 0.5 for step in result.steps)
     assert all("unknown" in dict(step.rivals) for step in result.steps)
 
@@ -136,4 +137,4 @@ def test_a_slider_that_some_runs_never_reach_is_still_named(name, seed):
     """
     result = diagnose(hide(name, seed).campaign, advise=False)
     assert result.verdict in ("named", "ambiguous", "partly_named") and name in result.steps[0].members
-    assert (result.verdict == "partly_named") == (result.final.response > result.initial.response)
+    assert (result.verdict == "partly_named") == (result.final.response > 1.5 * result.noise_floor.response)

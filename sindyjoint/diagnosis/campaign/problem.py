@@ -159,9 +159,9 @@ class CampaignProblem(Problem):
 
     @property
     def numbers(self) -> int:
-        """Numbers of the law: coefficients of the model and the effects, and nonlinear parameters."""
+        """Numbers of the law: coefficients of the model and the effects, nonlinear parameters, and the joint's zero."""
         laws = [e for e in self.found if e.effect.enters == "moment"]
-        return len(self.repaired.model.terms) + sum(e.variant.degrees for e in laws)
+        return len(self.repaired.model.terms) + sum(e.variant.degrees for e in laws) + (self.zero != 0.0)
 
     @cached_property
     def gap(self) -> Gap:
