@@ -156,7 +156,8 @@ def _side_by_side(states, runs, motion, timing, parameters, limits, program):
             for each in (begin, before, now, end, turn, most):
                 each[lane] = each[active]
             h[lane] = h[active]
-            for each in (z, last, older):
+            # The rates, too: an array that is not used any more is freed, and a pointer does not keep it.
+            for each in (z, last, older, slope):
                 each[:, lane] = each[:, active]
 
 
