@@ -53,7 +53,7 @@ class VerdictPolicy:
     )
     enough: int = limit(
         3,
-        "frequencies, and levels, from which on terms that are alike on one run are told apart",
+        "frequencies, and levels, from which on terms that are alike on one run are distinguished",
         source="the campaigns of the guide; two of each leave no group to check on",
     )
     surely_chosen: float = limit(
