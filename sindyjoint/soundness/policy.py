@@ -123,7 +123,7 @@ class SoundnessPolicy:
     copied_noise: float = limit(0.98, "correlation of the noise of two runs from which one is a scaled copy")
     copied_period: float = limit(
         32.0,
-        "samples per period below which friction steps, which two levels share, are too dense to be distinguished from noise",
+        "samples per period below which friction steps, which two levels share, are too dense to stand out of noise",
         source="a step reaches four third differences, and comes twice a period",
     )
     dead_share: float = limit(0.05, "amplitude over the run's median below which a period has no excitation")
