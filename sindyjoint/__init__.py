@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.compare import compare
     from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
-    from sindyjoint.workflows.discover import discover
-    from sindyjoint.workflows.discover_rig import discover_rig
+    from sindyjoint.workflows.discover import discover, discover_rig
     from sindyjoint.workflows.init import init
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
@@ -65,7 +64,7 @@ _HOMES = {
     "diagnose": "workflows.diagnose",
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
-    "discover_rig": "workflows.discover_rig",
+    "discover_rig": "workflows.discover",
     "init": "workflows.init",
     "plan": "workflows.plan",
     "simulate": "workflows.simulate",

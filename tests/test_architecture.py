@@ -62,7 +62,7 @@ ALLOWED = {
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
     "planning": (RESPONDS | {"bias", "paper", "shown"}),
     "batch": EXPLAINS,
-    "judgement": DIAGNOSES | {"paper"},
+    "judgement": DIAGNOSES | {"paper", "substructure", "versions"},
     "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions", "substructure"},
 }
 BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows", "versions"}

@@ -14,6 +14,7 @@ from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError
+from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Enters, Nuisance, TestNuisances, read_test
@@ -26,7 +27,7 @@ from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, force_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import fitted_to, the_campaign
+from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.verify import CampaignVerification, put_right
 
 if TYPE_CHECKING:
