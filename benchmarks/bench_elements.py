@@ -8,8 +8,8 @@ python benchmarks/bench_elements.py show elements.jsonl
 Random joints with one element hidden, moved by a moment (even seeds) or by a motion (odd seeds). The element is the
 only candidate, unless ``--all``: its numbers are asked for here, not its name. ``run`` appends one line per campaign
 and resumes. ``--quick`` adds the element and finishes its numbers, without the check, the verdict and the gaps of a
-diagnosis: the same numbers wherever that adds this element alone and starts once. A number counts where the form that was hidden is found; a Bouc-Wen law between the catalogue's powers has
-no numbers in the catalogue.
+diagnosis: the same numbers wherever that adds this element alone and starts once. A number counts where the form that
+was hidden is found; a Bouc-Wen law between the catalogue's powers has no numbers in the catalogue.
 """
 
 from __future__ import annotations
