@@ -60,7 +60,7 @@ ALLOWED = {
     "substructure": RESPONDS,
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
-    "planning": (RESPONDS | {"bias", "paper", "shown"}),
+    "planning": DIAGNOSES | {"paper"},
     "batch": EXPLAINS,
     "judgement": DIAGNOSES | {"paper", "substructure", "versions"},
     "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions", "substructure"},

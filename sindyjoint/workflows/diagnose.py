@@ -162,7 +162,7 @@ def diagnose(
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
-            from sindyjoint.workflows.refine import refined_problem
+            from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
 
             return refined_problem(last, checked.usable, _test_of(last.test, campaign, delay), say)
 
