@@ -13,6 +13,7 @@ from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.observability import JointSeen
+from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.update import Update
 
@@ -107,10 +108,6 @@ class RigDiscovery(Shown):
         }  # fmt: skip
 
 
-# Weighted squares per degree of freedom beyond which sensors and structure disagree: noise alone makes 1.
-DISAGREES = 2.0
-
-
 def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
     """Say where sensors and structure disagree, or that nothing shows whether they do."""
     misfit, degrees = sum(r.misfit for r in recoveries), sum(r.degrees for r in recoveries)
@@ -118,7 +115,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
         return (
             "there are as many sensors as joints: nothing shows whether the structure is the one described",
         )
-    if misfit <= DISAGREES * degrees:
+    if misfit <= LIMITS.disagrees * degrees:
         return ()
     return (
         f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
