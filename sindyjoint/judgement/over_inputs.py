@@ -165,9 +165,18 @@ def level_tests(
     found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
     shown = (np.array([float(group) for group in found.groups]) - each.zero) / each.factor
     axis = Axis(each.label, each.shown_unit)
+    # Over all coefficients together: one that the law does not let depend is not to seem to by chance.
+    level = POLICY.frequency_level / len(plain)
     return tuple(
         frequency_test(
-            term, shown, found.coefficients[:, i], found.standard_errors[:, i], found.degrees, margin, axis
+            term,
+            shown,
+            found.coefficients[:, i],
+            found.standard_errors[:, i],
+            found.degrees,
+            margin,
+            axis,
+            level,
         )
         for i, term in enumerate(plain)
         if np.all(found.standard_errors[:, i] > 0)

@@ -51,6 +51,8 @@ class ChoicePart(Part):
     not_simulated: str
     path: list[SizeScorePart]
     offers_paper_terms: bool
+    wanted: list[str]
+    dependences: list[tuple[str, str]]
     not_given: list[str]
     residual: Maybe = None
 

@@ -6,8 +6,9 @@ import inspect
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +24,12 @@ from sindyjoint.equation.model_file import read_model
 from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import run_levels
+from sindyjoint.judgement.against_paper import against_paper, parts_of, wanted_terms
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.judgement.discovery import Discovery, undetermined
 from sindyjoint.judgement.held_out_response import add_responses
 from sindyjoint.judgement.independence import frequency_tests
 from sindyjoint.options import checks_options
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import require_sound
@@ -156,7 +157,7 @@ def _compared(
         "least_share": found.regressor.least_share_,
     }
     by_method = clock.run("methods", _methods, found, names, random_state, rule)
-    parts = _parts(found)
+    parts = parts_of(found)
     by_frequency = clock.run(
         f"one {parts} at a time", _frequencies, found, evidence, names[0], random_state, rule
     )
@@ -169,6 +170,8 @@ def _compared(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state, **rule
     )
     model, bias = _model(found)
+    against = partial(against_paper, found)
+    by_method, by_frequency = tuple(map(against, by_method)), tuple(map(against, by_frequency))
     tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
     return Comparison(
         joint=found.campaign.joint.name,
@@ -178,13 +181,13 @@ def _compared(
         units=_units(found, by_library),
         methods=by_method,
         frequencies=by_frequency,
-        libraries=tuple(choice for choice, _ in by_library),
+        libraries=tuple(against(choice) for choice, _ in by_library),
         inclusion=tuple(float(p) for p in included.probability),
         sets=included.sets,
         left_out=left_out,
         tests=tests,
         bias=bias,
-        model=model,
+        model=against(model),
         undetermined=undetermined(found),
         warnings=found.warnings
         + tuple(f"weak form: {c.reason}" for c in by_method if c.name == WEAK and not c.terms),
@@ -194,14 +197,6 @@ def _compared(
         noise_floor=found.model.fitted.noise_floor / (found.model.fitted.moment_rms or 1.0),
         parts=parts,
     )
-
-
-def _parts(found: Discovery) -> Literal["frequency", "level", "run"]:
-    """Return what runs are grouped by."""
-    groups = set(found.regressor.evidence_.groups)
-    if all(group.endswith(" Hz") for group in groups) and any(state.frequency for state in found.states):
-        return "frequency"
-    return "level" if groups == {state.level for state in found.states} else "run"
 
 
 class _Clock:
@@ -348,7 +343,8 @@ def _libraries(
         terms = tuple(
             ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in regressor.model_.terms
         )
-        offered = all(term in regressor.evidence_.ids for term in PAPER_TERMS)
+        wanted = wanted_terms(found)
+        offered = all(term in regressor.evidence_.ids for term in wanted)
         reason = regressor.selection_result_.reason
         left = _residual(regressor.selection_result_, regressor.evidence_.target_rms)
         choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered, residual=left)
@@ -362,7 +358,7 @@ def _hold_out_groups(
     """Leave out frequencies, levels, and levels of each input, where there are several; of a single run its parts."""
     result = {}
     if len(evidence.groups) > 1:
-        kind = _parts(found) if len(found.states) > 1 else "time"
+        kind = parts_of(found) if len(found.states) > 1 else "time"
         result[kind] = cross_validate(evidence, method=method, random_state=random_state, **rule)
     levels = [state.level or state.run for state in found.states]
     if "level" not in result and len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
