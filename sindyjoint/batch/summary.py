@@ -65,6 +65,8 @@ class Batch(Shown):
     differences : tuple of Difference
     notes : tuple of str
         What to know before believing it.
+    covariate_units : dict of str to str
+        SI unit of each covariate that has one.
     calibration : dict of str to dict
         By how much of itself one standard uncertainty of a channel's gain moves a coefficient, by term and channel. It
         moves all joints alike, so it is no part of their scatter, but of what is known of their mean.
@@ -80,6 +82,7 @@ class Batch(Shown):
     population: Population
     differences: tuple[Difference, ...]
     notes: tuple[str, ...]
+    covariate_units: dict[str, str] = field(default_factory=dict)
     calibration: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def count(self, status: str) -> int:
@@ -192,6 +195,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
         notes=tuple(_list_notes(records, found, compared)),
+        covariate_units=_covariate_units(records),
         calibration=calibration,
     )
 
@@ -283,6 +287,14 @@ def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
         for name, column in columns.items()
     }
     return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
+
+
+def _covariate_units(records: Sequence[CampaignRecord]) -> dict[str, str]:
+    """Return the SI units of covariates that have one."""
+    units = {TEMPERATURE: "K"}
+    for record in records:
+        units |= {name.replace("_", " "): unit for name, unit in record.joint.get("input_units", {}).items()}
+    return {name: unit for name, unit in units.items() if unit != "1"}
 
 
 def _parse_serials(serials: Sequence[str | None]) -> list[float | None]:

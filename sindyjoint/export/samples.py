@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,14 @@ def export(model: JointModel, count: int = COUNT, random_state: int = 0) -> Expo
 
     _check(count)
     drawn = draw_models(model, count, np.random.default_rng(random_state))
+    from sindyjoint.equation.formula import formula_text
+
     names = [(term.id, term.symbol, term.unit) for term in model.terms]
     names += [(e.id, f"{e.symbol}_{n.name}", n.unit) for e in model.elements for n in e.numbers]
     how = f"{count} draws of the normal distribution of its estimate, with the covariance of all"
-    return _export(names, np.array([each.numbers for each in drawn]), how)
+    motion = model.joint.motion
+    of = {term.id: f"; times {formula_text(term.expression, motion)}" for term in model.terms if term.inputs}
+    return _export(names, np.array([each.numbers for each in drawn]), how, of)
 
 
 def batch_samples(folder: Path, count: int = COUNT, random_state: int = 0) -> Export:
@@ -118,11 +123,16 @@ def _check(count: int) -> None:
         raise InputError(f"count is {count}; expected from 1 to 1000000 sets")
 
 
-def _export(names: Sequence[tuple[str, str, str]], drawn: Array, how: str) -> Export:
-    """Return the sets as CSV, a row each; a column is headed by symbol and unit."""
+def _export(
+    names: Sequence[tuple[str, str, str]],
+    drawn: Array,
+    how: str,
+    of: Mapping[str, str] = MappingProxyType({}),
+) -> Export:
+    """Return the sets as CSV, a row each; a column is headed by symbol and unit; ``of`` adds to how it is made."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{symbol} [{unit}]" for _, symbol, unit in names])
     writer.writerows([[repr(float(value)) for value in row] for row in drawn])
-    rows = tuple(Fidelity(id, symbol, how, True, 0.0, 0.0) for id, symbol, _ in names)
+    rows = tuple(Fidelity(id, symbol, how + of.get(id, ""), True, 0.0, 0.0) for id, symbol, _ in names)
     return Export("samples", {FILE: text.getvalue()}, rows)

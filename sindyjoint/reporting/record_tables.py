@@ -149,6 +149,7 @@ class DeclaredJoint(Part):
     serial: str | None = None
     labels: dict[str, str] = {}
     inputs: dict[str, Known] = {}
+    input_units: dict[str, str] = {}
 
 
 class JointRecord(Part):

@@ -356,7 +356,7 @@ def _hold_out_groups(
     found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
 ) -> dict[str, CrossValidation]:
     """Leave out frequencies, levels, and levels of each input, where there are several; of a single run its parts."""
-    result = {}
+    result: dict[str, CrossValidation] = {}
     if len(evidence.groups) > 1:
         kind = parts_of(found) if len(found.states) > 1 else "time"
         result[kind] = cross_validate(evidence, method=method, random_state=random_state, **rule)
