@@ -180,7 +180,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         if record.id in included:
             for term, (value, error) in _get_coefficients(record, common, folder).items():
                 values[term][i], errors[term][i] = value, error
-    covariates = _collect_covariates(records)
+    covariates = covariates_of(records)
     calibration = _calibration(compared, common)
     alone = population(values, errors, covariates)
     result = replace(alone, scatters=tuple(_with_calibration(s, calibration) for s in alone.scatters))
@@ -195,7 +195,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
         notes=tuple(_list_notes(records, found, compared)),
-        covariate_units=_covariate_units(records),
+        covariate_units=units_of_covariates(records),
         calibration=calibration,
     )
 
@@ -270,11 +270,10 @@ def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[floa
     return dict(zip(terms, pairs, strict=True))
 
 
-def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
+def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     """Return what the manifests declare as numbers, where at least three of them differ."""
     columns = {
         TEMPERATURE: [record.joint.get("temperature") for record in records],
-        SERIAL: _parse_serials([record.joint.get("serial") for record in records]),
     }
     inputs = list(dict.fromkeys(key for record in records for key in record.joint.get("inputs", {})))
     for name in inputs:
@@ -282,6 +281,8 @@ def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
         columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
+    # Of two that tell the same, what is declared is the reason, not the order of the joints.
+    columns[SERIAL] = _parse_serials([record.joint.get("serial") for record in records])
     arrays = {
         name: np.array([np.nan if value is None else value for value in column], dtype=float)
         for name, column in columns.items()
@@ -289,7 +290,7 @@ def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
 
 
-def _covariate_units(records: Sequence[CampaignRecord]) -> dict[str, str]:
+def units_of_covariates(records: Sequence[CampaignRecord]) -> dict[str, str]:
     """Return the SI units of covariates that have one."""
     units = {TEMPERATURE: "K"}
     for record in records:
