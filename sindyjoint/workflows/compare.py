@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +119,8 @@ def compare(
         )  # fmt: skip
         if found.stopped is not None:
             require_sound(found.stopped)
-        compared = _compared(found, names, libraries, replicates, margin, random_state, options, clock)
+        question = _Question.of(found, names, random_state)
+        compared = _compared(question, libraries, replicates, margin, options.get("forbidden", ()), clock)
     if model is None:
         return compared
     return replace(
@@ -139,33 +140,66 @@ def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is put to every method, frequency and library.
+
+    Parameters
+    ----------
+    found : Discovery
+    names : tuple of str
+        Of the methods; the first one leads.
+    random_state : int or None
+    rule : dict
+        How a model is chosen on a path.
+    """
+
+    found: Discovery
+    names: tuple[str, ...]
+    random_state: Any
+    rule: dict[str, Any]
+
+    @classmethod
+    def of(cls, found: Discovery, names: tuple[str, ...], random_state: Any) -> _Question:
+        """Return the question with the rule of a discovery."""
+        regressor = found.regressor
+        rule = {"significance": regressor.significance, "least_share": regressor.least_share_}
+        return cls(found, names, random_state, rule)
+
+    @property
+    def evidence(self) -> Evidence:
+        """Of the discovery."""
+        return self.found.regressor.evidence_
+
+    def choice(self, evidence: Evidence, name: str) -> Choice:
+        """Return what a method finds."""
+        return _method(evidence, self.random_state, self.rule, name)
+
+    def left_out(self, evidence: Evidence, labels: Sequence[str] | None = None) -> CrossValidation:
+        """Return what the first method finds without the runs of each label."""
+        return cross_validate(
+            evidence, labels, method=self.names[0], random_state=self.random_state, **self.rule
+        )
+
+
 def _compared(
-    found: Discovery,
-    names: tuple[str, ...],
+    question: _Question,
     libraries: Sequence[str],
     replicates: int,
     margin: float,
-    random_state: Any,
-    options: dict[str, Any],
+    forbidden: Sequence[str],
     clock: _Clock,
 ) -> Comparison:
-    evidence = found.regressor.evidence_
-    rule: dict[str, Any] = {
-        "significance": found.regressor.significance,
-        "least_share": found.regressor.least_share_,
-    }
-    by_method = clock.run("methods", _methods, found, names, random_state, rule)
-    by_frequency = clock.run(
-        "single frequencies", _frequencies, found, evidence, names[0], random_state, rule
-    )
-    by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
-    left_out = clock.run(
-        "holding out frequencies and levels", _hold_out_groups, found, evidence, names[0], random_state, rule
-    )
+    found, evidence = question.found, question.evidence
+    by_method = clock.run("methods", _methods, question)
+    by_frequency = clock.run("single frequencies", _frequencies, question)
+    by_library = clock.run("libraries", _libraries, question, libraries, forbidden)
+    left_out = clock.run("holding out frequencies and levels", _hold_out_groups, question)
     by_method = clock.run("simulating held-out runs", add_responses, found, evidence, by_method)
     included = clock.run(
-        "resampling blocks and runs", inclusion, evidence, replicates, random_state=random_state, **rule
-    )
+        "resampling blocks and runs", inclusion, evidence, replicates, random_state=question.random_state,
+        **question.rule,
+    )  # fmt: skip
     model, bias = _model(found)
     tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
     return Comparison(
@@ -208,23 +242,21 @@ class _Clock:
         return result
 
 
-def _methods(
-    found: Discovery, names: Sequence[str], random_state: Any, rule: dict[str, Any]
-) -> tuple[Choice, ...]:
+def _methods(question: _Question) -> tuple[Choice, ...]:
     """Return what each method finds; the weak form has rows of its own and the first method's way through them."""
-    evidence = found.regressor.evidence_
-    plain = [name for name in names if name != WEAK]
-    done = side_by_side(_method, plain, [evidence, random_state, rule], threads=False)
-    by_name = dict(zip(plain, done, strict=True))
-    if WEAK in names:
-        by_name[WEAK] = _weak(found, names[0], random_state, rule)
-    return tuple(by_name[name] for name in names)
+    plain = [name for name in question.names if name != WEAK]
+    shared = [question.evidence, question.random_state, question.rule]
+    by_name = dict(zip(plain, side_by_side(_method, plain, shared, threads=False), strict=True))
+    if WEAK in question.names:
+        by_name[WEAK] = _weak(question)
+    return tuple(by_name[name] for name in question.names)
 
 
-def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]) -> Choice:
+def _weak(question: _Question) -> Choice:
     """Return what the weak form finds."""
     from sindyjoint.discovery.weak import weak_evidence
 
+    found = question.found
     start, terms = time.perf_counter(), found.regressor.terms_
     try:
         evidence = weak_evidence(terms, found.states, found.campaign.joint.inertia)
@@ -233,11 +265,10 @@ def _weak(found: Discovery, method: str, random_state: Any, rule: dict[str, Any]
         return Choice(WEAK, (), str(cause), len(terms))
     fixed, spent = found.regressor.fixed, time.perf_counter() - start
     evidence = evidence.fixing(fixed) if fixed else evidence
-    choice = _method(evidence, random_state, rule, method)
+    choice = question.choice(evidence, question.names[0])
     held_out = choice.held_out
     if np.isfinite(held_out):
-        folds = cross_validate(evidence, method=method, random_state=random_state, **rule).folds
-        held_out = _sample_error(folds, found.regressor.evidence_)
+        held_out = _sample_error(question.left_out(evidence).folds, question.evidence)
     # Its residual is one of integrals, which compares with no other.
     return replace(
         choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out, residual=float("nan")
@@ -297,16 +328,15 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
     )
 
 
-def _frequencies(
-    found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
-) -> tuple[Choice, ...]:
+def _frequencies(question: _Question) -> tuple[Choice, ...]:
     """Select terms from the runs of each single group; the parts of a single run are no frequencies."""
-    if len(found.states) < 2:
+    if len(question.found.states) < 2:
         return ()
     choices = []
-    for group in evidence.groups:
-        single = find(evidence.only([group]), method, random_state, **rule)
-        left = _residual(single.selection, evidence.only([group]).target_rms)
+    for group in question.evidence.groups:
+        evidence = question.evidence.only([group])
+        single = find(evidence, question.names[0], question.random_state, **question.rule)
+        left = _residual(single.selection, evidence.target_rms)
         choices.append(
             Choice(group, _terms(single), single.selection.reason, len(single.candidates), residual=left)
         )
@@ -314,25 +344,26 @@ def _frequencies(
 
 
 def _libraries(
-    found: Discovery, libraries: Sequence[str], method: str, random_state: Any, options: dict[str, Any]
+    question: _Question, libraries: Sequence[str], forbidden: Sequence[str]
 ) -> tuple[tuple[Choice, dict[str, str]], ...]:
     """Fit each library to the force states that are there already; return choices and the units of their terms."""
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.states import regression_rows
 
+    found = question.found
     rows = regression_rows(found.states, found.campaign.joint.inertia).fit_arguments()
     result = []
     for name in libraries:
         catalogue = as_catalogue([part.strip() for part in name.split("+")])
         catalogue = rate_free(catalogue) if found.campaign.quasi_static else catalogue
-        forbidden = [term for term in (*options.get("forbidden", ()), *NEVER_VISIBLE) if term in catalogue]
+        left_out = [term for term in (*forbidden, *NEVER_VISIBLE) if term in catalogue]
         regressor = JointRegressor(
             catalogue,
-            method=method,
-            forbidden=forbidden,
+            method=question.names[0],
+            forbidden=left_out,
             motion=found.campaign.joint.motion,
             inputs=found.regressor.inputs,
-            random_state=random_state,
+            random_state=question.random_state,
         ).fit(**rows)
         terms = tuple(
             ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in regressor.model_.terms
@@ -345,17 +376,15 @@ def _libraries(
     return tuple(result)
 
 
-def _hold_out_groups(
-    found: Discovery, evidence: Evidence, method: str, random_state: Any, rule: dict[str, Any]
-) -> dict[str, CrossValidation]:
+def _hold_out_groups(question: _Question) -> dict[str, CrossValidation]:
     """Leave out frequencies, levels, and levels of each input, where there are several; of a single run its parts."""
-    result = {}
+    found, evidence, result = question.found, question.evidence, {}
     if len(evidence.groups) > 1:
         kind = "frequency" if len(found.states) > 1 else "time"
-        result[kind] = cross_validate(evidence, method=method, random_state=random_state, **rule)
+        result[kind] = question.left_out(evidence)
     levels = [state.level or state.run for state in found.states]
     if len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
-        result["level"] = cross_validate(evidence, levels, method=method, random_state=random_state, **rule)
+        result["level"] = question.left_out(evidence, levels)
     for each in found.campaign.inputs:
         values = {s.run: float(np.mean(s.inputs[each.name])) for s in found.states}
         named = [
@@ -363,9 +392,7 @@ def _hold_out_groups(
         ]
         constant = all(np.ptp(s.inputs[each.name]) == 0 for s in found.states)
         if constant and len(named) == len(evidence.runs) and 1 < len(set(named)) < len(named):
-            result[each.label] = cross_validate(
-                evidence, named, method=method, random_state=random_state, **rule
-            )
+            result[each.label] = question.left_out(evidence, named)
     return result
 
 
