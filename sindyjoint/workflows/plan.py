@@ -155,8 +155,9 @@ def plan(
         if len(goals) == 1:
             return _only_apart(found, actuator, Sensors(**stated))
     known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)
-    # A share that is given holds for both channels.
-    sensors = replace(sensors, **({"moment": None, "angle": None} if "noise" in stated else {}) | stated)
+    if "noise" in stated:  # a share that is given holds for both channels
+        sensors = replace(sensors, moment=None, angle=None)
+    sensors = replace(sensors, **stated)
     unit = UNITS[actuator.drive][known.joint.model.joint.motion != "rotation"]
     matter = _places(known.joint.model, terms or known.ids)
     weights = tuple(each for each in goals.items() if each[0] != TELL_APART) or ((WIDTHS, 1.0),)
