@@ -222,6 +222,7 @@ def simulate_run(
     drive: Drive | None = None,
     window: float = WINDOW,
     substeps: int = SUBSTEPS,
+    both: bool = True,
     **options: Any,
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
@@ -241,6 +242,9 @@ def simulate_run(
         Length of a multiple-shooting segment, s, for ``"windows"``.
     substeps : int
         Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
+    both : bool
+        Whether the moment along the measured motion is wanted where the response is the angle, too: without it NaN
+        stands there where the angle needs no part of it.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
@@ -258,16 +262,18 @@ def simulate_run(
     compared = cut_states(states, skip)
     angle = rate = None
     failure, moment = "", np.full(states.n_samples, np.nan)
+    # Internal states that settle in a period that is not compared begin anywhere.
+    settles = drive == "moment" and (states.method == "periodic" or states.repeated)
     try:
-        moment, inner = along_motion(law, states, run.sample_rate, substeps)
-        if isinstance(law, LawInRun):
-            moment = moment + law.added
+        if both or not settles:
+            moment, inner = along_motion(law, states, run.sample_rate, substeps)
+            if isinstance(law, LawInRun):
+                moment = moment + law.added
         if drive != "motion":
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif states.method != "periodic" and not states.repeated:
-                # Elsewhere they settle in a period that is not compared.
+            elif not settles:
                 options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, span, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]

@@ -310,7 +310,7 @@ def simulated_gap(model: JointModel, campaign: Campaign, test: TestNuisances) ->
     for states in one_after_another(campaign, [force_states(run) for run in runs.values()]):
         motion = prescribed(states)
         run = simulate_run(
-            test.law(model, states), runs[states.run], states, drive="motion" if motion else None
+            test.law(model, states), runs[states.run], states, drive="motion" if motion else None, both=False
         )
         errors.append(("moment" if motion else "angle", run.response_nrmse, run.response_scale))
     return pooled_nrmse(errors)

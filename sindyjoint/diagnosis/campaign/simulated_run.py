@@ -25,7 +25,10 @@ def simulated(
     policy: DiagnosisPolicy = CAMPAIGN,
     substeps: int = SUBSTEPS,
 ) -> SimulatedRun | None:
-    """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
+    """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
+
+    Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
+    """
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
     motion = prescribed(states)
@@ -43,7 +46,9 @@ def simulated(
         states = replace(states, angle=states.angle - drift * (middle if steady else states.time))
     law = law_of(model, effects, states)
     try:
-        return simulate_run(law, run, states, drive="motion" if motion else None, substeps=substeps)
+        return simulate_run(
+            law, run, states, drive="motion" if motion else None, substeps=substeps, both=False
+        )
     except SindyJointError:
         # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
         return None
