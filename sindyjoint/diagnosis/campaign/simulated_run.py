@@ -26,7 +26,10 @@ def simulated(
     substeps: int = SUBSTEPS,
     response_only: bool = False,
 ) -> SimulatedRun | None:
-    """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
+    """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
+
+    Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
+    """
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
     motion = prescribed(states)
