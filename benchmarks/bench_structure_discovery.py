@@ -132,7 +132,7 @@ def campaign(name, seed, kind="sine", wrong=False):
 
 def one(name, seed, kind, wrong):
     """Return what was found of one campaign."""
-    from sindyjoint.workflows.discover_rig import discover_rig
+    from sindyjoint.workflows.discover import discover_rig
 
     begun = time.perf_counter()
     test, laws, factors = campaign(name, seed, kind, wrong)

@@ -60,9 +60,9 @@ ALLOWED = {
     "substructure": RESPONDS,
     "soundness": RESPONDS,
     "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
-    "planning": (RESPONDS | {"bias", "paper", "shown"}),
+    "planning": DIAGNOSES | {"paper"},
     "batch": EXPLAINS,
-    "judgement": DIAGNOSES | {"paper"},
+    "judgement": DIAGNOSES | {"paper", "substructure", "versions"},
     "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions", "substructure"},
 }
 BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows", "versions"}

@@ -166,7 +166,7 @@ def discover(
             **finding.arguments(),
         )
         if refine:
-            from sindyjoint.workflows.discover import refined
+            from sindyjoint.judgement.refined import refined
 
             progress.say("refining on the simulated response")
             result = refined(result, kinds)

@@ -19,6 +19,7 @@ from sindyjoint.states import ForceStates, pooled_noise, regression_rows
 from sindyjoint.text import in_words_of, quantities, spelled
 
 if TYPE_CHECKING:
+    from sindyjoint.bias.correction import Corrected
     from sindyjoint.discovery.estimator import JointRegressor
 
 # The model that completes the states is itself found on incomplete ones: as often as its terms change, at most.
@@ -216,3 +217,36 @@ def campaign_model(
         quasi_static=campaign.quasi_static,
     )
     return replace(model, joint=campaign.joint, fitted=fitted)
+
+
+def without_bias(
+    regressor: JointRegressor,
+    measured: JointRegressor,
+    model: JointModel,
+    campaign: Campaign,
+    states: Sequence[ForceStates],
+) -> Corrected:
+    """Take out of a model's coefficients what the processing does to them.
+
+    ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that
+    stays uncertain, as of any correction.
+    """
+    from sindyjoint.bias.correction import corrected_model
+    from sindyjoint.discovery.evidence import fit_columns
+
+    chosen = [term for term in regressor.terms_ if term.id in model]
+    fitted = [term for term in chosen if term.id in regressor.evidence_.ids]
+    known = [term for term in chosen if term.id not in regressor.evidence_.ids]
+    moved = None
+    if measured is not regressor and {term.id for term in fitted} <= set(measured.evidence_.ids):
+        columns = [measured.evidence_.ids.index(term.id) for term in fitted]
+        before = fit_columns(measured.evidence_, columns).coefficients
+        moved = np.array([model[term.id].coefficient for term in fitted]) - before
+    return corrected_model(model, fitted, campaign, states, known=known, moved=moved)
+
+
+def unmeasured_bias(fixed: Corrected | None) -> str:
+    """Return a warning where the bias of the processing was to be taken out and could not be measured."""
+    if fixed is None or not fixed.reason:
+        return ""
+    return f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"

@@ -222,6 +222,7 @@ def simulate_run(
     drive: Drive | None = None,
     window: float = WINDOW,
     substeps: int = SUBSTEPS,
+    response_only: bool = False,
     **options: Any,
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
@@ -241,6 +242,8 @@ def simulate_run(
         Length of a multiple-shooting segment, s, for ``"windows"``.
     substeps : int
         Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
+    response_only : bool
+        Leave out the moment along the measured motion where that is not the response and nothing starts from it.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
@@ -257,11 +260,12 @@ def simulate_run(
     kept = slice(first + skip, span.stop)
     compared = cut_states(states, skip)
     angle = rate = None
-    failure, moment = "", np.full(states.n_samples, np.nan)
+    failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
     try:
-        moment, inner = along_motion(law, states, run.sample_rate, substeps)
-        if isinstance(law, LawInRun):
-            moment = moment + law.added
+        if not (response_only and drive == "moment" and states.method == "periodic"):
+            moment, inner = along_motion(law, states, run.sample_rate, substeps)
+            if isinstance(law, LawInRun):
+                moment = moment + law.added
         if drive != "motion":
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.

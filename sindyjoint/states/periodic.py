@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,6 @@ def periodic_states(
     run: Run,
     bandwidth: float | None = None,
     rate_share: float | None = None,
-    like: ForceStates | None = None,
 ) -> ForceStates:
     """Return the force states of a single-frequency run.
 
@@ -49,9 +48,6 @@ def periodic_states(
         Highest harmonic frequency tried, Hz. Default: 0.4 of the sampling rate.
     rate_share : float
         Share of the peak rate below which samples count as reversal. Default: 0.05.
-    like : ForceStates, optional
-        Of a run of which this is a synthetic replicate, over the same samples: its frequency is used, nothing is left
-        out as start-up, and of the angle the same harmonics are kept.
 
     Raises
     ------
@@ -61,16 +57,11 @@ def periodic_states(
     if run.frequency is None:
         raise InputError(f"{run.label}: no frequency; the periodic method needs one, use method='broadband'")
     frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
-    if like is not None and like.frequency is not None:
-        frequency = like.frequency
     per = run.sample_rate / frequency
-    start, stop, periods = (
-        steady_span(run, frequency) if like is None else (0, run.n_samples, round(run.n_samples / per))
-    )
+    start, stop, periods = steady_span(run, frequency)
     time = np.arange(stop - start) / run.sample_rate
     edges = _cut_blocks(periods, per, time.size)
-    orders = None if like is None or not like.series else like.series[0].orders
-    angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth, orders)
+    angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
     if run.rate is None:
         motion, replicate = angle.motion(), angle.replicates(edges)
         series: tuple[Harmonics, ...] = (angle.harmonics,)
@@ -123,6 +114,24 @@ def periodic_states(
     )
 
 
+def kept_harmonics(states: ForceStates) -> HarmonicBasis:
+    """Return the harmonics that the angle of a periodic run was reduced to, at its samples."""
+    assert states.frequency is not None
+    return HarmonicBasis.build(states.time - states.time[0], states.frequency, states.series[0].orders)
+
+
+def replicate_states(states: ForceStates, basis: HarmonicBasis, angle: Array, moment: Array) -> ForceStates:
+    """Return the states of a synthetic replicate of a periodic run over the samples of its states.
+
+    Its angle is reduced to the same harmonics, of :func:`kept_harmonics`; span, frequency, mask and noise are those of
+    the run.
+    """
+    mean, a, b = basis.fit(angle)
+    motion = basis.series(mean, a, b), basis.derivative(a, b), basis.second_derivative(a, b)
+    names = ("angle", "rate", "acceleration")
+    return replace(states, moment=moment, replicate=None, **dict(zip(names, motion, strict=True)))
+
+
 def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
     """Return the samples left out on either side of a reversal; the motion has harmonics up to ``highest`` Hz."""
     per = sample_rate / frequency
@@ -171,7 +180,6 @@ class _Series:
         sample_rate: float,
         frequency: float,
         bandwidth: float | None,
-        known: NDArray[np.intp] | None = None,
     ) -> _Series:
         n = signal.size
         top = BAND_SHARE * sample_rate if bandwidth is None else min(bandwidth, 0.49 * sample_rate)
@@ -182,9 +190,7 @@ class _Series:
         residual = signal - full.series(mean, a, b)
         variance = local_noise(residual, sample_rate, full.angular / (2 * np.pi), 0.5 * frequency)
         standard_error = np.sqrt(2 * variance / n)
-        keep = (
-            significant_harmonics(np.hypot(a, b), standard_error) if known is None else np.isin(orders, known)
-        )
+        keep = significant_harmonics(np.hypot(a, b), standard_error)
         noise = float(np.sqrt(residual @ residual / max(n - 2 * count - 1, 1)))
         return cls(signal, full.take(keep), orders[keep], standard_error[keep], noise)
 

@@ -24,6 +24,7 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
+from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
@@ -32,7 +33,7 @@ from sindyjoint.soundness.check import Check, check_accepted, check_campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import fitted_to, the_campaign
+from sindyjoint.workflows.discover import the_campaign
 
 if TYPE_CHECKING:
     import numpy as np
@@ -161,7 +162,7 @@ def diagnose(
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
-            from sindyjoint.workflows.refine import refined_problem
+            from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
 
             return refined_problem(last, checked.usable, _test_of(last.test, campaign, delay), say)
 

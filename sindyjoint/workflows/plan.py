@@ -26,16 +26,10 @@ from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import GOALS, WIDTHS
+from sindyjoint.planning.tell_apart import Separated, Separating, chosen_effects, rivals_of, worlds_of
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.tell_apart import (
-    Separated,
-    after_runs,
-    before_runs,
-    chosen_effects,
-    rivals_of,
-    worlds_of,
-)
+from sindyjoint.workflows.diagnose import diagnose as diagnosed
 
 Say = Callable[[str], None]
 
@@ -163,9 +157,10 @@ def plan(
             f"waveforms are {', '.join(waveforms) or 'none'}; expected some of {', '.join(TONES)}"
         )
     Sensors(**stated)  # refused before anything is worked on
+    separating = Separating(rivals, actuator, duration, diagnosed, say)
     if rivals and campaign is not None:
         law = None if model is None else _opened(model)
-        found = after_runs(campaign, law, rivals, actuator, duration, say)
+        found = separating.after_runs(campaign, law)
         if len(goals) == 1:
             return _only_apart(found, actuator, Sensors(**stated))
     known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)
@@ -190,7 +185,7 @@ def plan(
     plain = made.plan(unit, duration, count - 1)
     joints = known.joint.draws(len(rivals), random_state)
     worlds = worlds_of(joints, rivals, plain.runs, sensors, share, random_state)
-    return _with_apart(plain, *before_runs(worlds, rivals, actuator, duration, say))
+    return _with_apart(plain, *separating.before_runs(worlds))
 
 
 def _goals(goal: str | Mapping[str, float]) -> dict[str, float]:

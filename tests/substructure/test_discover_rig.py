@@ -8,10 +8,10 @@ import pytest
 
 from sindyjoint.cli import main
 from sindyjoint.files.writers import ENCODERS
+from sindyjoint.judgement.joint_laws import within_the_states
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.record_exports import StructureRecord
-from sindyjoint.workflows.discover_rig import discover_rig
-from sindyjoint.workflows.joint_laws import within_the_states
+from sindyjoint.workflows.discover import discover_rig
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign.numbers.refined import simulated_gap
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError
@@ -14,7 +15,7 @@ from sindyjoint.response.nuisances import Nuisance, TestNuisances, read_test
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.workflows import refine as refine_workflow
 from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.refine import refine, simulated_gap
+from sindyjoint.workflows.refine import refine
 from sindyjoint.workflows.verify import verify
 from tests.response.test_refine_elements import (
     LAW,

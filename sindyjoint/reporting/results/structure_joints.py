@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.judgement.joint_laws import JointLaw
+from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.structure_joints import KINDS, RecoveredLoop, StructureFigures
 from sindyjoint.reporting.page import markup
@@ -15,8 +17,6 @@ from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.text_table import TextTable, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded
-from sindyjoint.workflows.discover_rig import RigDiscovery
-from sindyjoint.workflows.joint_laws import JointLaw
 
 POINTS = 400  # of a loop in the picture
 

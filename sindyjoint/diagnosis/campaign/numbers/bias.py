@@ -89,7 +89,7 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     values, covariance = best.numbers.values, best.numbers.covariance
     by_noise, scatter = _by_noise(best)
     # One factor for all numbers: a few draws do not tell the scatter of each.
-    wider = max(1.0, float(np.mean(scatter / np.diag(covariance)))) if scatter.size else 1.0
+    wider = max(1.0, float(np.mean(scatter / np.diag(covariance))))
     total = best.moved + by_noise
     covariance = covariance * wider + np.outer(total, total) * BIAS.uncertain_share**2
     alike = [each for each in solved if each.unlikeness < (1 + FORM_LEAD) * best.unlikeness]
@@ -133,9 +133,9 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
         if np.any((numbers.values + trial)[inner] <= LEAST_LEFT * numbers.values[inner]):
             return None
         there = Replicates.of(work, with_numbers(fitted, numbers.values + trial, numbers.covariance))
-        if there is None or (rows := there.rows()) is None:
+        if there is None:
             return None
-        missed, own = there.fit(rows, most=MOST_STEPS)
+        missed, own = there.fit(there.rows(), most=MOST_STEPS)
         moved = missed - there.numbers.values
         found = _Solved(fitted, numbers, moved, there, float(np.sum((left - own) ** 2)))
         short = numbers.values - missed
@@ -170,13 +170,9 @@ def _by_noise(solved: _Solved) -> tuple[Array, Array]:
         both = []
         for sign in (1.0, -1.0):
             rows = replicates.rows([(sign * moment, sign * angle) for moment, angle in noise])
-            if rows is not None:
-                both.append(replicates.fit(rows, fitted)[0] - fitted)
-        if len(both) == 2:
-            means.append((both[0] + both[1]) / 2)
-            halves.append((both[0] - both[1]) / 2)
-    if not means:
-        return np.zeros_like(fitted), np.empty(0)
+            both.append(replicates.fit(rows, fitted)[0] - fitted)
+        means.append((both[0] + both[1]) / 2)
+        halves.append((both[0] - both[1]) / 2)
     return np.mean(means, axis=0), np.mean(np.square(halves), axis=0)
 
 

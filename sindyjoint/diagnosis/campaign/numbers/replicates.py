@@ -20,11 +20,11 @@ from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
 from sindyjoint.response.run import SimulatedRun
 from sindyjoint.states import ForceStates
-from sindyjoint.states.periodic import periodic_states
+from sindyjoint.states.harmonics import HarmonicBasis
+from sindyjoint.states.periodic import kept_harmonics, replicate_states
 
 Array = NDArray[np.float64]
 
@@ -48,11 +48,14 @@ class Replicates:
         The model that was simulated.
     runs : tuple of Run
         Over the span of the force states; their response is without noise, their drive as it was measured.
+    bases : tuple of HarmonicBasis
+        What their angles are reduced to.
     """
 
     work: Work
     repaired: Repaired
     runs: tuple[Run, ...]
+    bases: tuple[HarmonicBasis, ...]
 
     @cached_property
     def numbers(self) -> Numbers:
@@ -85,25 +88,21 @@ class Replicates:
         """Return the replicates of a repaired model; None where a simulation does not follow its run."""
         made = []
         for run, state in zip(work.runs, work.states, strict=True):
-            result = simulated(run, state, repaired.model, repaired.effects, work.policy, SUBSTEPS)
+            result = simulated(
+                run, state, repaired.model, repaired.effects, work.policy, SUBSTEPS, response_only=True
+            )
             if result is None or result.simulated_response is None:
                 return None
             made.append(_as_measured(run, state, result))
-        return cls(work, repaired, tuple(made))
+        return cls(work, repaired, tuple(made), tuple(map(kept_harmonics, work.states)))
 
-    def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...] | None:
-        """Return their rows, noise of moment and angle added; None where the processing refuses one."""
+    def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...]:
+        """Return their rows, at the phases of the measurement's, noise of moment and angle added."""
         work, states = self.work, []
         for place, (run, state) in enumerate(zip(self.runs, work.states, strict=True)):
-            if noise is not None:
-                moment, angle = noise[place]
-                run = replace(run, moment=run.moment + moment, angle=run.angle + angle)
-            try:
-                there = periodic_states(run, state.bandwidth, work.policy.rate_share, state)
-            except SindyJointError:
-                return None
-            # Rows at the same phases as the measurement's.
-            states.append(replace(there, noise=state.noise, dropped=state.dropped, moving=state.moving))
+            moment, angle = (0.0, 0.0) if noise is None else noise[place]
+            there = replicate_states(state, self.bases[place], run.angle + angle, run.moment + moment)
+            states.append(there)
         return gap_runs(states, self.repaired.model, work.groups, work.policy)
 
     def draw_noise(self, rng: np.random.Generator) -> list[tuple[Array, Array]]:

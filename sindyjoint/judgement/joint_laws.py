@@ -18,7 +18,7 @@ from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
-from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.discovery import Discovery, fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.second_search import campaign_model
 from sindyjoint.judgement.verdict import Verdict, judge
@@ -35,7 +35,6 @@ from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import find_slow, with_slow
 from sindyjoint.substructure.update import Update, with_numbers
-from sindyjoint.workflows.discover import fitted_to
 
 Array = NDArray[np.float64]
 

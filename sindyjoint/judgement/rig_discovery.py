@@ -1,30 +1,27 @@
-"""The law of the joints inside an assembled structure, from the sensors of the structure."""
+"""What was found of the joints inside an assembled structure from its sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.shown import Shown
-from sindyjoint.substructure.observability import JointSeen, joints_seen, worth_of_sensors
-from sindyjoint.substructure.recovery import Recovery, recover
-from sindyjoint.substructure.update import Update, update_structure, with_numbers
-from sindyjoint.workflows.joint_laws import JointLaw, find_laws, with_uncertain_structure
+from sindyjoint.substructure.observability import JointSeen
+from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.update import Update
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigDiscovery(Shown):
-    """The result of :func:`discover_rig`.
+    """The result of :func:`~sindyjoint.discover_rig`.
 
     Parameters
     ----------
@@ -110,62 +107,12 @@ class RigDiscovery(Shown):
         }  # fmt: skip
 
 
-def discover_rig(
-    rig: RigTest | str | Path,
-    library: Any = "extended",
-    *,
-    progress: Callable[[str], None] | None = None,
-    **options: Any,
-) -> RigDiscovery:
-    """Find the law of the joints in an assembled structure from its sensors.
-
-    Parameters
-    ----------
-    rig : RigTest, str or Path
-        Or a ``rig.toml`` with sensors and runs.
-    library
-        Candidate terms, as for :func:`~sindyjoint.discover`.
-    progress : callable, optional
-    **options
-        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
-
-    Returns
-    -------
-    RigDiscovery
-
-    Raises
-    ------
-    InputError
-        For a file that cannot be used, too few sensors, or runs that are too short.
-    """
-    say = progress or (lambda stage: None)
-    test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
-    runs = test.identification_runs
-    if not runs:
-        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
-    say("recovering angles and moments of the joints")
-    recoveries = tuple(recover(test, run) for run in runs)
-    update = update_structure(test, recoveries)
-    if update is not None:
-        say("updating the structure's numbers")
-        test = with_numbers(test, update.change)
-        recoveries = tuple(recover(test, each.run, each.spectra) for each in recoveries)
-    laws = find_laws(test, recoveries, say, library=library, **options)
-    if update is not None:
-        say("what the structure's numbers leave uncertain")
-        laws = tuple(with_uncertain_structure(law, test, update) for law in laws)
-    seen = joints_seen(test, recoveries)
-    words = [each.words for each in seen if each.words]
-    differ = [law.alike for law in laws if "differ" in law.alike]
-    warnings = (*_warnings(recoveries), *words, *differ)
-    return RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
-
-
 # Weighted squares per degree of freedom beyond which sensors and structure disagree: noise alone makes 1.
 DISAGREES = 2.0
 
 
-def _warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
+def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
+    """Say where sensors and structure disagree, or that nothing shows whether they do."""
     misfit, degrees = sum(r.misfit for r in recoveries), sum(r.degrees for r in recoveries)
     if not degrees:
         return (
