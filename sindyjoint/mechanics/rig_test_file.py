@@ -27,7 +27,15 @@ from sindyjoint.mechanics.rig_file import (
     StationTable,
 )
 from sindyjoint.mechanics.rig_limits import solvable_structure
-from sindyjoint.mechanics.rig_test import BASE, Chain, RigRun, RigTest, Sensor, UncertainNumber, uncertain_numbers
+from sindyjoint.mechanics.rig_test import (
+    BASE,
+    Chain,
+    RigRun,
+    RigTest,
+    Sensor,
+    UncertainNumber,
+    uncertain_numbers,
+)
 from sindyjoint.mechanics.rigs import RIG_FOLDER, build_item, shipped_rigs
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
@@ -167,7 +175,9 @@ def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
     sensors = tuple(_sensor(table, number) for number, table in enumerate(given.sensor, 1))
     at = BASE if shaken else _point(given.drive.point)
     noise = _noise(given.drive, "[drive]")
-    return RigTest(given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain, chain=chain)
+    return RigTest(
+        given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain, chain=chain
+    )
 
 
 def _chain(

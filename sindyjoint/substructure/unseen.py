@@ -195,9 +195,7 @@ def _solve(columns: Array, target: Array, counts: Array, said: Array) -> Array:
     """Return coefficients and steps of the unknowns; what is said of these counts beside the rows."""
     known = np.zeros((counts.size, columns.shape[1]))
     known[:, columns.shape[1] - counts.size :] = np.diag(counts)
-    return scaled_least_squares(
-        np.vstack([columns, known]), np.concatenate([target, counts * said]), 1e-12
-    )
+    return scaled_least_squares(np.vstack([columns, known]), np.concatenate([target, counts * said]), 1e-12)
 
 
 def with_slow(state: ForceStates, slow: Slow, values: Array) -> ForceStates:

@@ -24,7 +24,7 @@ from sindyjoint.mechanics.structure import Structure
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
 from sindyjoint.substructure.simulated.steady import Steady
-from sindyjoint.substructure.update import with_numbers
+from sindyjoint.substructure.update import Update, with_numbers
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -158,7 +158,9 @@ class RunsProblem:
         chain, test = self.test.chain, self.test
         if chain and (setup.items != chain.items or setup.compliance != 1 / chain.clamp_stiffness):
             clamp = np.inf if setup.compliance <= 0 else 1 / setup.compliance
-            test = replace(test, structure=replace(chain, items=setup.items, clamp_stiffness=clamp).assembled())
+            test = replace(
+                test, structure=replace(chain, items=setup.items, clamp_stiffness=clamp).assembled()
+            )
         return with_numbers(test, self.changes(x)).structure if self.numbers else test.structure
 
     def laws(self, setup: Setup) -> tuple[Any, ...]:
@@ -237,11 +239,40 @@ class RunsProblem:
                     shown = recorded(run, run.moved(found[0], other), setup)
                 except (SimulationError, InputError):
                     continue
-                columns[rows, column] = self._white(number, run.residual(shown) - run.residual(found[1])) / step
+                columns[rows, column] = (
+                    self._white(number, run.residual(shown) - run.residual(found[1])) / step
+                )
         prior = np.arange(x.size)[self._with_prior]
         for row, place in enumerate(prior, first):
             columns[row] = np.equal(places, place)
         return columns
+
+    def covariance(self, x: Array) -> Array:
+        """Return the covariance of the base's numbers, (JᵀJ)⁻¹, larger by χ² per degree of freedom above one."""
+        residual = self.residuals(x)
+        assert residual is not None
+        jacobian = self.derivatives(x, residual, 0.0, range(x.size))
+        normal = jacobian.T @ jacobian
+        scale = np.sqrt(np.diag(normal))
+        scale[scale == 0] = 1.0
+        inverse = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+        return np.asarray(inverse * max(1.0, float(residual @ residual) / max(self.rows() - x.size, 1.0)))
+
+    def models(self, x: Array, covariance: Array) -> dict[str, JointModel]:
+        """Return the model of each kind with the numbers of the base, whose covariance is given."""
+        places = self.parts(np.arange(x.size))
+        return {
+            kind.name: kind.with_numbers(x[own], covariance[np.ix_(own, own)])
+            for kind, own in zip(self.kinds, places.values(), strict=True)
+        }
+
+    def update(self, x: Array, covariance: Array) -> Update | None:
+        """Return the structure's uncertain numbers; None where it has none."""
+        if not self.numbers:
+            return None
+        prior = np.array([number.uncertainty for number in self.test.uncertain])
+        own = covariance[: self.numbers, : self.numbers] * np.outer(prior, prior)
+        return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
 
     def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
         """Return the problem with residuals whitened at some numbers, and motions sought near those there.

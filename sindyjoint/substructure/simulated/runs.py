@@ -19,7 +19,13 @@ from numpy.typing import NDArray
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.simulated.steady import Steady, coefficients, complex_amplitudes, condense, steady
+from sindyjoint.substructure.simulated.steady import (
+    Steady,
+    coefficients,
+    complex_amplitudes,
+    condense,
+    steady,
+)
 from sindyjoint.substructure.states import kept_orders
 
 Array = NDArray[np.float64]
@@ -95,7 +101,8 @@ class SteadyRun:
         compared = min(count, max(COMPARED, COMPARED_ABOVE * top))
         harmonics = max(BALANCED, BALANCED_ABOVE * top)
         drive, drive_error = np.zeros(harmonics + 1, dtype=complex), np.zeros(harmonics + 1)
-        drive[0] = spectra.mean[0]
+        # Force cells do not see a constant well: where there seems to be one, it is as uncertain as it is large.
+        drive[0], drive_error[0] = spectra.mean[0], np.hypot(spectra.mean[0], error[0, 0] / np.sqrt(2))
         orders = 1 + np.flatnonzero(driven[:harmonics])
         drive[orders], drive_error[orders] = spectra.amplitudes[0, orders - 1], error[0, orders - 1]
         angles = np.zeros((joints, harmonics + 1), dtype=complex)
@@ -162,7 +169,7 @@ class SteadyRun:
     def _drive_errors(self, answer: Answer) -> Iterator[Complex]:
         """Yield what the sensors show of a standard error of each line of the drive."""
         for order in np.flatnonzero(self.drive_error):
-            for unit in (1.0, 1j):
+            for unit in (1.0, 1j) if order else (1.0,):
                 step = np.zeros(self.drive.size, dtype=complex)
                 step[order] = unit * self.drive_error[order]
                 moved = np.linalg.solve(answer.slopes, answer.balance.load(step))
@@ -184,7 +191,11 @@ class SteadyRun:
     def _by_harmonic(self, answer: Answer, other: Steady, first: float) -> Iterator[Complex]:
         """Yield what the sensors show where one harmonic alone is that of another structure."""
         balance = answer.balance
-        off = (other.linear - balance.linear) @ answer.angles - other.load(self.drive) + balance.load(self.drive)
+        off = (
+            (other.linear - balance.linear) @ answer.angles
+            - other.load(self.drive)
+            + balance.load(self.drive)
+        )
         joints, width = len(balance.laws), 2 * balance.harmonics + 1
         compared = range(1, self.measured.shape[1] + 1)
         single = np.zeros((joints, width, len(compared)))

@@ -60,7 +60,9 @@ def condense(structure: Structure, at: str, sensors: Sequence[Sensor], omega: fl
     j, rows, load = structure.n_joints, sensor_rows(structure, sensors), load_row(structure, at)
     w = omega * np.arange(count + 1)[:, None, None]
     dynamic = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
-    right = np.concatenate([np.broadcast_to(load[j:, None], (count + 1, load.size - j, 1)), -dynamic[:, j:, :j]], axis=2)
+    right = np.concatenate(
+        [np.broadcast_to(load[j:, None], (count + 1, load.size - j, 1)), -dynamic[:, j:, :j]], axis=2
+    )
     inner = np.linalg.solve(dynamic[:, j:, j:], right)
     condensed = dynamic[:, :j, :j] + dynamic[:, :j, j:] @ inner[:, :, 1:]
     carried = load[:j] - (dynamic[:, :j, j:] @ inner[:, :, :1])[..., 0]
@@ -172,7 +174,9 @@ class Steady:
                 if float(np.linalg.norm(found[0])) < float(np.linalg.norm(out)):
                     break
             angles, (out, jacobian) = trial, found
-        raise SimulationError("no periodic motion of the joints is found near the one that was recovered", time=0.0)
+        raise SimulationError(
+            "no periodic motion of the joints is found near the one that was recovered", time=0.0
+        )
 
     def shown(self, angles: Array, drive: Complex | None = None) -> Complex:
         """Return what every sensor shows at the harmonics 1 to H, shape (sensors, H)."""
@@ -185,7 +189,12 @@ class Steady:
 
 
 def steady(
-    structure: Structure, laws: Sequence[Any], at: str, sensors: Sequence[Sensor], omega: float, drive: Complex
+    structure: Structure,
+    laws: Sequence[Any],
+    at: str,
+    sensors: Sequence[Sensor],
+    omega: float,
+    drive: Complex,
 ) -> Steady:
     """Return the balance of a structure with laws in its joints under a drive of amplitudes 0 to H."""
     joints = np.arange(structure.n_joints)
