@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.steady import (
+    Factors,
     Steady,
     coefficients,
     complex_amplitudes,
@@ -49,15 +51,25 @@ class Answer:
     balance : Steady
     angles : ndarray, shape (size,)
         Coefficients of the joints' angles.
-    slopes : ndarray, shape (size, size)
-        Derivatives of the balance by them.
     shown : ndarray of complex, shape (sensors, R)
     """
 
     balance: Steady
     angles: Array
-    slopes: Array
     shown: Complex
+
+    @cached_property
+    def factors(self) -> Factors:
+        """Of the derivatives of the balance by the angles."""
+        from scipy.linalg import lu_factor
+
+        return lu_factor(self.balance.residual(self.angles)[1], check_finite=False)
+
+    def moved(self, out: Array) -> Array:
+        """Return how the angles move where the balance is out by so much, to first order."""
+        from scipy.linalg import lu_solve
+
+        return -np.asarray(lu_solve(self.factors, out, check_finite=False))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +91,8 @@ class SteadyRun:
         Standard error of real and imaginary part.
     start : ndarray, shape (size,)
         Coefficients of the angles from which the balance is sought: those recovered, before others are known.
+    nearby : Answer, optional
+        Whose derivatives serve a motion near it.
     """
 
     test: RigTest
@@ -89,6 +103,7 @@ class SteadyRun:
     measured: Complex
     sigma: Array
     start: Array
+    nearby: Answer | None = None
 
     @classmethod
     def of(cls, test: RigTest, recovery: Recovery) -> SteadyRun:
@@ -130,12 +145,12 @@ class SteadyRun:
         SimulationError
             Where none is found.
         """
-        angles, slopes = balance.solve(self.start)
-        return Answer(balance, angles, slopes, self.seen(balance.shown(angles)))
+        angles = balance.solve(self.start, None if self.nearby is None else self.nearby.factors)
+        return Answer(balance, angles, self.seen(balance.shown(angles)))
 
     def begun_at(self, answer: Answer) -> SteadyRun:
         """Return the run with a motion near which others are sought."""
-        return replace(self, start=answer.angles)
+        return replace(self, start=answer.angles, nearby=answer)
 
     def seen(self, shown: Complex) -> Complex:
         """Return the harmonics that are compared."""
@@ -151,7 +166,7 @@ class SteadyRun:
         The balance of the other one is out by r at the angles of this one, which move by −J⁻¹·r.
         """
         out, _ = other.residual(answer.angles, slopes=False)
-        return self.seen(other.shown(answer.angles - np.linalg.solve(answer.slopes, out)))
+        return self.seen(other.shown(answer.angles + answer.moved(out)))
 
     def whitening(self, answer: Answer, structure: Structure) -> Array:
         """Return the Cholesky factor of the residuals' covariance, shape (rows, rows).
@@ -172,7 +187,7 @@ class SteadyRun:
             for unit in (1.0, 1j) if order else (1.0,):
                 step = np.zeros(self.drive.size, dtype=complex)
                 step[order] = unit * self.drive_error[order]
-                moved = np.linalg.solve(answer.slopes, answer.balance.load(step))
+                moved = answer.moved(-answer.balance.load(step))
                 yield answer.balance.shown(moved, step)
 
     def _structure_errors(self, answer: Answer, structure: Structure) -> Iterator[Complex]:
@@ -202,7 +217,7 @@ class SteadyRun:
         for column, order in enumerate(compared):
             rows = slice(2 * order - 1, 2 * order + 1)
             single[:, rows, column] = off.reshape(joints, width)[:, rows]
-        moved = -np.linalg.solve(answer.slopes, single.reshape(joints * width, -1))
+        moved = answer.moved(single.reshape(joints * width, -1))
         direct = other.shown(answer.angles) - balance.shown(answer.angles)
         none = np.zeros_like(self.drive)
         for column, order in enumerate(compared):

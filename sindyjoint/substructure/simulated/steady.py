@@ -25,11 +25,14 @@ from sindyjoint.substructure.period import period_moment
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Factors = tuple[Array, NDArray[np.int32]]
 
 STEPS = 40
 SAMPLES = 8  # per harmonic
 # Of the largest moment: what may be out of balance.
-BALANCED = 1e-9
+BALANCED = 1e-7
+# Steps with the derivatives of a balance nearby, each of which leaves less than this share of the one before.
+CHORDS, LEADS_ON = 30, 0.6
 # Halvings of a Newton step that makes the balance worse, before it is taken nevertheless.
 HALVINGS = 3
 
@@ -148,25 +151,28 @@ class Steady:
         add_joint_moments(out, jacobian, angles, moments, self.hold, matrices, slopes)
         return out, jacobian
 
-    def solve(self, start: Array) -> tuple[Array, Array]:
-        """Return the coefficients of the angles in balance, and the derivatives of the balance there.
+    def solve(self, start: Array, factors: Factors | None = None) -> Array:
+        """Return the coefficients of the angles in balance.
 
-        Newton's method; a step that makes the balance worse is halved a few times.
+        With the factors of a balance nearby steps are taken with these as long as they lead on, which needs no further
+        derivatives; else by Newton's method. A step that makes the balance worse is halved a few times.
 
         Raises
         ------
         SimulationError
             Where no balance is found from the start.
         """
-        angles = start
+        size = BALANCED * (float(np.abs(self.load(self.drive)).max()) + 1e-300)
+        angles, balanced = (start, False) if factors is None else self._by_chords(start, factors, size)
+        if balanced:
+            return angles
         out, jacobian = self.residual(angles)
-        size = float(np.abs(self.load(self.drive)).max()) + 1e-300
         for _ in range(STEPS):
             worst = float(np.abs(out).max())
             if not np.isfinite(worst):
                 break
-            if worst <= BALANCED * size:
-                return angles, jacobian
+            if worst <= size:
+                return angles
             step = -np.linalg.solve(jacobian, out)
             for halving in range(HALVINGS + 1):
                 trial = angles + step / 2**halving
@@ -174,9 +180,22 @@ class Steady:
                 if float(np.linalg.norm(found[0])) < float(np.linalg.norm(out)):
                     break
             angles, (out, jacobian) = trial, found
-        raise SimulationError(
-            "no periodic motion of the joints is found near the one that was recovered", time=0.0
-        )
+        raise SimulationError("no periodic motion of the joints is found near the one that was recovered", time=0.0)
+
+    def _by_chords(self, angles: Array, factors: Factors, size: float) -> tuple[Array, bool]:
+        """Return angles nearer to the balance, and whether they are in it."""
+        from scipy.linalg import lu_solve
+
+        before = np.inf
+        for _ in range(CHORDS):
+            out, _ = self.residual(angles, slopes=False)
+            worst = float(np.abs(out).max())
+            if worst <= size:
+                return angles, True
+            if not worst < LEADS_ON * before:
+                break
+            before, angles = worst, angles - lu_solve(factors, out, check_finite=False)
+        return angles, False
 
     def shown(self, angles: Array, drive: Complex | None = None) -> Complex:
         """Return what every sensor shows at the harmonics 1 to H, shape (sensors, H)."""
