@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.batch.policy import POLICY
-from sindyjoint.batch.population import Population, next_joint, population
+from sindyjoint.batch.population import Population, Scatter, next_joint, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
@@ -57,13 +57,17 @@ class Batch(Shown):
     units : dict of str to str
         Of the common terms.
     values, errors : dict of str to ndarray, shape (campaigns,)
-        Coefficients of the common terms, fitted with all of them and no other; NaN where that cannot be.
+        Coefficients of the common terms, fitted with all of them and no other; NaN where that cannot be. The errors
+        are those of each joint alone, without what calibration makes.
     covariates : dict of str to ndarray, shape (campaigns,)
         Temperature (K), serial number, and labels that are numbers, as far as they differ; NaN where not declared.
     population : Population
     differences : tuple of Difference
     notes : tuple of str
         What to know before believing it.
+    calibration : dict of str to dict
+        By how much of itself one standard uncertainty of a channel's gain moves a coefficient, by term and channel. It
+        moves all joints alike, so it is no part of their scatter, but of what is known of their mean.
     """
 
     records: tuple[CampaignRecord, ...]
@@ -76,6 +80,7 @@ class Batch(Shown):
     population: Population
     differences: tuple[Difference, ...]
     notes: tuple[str, ...]
+    calibration: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def count(self, status: str) -> int:
         """Return how many campaigns have a status."""
@@ -114,6 +119,7 @@ class Batch(Shown):
             "found": self.count("found"),
             "none": self.count("none"),
             "broken": self.count("broken"),
+            **({"calibration": self.calibration} if self.calibration else {}),
             "common_terms": [{"id": term, "unit": self.units[term]} for term in self.common],
             "scatter": [
                 {
@@ -172,7 +178,9 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
             for term, (value, error) in _get_coefficients(record, common, folder).items():
                 values[term][i], errors[term][i] = value, error
     covariates = _collect_covariates(records)
-    result = population(values, errors, covariates)
+    calibration = _calibration(compared, common)
+    alone = population(values, errors, covariates)
+    result = replace(alone, scatters=tuple(_with_calibration(s, calibration) for s in alone.scatters))
     return Batch(
         records=records,
         kept=kept,
@@ -184,7 +192,24 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
         notes=tuple(_list_notes(records, found, compared)),
+        calibration=calibration,
     )
+
+
+def _calibration(records: Sequence[CampaignRecord], common: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return relative moves of coefficients by uncertain gains, in the mean over the joints that declare some."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for term in (record.terms.get(id, {}) | {"id": id} for record in records for id in common):
+        for channel, move in term.get("calibration", {}).items():
+            if term["coefficient"]:
+                found.setdefault(term["id"], {}).setdefault(channel, []).append(move / term["coefficient"])
+    return {id: {name: float(np.mean(m)) for name, m in moves.items()} for id, moves in found.items()}
+
+
+def _with_calibration(scatter: Scatter, calibration: dict[str, dict[str, float]]) -> Scatter:
+    """Return a scatter whose mean has the errors of gains that all joints share."""
+    moves = [scatter.mean * share for share in calibration.get(scatter.coefficient, {}).values()]
+    return replace(scatter, mean_error=float(np.hypot(scatter.mean_error, np.linalg.norm(moves))))
 
 
 def _find_majority(items: Sequence[Any]) -> Any:
@@ -210,7 +235,7 @@ def _get_coefficients(
     """
     found = record.terms
     if set(found) == set(common):
-        return {term: (found[term]["coefficient"], found[term]["standard_error"]) for term in common}
+        return {term: (found[term]["coefficient"], _own_error(found[term])) for term in common}
     try:
         evidence = read_evidence(folder / record.id / FACTORS_FILE)
     except InputError:
@@ -223,9 +248,15 @@ def _get_coefficients(
     for term in set(common) & set(fitted):
         (value, error), (before, before_error) = here[term], fitted[term]
         shift = found[term]["coefficient"] - before
-        grown = found[term]["standard_error"] / before_error if before_error > 0 else 1.0
+        grown = _own_error(found[term]) / before_error if before_error > 0 else 1.0
         here[term] = (value + shift, error * grown)
     return here
+
+
+def _own_error(term: dict[str, Any]) -> float:
+    """Return the standard error of a coefficient without what errors of gains make of it."""
+    shared = np.linalg.norm(list(term.get("calibration", {}).values()))
+    return float(np.sqrt(max(term["standard_error"] ** 2 - shared**2, 0.0)))
 
 
 def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[float, float]]:

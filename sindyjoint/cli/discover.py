@@ -16,14 +16,16 @@ from sindyjoint.cli.options import (
     AsJson,
     CampaignPath,
     CandidatesOption,
+    ClusterOption,
     Finding,
     ForceOption,
+    JobsOption,
     Nuisance,
+    WorkersOption,
     takes_finding,
 )
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.structure import discover_structure, is_rig
-from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.discovery import Discovery

@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.inputs import AtOption, given_inputs
-from sindyjoint.cli.options import ForceOption
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs
 
 
 def export(
@@ -59,6 +58,7 @@ def export(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.export import export_model, read_model, write_export
+    from sindyjoint.export.lookup import TABLE
     from sindyjoint.export.samples import BATCH_FILE, batch_samples
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
@@ -88,7 +88,9 @@ def export(
         (content, *others) = result.files.values()
         if others or isinstance(content, bytes):
             what = f"{len(result.files)} files" if others else "a binary file"
-            raise InputError(f"{to} is {what} ({', '.join(result.files)}); say with --out where it goes")
+            names = ", ".join(result.files) if len(others) < 5 else f"{next(iter(result.files))}, ..."
+            hold = ", or hold the law's inputs with --at" if TABLE in result.files else ""
+            raise InputError(f"{to} is {what} ({names}); say with --out where it goes{hold}")
         typer.echo(content, nl=False)
     from sindyjoint.export.text import fidelity_lines
 

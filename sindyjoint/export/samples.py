@@ -43,7 +43,8 @@ def batch_samples(folder: Path, count: int = COUNT, random_state: int = 0) -> Ex
     """Draw coefficients of joints that were not tested, from the joints of a batch.
 
     Mean and spread are those of the batch without its outliers, correlations those of its joints; Student's
-    distribution on one degree of freedom less than there are joints knows how well the spread is known.
+    distribution on one degree of freedom less than there are joints knows how well the spread is known. Declared
+    uncertainties of gains move all joints alike.
 
     Raises
     ------
@@ -80,15 +81,27 @@ def batch_samples(folder: Path, count: int = COUNT, random_state: int = 0) -> Ex
         kept[list(scatter.outliers)] = False
     deviations = np.array([values[s.coefficient][kept] - s.mean for s in scatters])
     correlation = np.corrcoef(deviations) if len(scatters) > 1 else np.eye(1)
-    drawn = _student(
-        np.array(means), np.array(scales), np.nan_to_num(correlation), degrees, count, random_state
-    )
+    covariance = np.nan_to_num(correlation) * np.outer(scales, scales)
+    for move in _shared_moves(record, [s.coefficient for s in scatters], np.array(means)):
+        covariance += np.outer(move, move)
+    drawn = _student(np.array(means), covariance, degrees, count, random_state)
     how = f"{count} draws of Student's distribution of a next joint, {int(kept.sum())} joints tested"
     return _export([(s.coefficient, s.coefficient, units[s.coefficient]) for s in scatters], drawn, how)
 
 
-def _student(means: Array, scales: Array, correlation: Array, degrees: float, count: int, seed: int) -> Array:
+def _shared_moves(record: Any, terms: Sequence[str], means: Array) -> Array:
+    """Return by how much an uncertain gain of each channel moves the means, a row each: all joints alike."""
+    known = record.get("calibration", {})
+    channels = sorted({channel for moves in known.values() for channel in moves})
+    shares = [[_float(known.get(term, {}).get(channel, 0.0)) for term in terms] for channel in channels]
+    return np.array(shares).reshape(-1, means.size) * means
+
+
+def _student(means: Array, covariance: Array, degrees: float, count: int, seed: int) -> Array:
     generator = np.random.default_rng(seed)
+    # Of coefficients in units of their own: they differ by orders of magnitude.
+    scales = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    correlation = covariance / np.outer(scales, scales)
     values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     normal = generator.standard_normal((count, means.size)) @ root.T

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
@@ -160,7 +160,7 @@ class Comparison(Shown):
     sets : tuple of (tuple of str, float)
         The most frequent sets of the replicates and their shares.
     left_out : dict of CrossValidation
-        By "frequency" and "level"; by "time" the parts of a single run.
+        By "frequency", "level" or "run", and by the levels of each input; by "time" the parts of a single run.
     tests : tuple of FrequencyTest
         Of the model's coefficients.
     bias : dict of float
@@ -177,6 +177,8 @@ class Comparison(Shown):
     noise_floor : float
         Of the moment relative to its RMS; NaN where it is unknown.
     given : GivenModel, optional
+    parts : {"frequency", "level", "run"}
+        What ``frequencies`` are of: samples without time, and aperiodic runs, have none.
     """
 
     joint: str
@@ -200,6 +202,12 @@ class Comparison(Shown):
     soundness: Soundness = Soundness()
     noise_floor: float = float("nan")
     given: GivenModel | None = None
+    parts: Literal["frequency", "level", "run"] = "frequency"
+
+    @property
+    def several(self) -> str:
+        """What the parts are called where there is more than one."""
+        return {"frequency": "frequencies"}.get(self.parts, f"{self.parts}s")
 
     @property
     def shown_ids(self) -> tuple[str, ...]:
@@ -215,7 +223,7 @@ class Comparison(Shown):
         parts = []
         for name, choices in (
             ("methods", self.methods),
-            ("single frequencies", self.frequencies),
+            (f"single {self.several}", self.frequencies),
             ("libraries that offer them", tuple(c for c in self.libraries if c.offers_paper_terms)),
         ):
             if choices:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.uncertainty import in_words, inseparable
+from sindyjoint.equation.calibration import gain_moves
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, is_of_the_paper, make_headline
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
@@ -132,6 +133,7 @@ class Discovery(Shown):
         """Return what ``--json`` prints."""
         model, fitted = self.model, self.model.fitted
         bias = {} if self.bias is None else dict(zip(self.bias.ids, self.bias.pooled.tolist(), strict=True))
+        moves = gain_moves(model, dict(fitted.gains))
         return {
             "schema": 1,
             "joint": {
@@ -148,8 +150,9 @@ class Discovery(Shown):
                     "standard_error": term.standard_error,
                     "interval95": list(term.interval95),
                     "bias": bias.get(term.id),
+                    **({"calibration": {name: float(m[i]) for name, m in moves.items()}} if moves else {}),
                 }
-                for term in model.terms
+                for i, term in enumerate(model.terms)
             ],
             "trust": self.headline.to_dict(),
             "paper_term_set": {

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.states import kept_of, slow_orders
-from sindyjoint.substructure.unseen import LawRows
+from sindyjoint.substructure.unseen import LawRows, Slow
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -36,48 +36,63 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LawErrors:
-    """How the coefficients of a law follow errors of what was recovered.
+    """How the coefficients of a law, and the slow parts found with it, follow errors of what was recovered.
 
     Parameters
     ----------
+    size : int
+        Number of coefficients, k.
     sources : tuple of Source
-    slopes : tuple of ndarray of complex, each of shape (k, h, 2)
-        δc = Re Σ slopes·(δθ, δM) over the harmonics of each joint in each run.
+    slopes : tuple of ndarray of complex, each of shape (k + u, h, 2)
+        δ(c, u) = Re Σ slopes·(δθ, δM) over the harmonics of each joint in each run.
+    angle_error : ndarray, shape (runs,)
+        RMS of the error of the angle: of the slow part by the covariance, of the rest as the sensors have it; rad.
     excess : float
-        Mean square of what is left of the rows, of what noise makes of it; at least one.
+        Mean square of what is left of the rows, of what noise makes of it.
     """
 
+    size: int
     sources: tuple[Source, ...]
     slopes: tuple[Complex, ...]
+    angle_error: Array
     excess: float
 
     @property
     def covariance(self) -> Array:
-        """Of the coefficients, shape (k, k). Joints of one run share its sensors, and their errors go together."""
-        k = len(self.slopes[0])
-        total = np.zeros((k, k))
-        for recovery in {id(s.recovery): s.recovery for s in self.sources}.values():
-            joints = recovery.transfer.angles.shape[1]
-            gathered = np.zeros((k, recovery.values.shape[1], 2 * joints), dtype=complex)
-            for source, slope in zip(self.sources, self.slopes, strict=True):
-                if source.recovery is recovery:
-                    gathered[:, :, [source.joint, joints + source.joint]] += slope
-            total += np.einsum(
-                "khi,hij,lhj->kl", gathered, recovery.covariance, gathered.conj(), optimize=True
-            ).real
-        return total * self.excess
+        """Of the coefficients, shape (k, k)."""
+        return _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
+
+    @property
+    def angle_share(self) -> float:
+        """RMS error of the angles, of themselves."""
+        shares = [e / np.std(s.states.angle) for e, s in zip(self.angle_error, self.sources, strict=True)]
+        return float(np.sqrt(np.mean(np.square(shares))))
 
     def change(self, others: Sequence[Recovery]) -> Array:
         """Return by how much the coefficients change where the same runs are recovered otherwise, shape (k,)."""
-        total = np.zeros(len(self.slopes[0]))
+        total = np.zeros(self.size)
         for source, slope, other in zip(self.sources, self.slopes, others, strict=True):
-            rows = _rows(source.recovery, source.joint)
-            difference = (other.values - source.recovery.values)[rows]
-            total += np.einsum("khi,ih->k", slope, difference).real
+            difference = (other.values - source.recovery.values)[_rows(source.recovery, source.joint)]
+            total += np.tensordot(slope[: self.size], difference.T, 2).real
         return total
 
 
-def law_errors(rows: LawRows, sources: Sequence[Source]) -> LawErrors:
+def _covariance(sources: Sequence[Source], slopes: Sequence[Complex]) -> Array:
+    """Return the covariance of what follows the amplitudes; joints of one run share its sensors and their errors."""
+    k = len(slopes[0])
+    total = np.zeros((k, k))
+    for recovery in {id(s.recovery): s.recovery for s in sources}.values():
+        joints = recovery.transfer.angles.shape[1]
+        gathered = np.zeros((k, recovery.values.shape[1], 2 * joints), dtype=complex)
+        for source, slope in zip(sources, slopes, strict=True):
+            if source.recovery is recovery:
+                gathered[:, :, _rows(recovery, source.joint)] += slope
+        spread = (gathered.swapaxes(0, 1) @ recovery.covariance).swapaxes(0, 1)
+        total += (spread.reshape(k, -1) @ gathered.reshape(k, -1).conj().T).real
+    return total
+
+
+def law_errors(rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow]) -> LawErrors:
     """Return how the coefficients of a law follow errors of the recovered amplitudes.
 
     Parameters
@@ -86,32 +101,41 @@ def law_errors(rows: LawRows, sources: Sequence[Source]) -> LawErrors:
         Of the law.
     sources : sequence of Source
         Of its runs, in their order.
+    slow : sequence of Slow
+        Of each run.
     """
-    k, width = rows.coefficients.size, rows.columns.shape[1]
+    k = rows.coefficients.size
     counts = np.concatenate([np.zeros(k), rows.said])
     scale = np.sqrt(np.sum(rows.columns**2, axis=0) + counts**2)
     scale[scale == 0] = 1.0
     scaled = rows.columns / scale
     inverse = np.linalg.pinv(scaled.T @ scaled + np.diag((counts / scale) ** 2), rcond=1e-14, hermitian=True)
-    first = inverse[:k] / scale[:k, None] / scale
-    slopes, expected, left = [], 0.0, 0.0
+    inverse = inverse / scale[:, None] / scale
     starts = np.cumsum([0, *(kept.size for kept in rows.kept)])
     unknowns = k + np.cumsum([0, *(values.size for values in rows.unknowns)])
-    assert unknowns[-1] == width
-    for index, source in enumerate(sources):
-        root = np.sqrt(rows.weights[index])
-        of_rows = first @ rows.columns[starts[index] : starts[index + 1]].T * root
+    slopes, expected, left = [], 0.0, 0.0
+    for index, (source, weight) in enumerate(zip(sources, rows.weights, strict=True)):
+        of_rows = inverse @ rows.columns[starts[index] : starts[index + 1]].T * np.sqrt(weight)
         errors = _row_errors(source, rows.kept[index], rows.slopes[index])
-        slope = np.einsum("kn,nhi->khi", of_rows, errors)
-        slow = np.flatnonzero(slow_orders(source.recovery, source.joint))
+        slope = (of_rows @ errors.reshape(len(errors), -1)).reshape(len(inverse), *errors.shape[1:])
+        orders = slow[index].orders - 1
         # Behind the mean stand cosines and sines of the slow harmonics, as the sensors show them.
-        place = unknowns[index] + 1 + np.arange(slow.size)
-        said = first * counts**2
-        slope[:, slow, 0] += said[:, place] + 1j * said[:, place + slow.size]
+        place = unknowns[index] + 1 + np.arange(orders.size)
+        said = inverse * counts**2
+        slope[:, orders, 0] += said[:, place] + 1j * said[:, place + orders.size]
         slopes.append(slope)
-        expected += root**2 * _expected(source, errors)
-        left += root**2 * float(np.sum(rows.residual[index] ** 2))
-    return LawErrors(tuple(sources), tuple(slopes), max(1.0, left / expected))
+        expected += weight * _expected(source, errors)
+        left += weight * float(np.sum(rows.residual[index] ** 2))
+    covariance = _covariance(sources, slopes)
+    angle = []
+    for index, (source, part) in enumerate(zip(sources, slow, strict=True)):
+        place = slice(unknowns[index], unknowns[index + 1])
+        basis = part.basis(source.states, rows.kept[index])[0]
+        of_slow = np.mean(np.sum((basis @ covariance[place, place]) * basis, axis=1))
+        seen = kept_of(source.recovery, source.joint)[0]
+        seen[part.orders - 1] = False
+        angle.append(np.sqrt(of_slow + np.sum(source.recovery.standard_error[source.joint, seen] ** 2)))
+    return LawErrors(k, tuple(sources), tuple(slopes), np.array(angle), left / expected)
 
 
 def _rows(recovery: Recovery, joint: int) -> list[int]:
@@ -131,7 +155,8 @@ def _row_errors(source: Source, kept: NDArray[np.intp], slopes: tuple[Array, Arr
 
 def _expected(source: Source, errors: Complex) -> float:
     """Return the sum of squares of the rows that the noise makes; the moment is that of single blocks."""
-    covariance = source.recovery.covariance[:, _rows(source.recovery, source.joint)]
-    covariance = covariance[:, :, _rows(source.recovery, source.joint)].copy()
+    pair = _rows(source.recovery, source.joint)
+    covariance = source.recovery.covariance[:, pair][:, :, pair].copy()
     covariance[:, 1, 1] *= source.states.block[-1] + 1
-    return float(np.einsum("nhi,hij,nhj->", errors, covariance, errors.conj(), optimize=True).real)
+    moments = np.einsum("nhi,nhj->hij", errors, errors.conj(), optimize=True)
+    return float(np.sum(moments * covariance).real)

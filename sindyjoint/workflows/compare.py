@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.inputs import run_levels
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, SizeScore
 from sindyjoint.judgement.discovery import Discovery, undetermined
 from sindyjoint.judgement.held_out_response import add_responses
@@ -155,8 +156,9 @@ def _compared(
         "least_share": found.regressor.least_share_,
     }
     by_method = clock.run("methods", _methods, found, names, random_state, rule)
+    parts = _parts(found)
     by_frequency = clock.run(
-        "single frequencies", _frequencies, found, evidence, names[0], random_state, rule
+        f"one {parts} at a time", _frequencies, found, evidence, names[0], random_state, rule
     )
     by_library = clock.run("libraries", _libraries, found, libraries, names[0], random_state, options)
     left_out = clock.run(
@@ -190,7 +192,16 @@ def _compared(
         discovery=found,
         soundness=found.soundness,
         noise_floor=found.model.fitted.noise_floor / (found.model.fitted.moment_rms or 1.0),
+        parts=parts,
     )
+
+
+def _parts(found: Discovery) -> Literal["frequency", "level", "run"]:
+    """Return what runs are grouped by."""
+    groups = set(found.regressor.evidence_.groups)
+    if all(group.endswith(" Hz") for group in groups) and any(state.frequency for state in found.states):
+        return "frequency"
+    return "level" if groups == {state.level for state in found.states} else "run"
 
 
 class _Clock:
@@ -351,18 +362,15 @@ def _hold_out_groups(
     """Leave out frequencies, levels, and levels of each input, where there are several; of a single run its parts."""
     result = {}
     if len(evidence.groups) > 1:
-        kind = "frequency" if len(found.states) > 1 else "time"
+        kind = _parts(found) if len(found.states) > 1 else "time"
         result[kind] = cross_validate(evidence, method=method, random_state=random_state, **rule)
     levels = [state.level or state.run for state in found.states]
-    if len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
+    if "level" not in result and len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
         result["level"] = cross_validate(evidence, levels, method=method, random_state=random_state, **rule)
     for each in found.campaign.inputs:
-        values = {s.run: float(np.mean(s.inputs[each.name])) for s in found.states}
-        named = [
-            f"{each.label} {each.shown(values[run.name])}" for run in evidence.runs if run.name in values
-        ]
-        constant = all(np.ptp(s.inputs[each.name]) == 0 for s in found.states)
-        if constant and len(named) == len(evidence.runs) and 1 < len(set(named)) < len(named):
+        at = run_levels({s.run: s.inputs[each.name] for s in found.states}, each.tested)
+        named = [each.shown(at[run.name]) for run in evidence.runs if run.name in at]
+        if len(named) == len(evidence.runs) and len(set(named)) > 1:
             result[each.label] = cross_validate(
                 evidence, named, method=method, random_state=random_state, **rule
             )
