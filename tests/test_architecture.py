@@ -60,7 +60,7 @@ ALLOWED = {
     "bias": RESPONDS,
     "substructure": RESPONDS,
     "soundness": RESPONDS,
-    "diagnosis": (DIAGNOSES | {"paper"}) - {"diagnosis"},
+    "diagnosis": (DIAGNOSES | {"paper", "substructure"}) - {"diagnosis"},
     "planning": DIAGNOSES | {"paper"},
     "batch": EXPLAINS,
     "judgement": DIAGNOSES | {"paper", "substructure", "versions"},
