@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
-from sindyjoint.diagnosis.campaign.numbers.whole import is_element, number_columns, numbers_of, with_numbers
-from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
+from sindyjoint.diagnosis.campaign.numbers.whole import is_element, numbers_of, with_numbers
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, modelled, refit, scaled_covariance
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
@@ -115,47 +115,49 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     for each in fitted.effects:
         # A delay is out of the states already and does not move.
         free[numbers.coefficients[each.name]] = not each.shifts
-    inner = np.r_[tuple(numbers.inner.values())] if numbers.inner else np.empty(0, dtype=int)
+    inner = np.r_[tuple(numbers.inner.values())].astype(int)
+    own = np.r_[(*numbers.coefficients.values(), *numbers.inner.values())].astype(int)
+    own = own[free[own]]
     least = np.full(errors.size, -np.inf)
     least[inner] = LEAST_LEFT * numbers.values[inner]
     target = _left(work.rows, fitted)
 
-    def replicates(values: Array) -> Replicates | None:
-        return Replicates.of(work, with_numbers(fitted, values, numbers.covariance))
+    def left(values: Array) -> tuple[Replicates, Array] | None:
+        there = Replicates.of(work, with_numbers(fitted, values, numbers.covariance))
+        return None if there is None else (there, _left(there.rows(), fitted))
 
     values, step, best = numbers.values, np.zeros_like(errors), np.inf
+    slopes = np.zeros((target.size, errors.size))
     for _ in range(ROUNDS):
-        trial = np.maximum(values + step, least)
-        there = replicates(trial)
-        misfit = None if there is None else target - _left(there.rows(), fitted)
-        if there is None or misfit is None or not misfit @ misfit < best:
+        tried = left(np.maximum(values + step, least))
+        if tried is None or not np.sum((target - tried[1]) ** 2) < best:
             if not np.isfinite(best):
                 return None
             step = step / 2
-            if np.all(np.abs(step) < SAME * errors):
-                break
-            continue
-        values, best, found, rest = trial, float(misfit @ misfit), there, misfit
-        slopes = _slopes(there, fitted, errors, inner, misfit, target, replicates)
-        if slopes is None:
-            return None
-        step = np.zeros_like(errors)
-        step[free] = least_squares(slopes[:, free], misfit)[0] * errors[free]
+        else:
+            # Slopes by the coefficients of the terms hardly change on the way.
+            places = np.flatnonzero(free) if np.isinf(best) else own
+            values, (found, rest) = np.maximum(values + step, least), tried
+            best = float(np.sum((target - rest) ** 2))
+            if not _renew(slopes, places, values, errors, rest, left):
+                return None
+            step = np.zeros_like(errors)
+            step[free] = least_squares(slopes[:, free], target - rest)[0] * errors[free]
         if np.all(np.abs(step) < SAME * errors):
             break
-    covariance = np.zeros((errors.size, errors.size))
-    covariance[np.ix_(free, free)] = scaled_covariance(slopes[:, free], rest)
-    covariance *= np.outer(errors, errors)
-    by_noise, scatter = _by_noise(found, fitted, target - rest, slopes[:, free])
+    covariance = np.diag(np.where(free, 0.0, errors**2))
+    covariance[np.ix_(free, free)] = scaled_covariance(slopes[:, free], target - rest) * np.outer(
+        errors[free], errors[free]
+    )
+    by_noise, scatter = _by_noise(found, fitted, rest, slopes[:, free])
     # One factor for all numbers: a few draws do not tell the scatter of each.
-    covariance *= max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
+    wider = max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
     values = values.copy()
     values[free] -= by_noise * errors[free]
-    covariance[~free, ~free] = errors[~free] ** 2
     most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
     if np.any(np.abs(values - numbers.values) > most):
         return None
-    return _Solved(fitted, values, covariance, best)
+    return _Solved(fitted, values, covariance * wider, best)
 
 
 def _left(rows: Sequence[GapRun], fitted: Repaired) -> Array:
@@ -165,32 +167,28 @@ def _left(rows: Sequence[GapRun], fitted: Repaired) -> Array:
     )
 
 
-def _slopes(
-    there: Replicates,
-    fitted: Repaired,
+def _renew(
+    slopes: Array,
+    places: NDArray[np.intp],
+    values: Array,
     errors: Array,
-    inner: NDArray[np.intp],
-    misfit: Array,
-    target: Array,
-    replicates: Callable[[Array], Replicates | None],
-) -> Array | None:
-    """Return by how much what is left of replicates changes with their numbers, each by its standard error.
+    rest: Array,
+    left: Callable[[Array], tuple[Replicates, Array] | None],
+) -> bool:
+    """Write by how much what is left of replicates changes with some numbers, each by its standard error.
 
-    A coefficient's column is as good along the processed motion; a nonlinear parameter moves corners, which that
-    rounds off: the replicates are simulated again.
+    Return whether they could be simulated, on either side of each number.
     """
-    one = there.repaired
-    adding, shifts = ([e for e in one.effects if e.shifts == shift] for shift in (False, True))
-    slopes = stack(there.rows(), lambda row: number_columns(row, one.model, adding, shifts)) * errors
-    values = numbers_of(one, ()).values
-    for place in inner:
-        later = values.copy()
-        later[place] += errors[place]
-        moved = replicates(later)
-        if moved is None:
-            return None
-        slopes[:, place] = _left(moved.rows(), fitted) - (target - misfit)
-    return slopes
+    for place in places:
+        for sign in (1.0, -1.0):
+            later = values.copy()
+            later[place] += sign * errors[place]
+            if (moved := left(later)) is not None:
+                slopes[:, place] = sign * (moved[1] - rest)
+                break
+        else:
+            return False
+    return True
 
 
 def _by_noise(there: Replicates, fitted: Repaired, own: Array, slopes: Array) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.record import Run
-from sindyjoint.response.run import SimulatedRun
+from sindyjoint.response.run import SimulatedRun, prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics, replicate_states
@@ -55,8 +55,18 @@ class Replicates:
         """Return the replicates of a repaired model; None where a simulation does not follow its run."""
         made = []
         for run, state in zip(work.runs, work.states, strict=True):
+            if prescribed(state, spurious=True):
+                # Of a motion that drives, its harmonics beyond the first are noise.
+                state = replicate_states(state, kept_harmonics(state, 1), state.angle, state.moment)
             result = simulated(
-                run, state, repaired.model, repaired.effects, work.policy, SUBSTEPS, response_only=True
+                run,
+                state,
+                repaired.model,
+                repaired.effects,
+                work.policy,
+                SUBSTEPS,
+                response_only=True,
+                spurious=True,
             )
             if result is None or result.simulated_response is None:
                 return None
