@@ -180,7 +180,9 @@ class Steady:
                 if float(np.linalg.norm(found[0])) < float(np.linalg.norm(out)):
                     break
             angles, (out, jacobian) = trial, found
-        raise SimulationError("no periodic motion of the joints is found near the one that was recovered", time=0.0)
+        raise SimulationError(
+            "no periodic motion of the joints is found near the one that was recovered", time=0.0
+        )
 
     def _by_chords(self, angles: Array, factors: Factors, size: float) -> tuple[Array, bool]:
         """Return angles nearer to the balance, and whether they are in it."""
