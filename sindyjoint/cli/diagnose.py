@@ -9,9 +9,17 @@ import typer
 
 from sindyjoint.cli.answer import answer, write
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson, ForceOption
+from sindyjoint.cli.options import (
+    JOBS,
+    AcceptOption,
+    AlignOption,
+    AsJson,
+    ClusterOption,
+    ForceOption,
+    JobsOption,
+    WorkersOption,
+)
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
-from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.errors import InputError
 
 MOST = default_of("workflows.diagnose:diagnose", "max_effects")

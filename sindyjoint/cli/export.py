@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.inputs import AtOption, given_inputs, split_inputs
-from sindyjoint.cli.options import ForceOption
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_inputs
 
 
 def export(

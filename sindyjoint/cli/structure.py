@@ -11,7 +11,7 @@ from sindyjoint.cli.answer import answer
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.discover_rig import RigDiscovery
+    from sindyjoint.judgement.rig_discovery import RigDiscovery
 
 # Of the options of a search those that belong to the channels of a joint's own test.
 OF_CHANNELS = ("states", "bandwidth", "align")
@@ -36,7 +36,7 @@ def discover_structure(
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
 
     def find(progress: Progress) -> RigDiscovery:
-        from sindyjoint.workflows.discover_rig import discover_rig
+        from sindyjoint.workflows.discover import discover_rig
 
         chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
         return discover_rig(rig, progress=progress.say, **chosen)

@@ -19,7 +19,7 @@ from sindyjoint.discovery.choice import SelectionRules, choose
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, gather_columns, row_weights
+from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, row_weights
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.errors import InputError, UnknownNameError
 
@@ -172,10 +172,10 @@ class UniqueShareSTLSQ(BaseOptimizer):
         labels = RowLabels.of(len(columns), **given)
         weight = row_weights(sample_weight, len(columns))
         names = self._names(columns.shape[1])
-        replicate = self._replicate(columns, targets[:, 0])
-        shared = replicate[0] is not None and np.array_equal(replicate[0], columns)
+        replicate = self._replicate(Rows(columns, targets[:, 0], weight))
+        shared = replicate is not None and np.array_equal(replicate.X, columns)
         found = [
-            self._choice(gather_columns(names, columns, target, labels, weight, *replicate), shared)
+            self._choice(gather_columns(names, Rows(columns, target, weight), labels, replicate), shared)
             for target in targets.T
         ]
         self._keep(found, names)
@@ -233,15 +233,15 @@ class UniqueShareSTLSQ(BaseOptimizer):
             raise InputError(f"{option} names column {column}; there are {len(names)} columns")
         return names[column]
 
-    def _replicate(self, columns: Array, target: Array) -> tuple[Array, Array] | tuple[None, None]:
+    def _replicate(self, rows: Rows) -> Rows | None:
         """Return the rows as each block alone gives them, if they were given."""
         if self.replicate is None:
-            return None, None
+            return None
         other, other_target = (np.asarray(part, dtype=np.float64) for part in self.replicate)
-        if other.shape != columns.shape or other_target.shape != target.shape:
+        if other.shape != rows.X.shape or other_target.shape != rows.y.shape:
             raise InputError(f"replicate has shapes {other.shape} and {other_target.shape}; "
-                             f"{columns.shape} and {target.shape} are expected")  # fmt: skip
-        return other, other_target
+                             f"{rows.X.shape} and {rows.y.shape} are expected")  # fmt: skip
+        return rows.again(other, other_target)
 
     def _keep(self, found: Sequence[tuple[Evidence, Selection]], names: Sequence[str]) -> None:
         """Keep what a fit learned, and nothing of an earlier one."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, gather_columns
+from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, MissingExtraError
@@ -58,7 +58,9 @@ def weak_evidence(
         groups = np.repeat(group_labels(states), sizes)
         runs = np.repeat([state.run for state in states], sizes)
     labels = RowLabels.of(len(columns), groups, runs, blocks)
-    return gather_columns([term.id for term in terms], columns, target, labels, None, other, other_target)
+    return gather_columns(
+        [term.id for term in terms], Rows(columns, target), labels, Rows(other, other_target)
+    )
 
 
 def integral_weights(samples: int, interval: float, seed: int = 0) -> tuple[Array, Array]:

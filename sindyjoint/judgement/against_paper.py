@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.without_rate import rate_free
@@ -11,14 +10,6 @@ from sindyjoint.judgement.at_each_level import changed_term
 from sindyjoint.judgement.comparison import Choice
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.paper import TERMS as PAPER_TERMS
-
-
-def parts_of(found: Discovery) -> Literal["frequency", "level", "run"]:
-    """Return what runs are grouped by."""
-    groups = set(found.regressor.evidence_.groups)
-    if all(group.endswith(" Hz") for group in groups) and any(state.frequency for state in found.states):
-        return "frequency"
-    return "level" if groups == {state.level for state in found.states} else "run"
 
 
 def wanted_terms(found: Discovery) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,9 @@ from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.text import in_words_of
+from sindyjoint.versions import versions
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias
@@ -227,3 +229,8 @@ def _reach(model: JointModel) -> tuple[float | None, float | None]:
         return None, None
     k1, k3 = model["linear_stiffness"].coefficient, model["cubic_stiffness"].coefficient
     return (model.fitted.angle, float(np.sqrt(k1 / (-3 * k3)))) if k3 < 0 < k1 else (None, None)
+
+
+def fitted_to(model: JointModel, campaign: Campaign) -> JointModel:
+    """Return a model that knows the campaign it was fitted to, as it was given, and by which versions."""
+    return replace(model, fitted=replace(model.fitted, data=content_hash(campaign), versions=versions()))

@@ -15,7 +15,7 @@ from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.mechanics.rigs import Rig
 from sindyjoint.numeric import main_frequency
-from sindyjoint.response.model_law import draw_models, model_law
+from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import (
     Oscillation,
     compare_oscillations,
@@ -24,7 +24,7 @@ from sindyjoint.response.oscillation import (
 )
 from sindyjoint.response.run import rms
 from sindyjoint.response.tested_range import range_warnings
-from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, judged
+from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
 
 Array = NDArray[np.float64]
 
@@ -35,10 +35,8 @@ MODEL_PLACEHOLDER = PaperLaw(k1=1.0, name="model")
 def verify_rig(
     model: JointModel,
     rig: Rig,
-    tolerance: float,
-    draws: int,
+    settings: Settings,
     truth: dict[str, float],
-    generator: np.random.Generator,
     say: Callable[[str], None],
 ) -> Verification:
     """Compare the rig's measured response, or a virtual pulse test, with the model's simulation."""
@@ -46,7 +44,7 @@ def verify_rig(
         raise InputError("the model is of a joint in translation; the joints of a rig rotate")
     modelled = find_model_joints(rig, model)
     say("the measured response")
-    test = _provide_pulse_test(rig, truth, generator)
+    test = _provide_pulse_test(rig, truth, settings.generator)
     warnings = []
     if test.simulated:
         beyond = f"; it holds {test.truth}, which the simulation does not know" if test.truth else ""
@@ -65,14 +63,12 @@ def verify_rig(
         failure = str(error)
     n = test.displacement.size
     band = None
-    if simulated is not None and draws:
-        say(f"simulating {draws} sets of coefficients")
-        band = band_of(
-            [_simulate_tip(response, draw, test.point, n) for draw in draw_models(model, draws, generator)]
-        )
+    if simulated is not None and settings.draws:
+        say(f"simulating {settings.draws} sets of coefficients")
+        band = band_of([_simulate_tip(response, draw, test.point, n) for draw in settings.drawn(model)])
     exceeded = [] if simulated is None else joint_range_warnings(model, simulated, modelled)
     compared = _compare_pulse(rig, test, simulated, band, failure)
-    result = judged(model, "rig", rig.name, tolerance, [compared], [*warnings, *exceeded])
+    result = judged(model, "rig", rig.name, settings.tolerance, [compared], [*warnings, *exceeded])
     return replace(result, beyond_range=tuple(line.partition(":")[0] for line in exceeded))
 
 
