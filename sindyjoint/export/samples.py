@@ -94,7 +94,7 @@ def batch_samples(
         mean, scale, own = scatter.mean, ahead.scale, values[scatter.coefficient]
         if scatter.covariate is not None:
             line, x = lines[scatter.coefficient, scatter.covariate], covariates[scatter.covariate]
-            away = given.get(scatter.covariate, float(np.nanmean(x))) - np.nanmean(x)
+            away = float(given.get(scatter.covariate, np.nanmean(x)) - np.nanmean(x))
             mean, scale = mean + line.slope * away, float(np.hypot(scale, line.slope_error * away))
             own = own - line.slope * (x - np.nanmean(x))
         means.append(mean)

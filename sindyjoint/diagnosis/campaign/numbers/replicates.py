@@ -74,7 +74,7 @@ class Replicates:
         return cls(work, repaired, tuple(made), tuple(map(kept_harmonics, work.states)))
 
     def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...]:
-        """Return their rows, at the phases and with the weights of the measurement's, with noise of moment and angle."""
+        """Return their rows, at the phases and with the weights of the measurement's, noise of moment and angle added."""
         work, rows = self.work, []
         for place, (run, state) in enumerate(zip(self.runs, work.states, strict=True)):
             moment, angle = (0.0, 0.0) if noise is None else noise[place]
