@@ -1,5 +1,7 @@
 """``[inputs]`` of a campaign: columns, constants, own values of runs, offset temperatures, delays; written and read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,8 +54,10 @@ def test_a_column_a_constant_and_a_value_of_a_run(campaign_of, tmp_path):
     assert (one["load"][0], two["load"][0]) == (120.0, 200.0)
     assert [each.reference for each in campaign.inputs] == pytest.approx([0.0, 283.15, 160.0])
     assert campaign.inputs[1].shown(233.15) == "-40 degC"
+    campaign = replace(campaign, gain_uncertainty={"moment": 0.01, "angle": 0.004})
     write_campaign(campaign, tmp_path / "again")
     again = load_campaign(tmp_path / "again")
+    assert again.gain_uncertainty == campaign.gain_uncertainty
     for run, other in zip(campaign.runs, again.runs, strict=True):
         for name, values in run.inputs.items():
             assert other.inputs[name] == pytest.approx(values)
