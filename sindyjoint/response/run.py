@@ -13,7 +13,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import brought_from_zero, simulate, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.model_law import elastic_moment
@@ -292,10 +292,10 @@ def simulate_run(
     compared = cut_states(states, skip)
     angle = rate = None
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
-    # Internal states that settle in a period that is not compared begin anywhere.
-    settles = states.method == "periodic" or states.repeated
     try:
-        if not (response_only and drive == "moment" and settles):
+        if response_only and drive == "moment" and (states.method == "periodic" or states.repeated):
+            inner = brought_from_zero(law, states.angle, states.rate)[:, None]
+        else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
             if isinstance(law, LawInRun):
                 moment = moment + law.added
@@ -303,7 +303,8 @@ def simulate_run(
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif not settles:
+            elif not states.repeated:
+                # Many settle in a period that is not compared; a slider that never yields keeps where it began.
                 options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
