@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.delay import ROWS, reference_of
+from sindyjoint.discovery.delay import ROWS, law_of_channels, reference_of
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.catalogue import load_catalogue, term_columns
+from sindyjoint.equation.catalogue import term_columns
 from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.inputs import Input, lagged, reference_values
@@ -80,9 +80,7 @@ def lag_notes(lags: Sequence[InputLag]) -> list[str]:
 def _law(
     states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input]
 ) -> tuple[ResolvedTerm, ...]:
-    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
-    if inertia is None:
-        law = law.union(load_catalogue("inertia"))
+    law = law_of_channels(inertia)
     law = law.union(dependences(inputs, {each.name: min(each.levels, 2) for each in inputs}, law.ids))
     references = reference_values(inputs)
     return law.resolve(replace(reference_of(states), inputs=references))

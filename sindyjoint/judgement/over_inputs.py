@@ -93,10 +93,7 @@ class OverInput:
 
 
 def over_inputs(
-    model: JointModel,
-    evidence: Evidence,
-    states: Sequence[ForceStates],
-    margin: float = POLICY.frequency_margin,
+    model: JointModel, evidence: Evidence, states: Sequence[ForceStates]
 ) -> tuple[OverInput, ...]:
     """Return the law over each input that was tested at more than one level.
 
@@ -107,11 +104,9 @@ def over_inputs(
         That it was found in.
     states : sequence of ForceStates
         Of its runs.
-    margin : float
-        Relative change of a coefficient over the tested range that would not matter.
     """
     return tuple(
-        over_input(model, each, level_tests(evidence, states, model, each, margin))
+        over_input(model, each, level_tests(evidence, states, model, each))
         for each in model.inputs
         if each.tested is not None and each.levels > 1
     )

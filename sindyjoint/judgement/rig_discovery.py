@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.recovery import Recovery
@@ -90,7 +91,7 @@ class RigDiscovery(Shown):
                 for each in self.seen
             ],
             "sensors": [
-                {"name": sensor.name, "worth": [float(w) if np.isfinite(w) else None for w in column]}
+                {"name": sensor.name, "worth": list(map(finite, column))}
                 for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
             ],
             "structure": []
@@ -102,7 +103,7 @@ class RigDiscovery(Shown):
                     strict=True,
                 )
             ],
-            "misfit": self.misfit if np.isfinite(self.misfit) else None,
+            "misfit": finite(self.misfit),
             "warnings": list(self.warnings),
         }  # fmt: skip
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.forced import ForcedResponse
 from sindyjoint.substructure.modes import ModeCurve
@@ -65,7 +66,7 @@ class StructureCurves(Shown):
             "point": self.point,
             "harmonics": self.harmonics,
             "joints": [
-                {"name": name, "tested_angle": float(angle) if np.isfinite(angle) else None}
+                {"name": name, "tested_angle": finite(angle)}
                 for name, angle in zip(self.joints, self.tested, strict=True)
             ],
             "frequencies": {"sliding": self.sliding.tolist(), "locked": self.locked.tolist()},
@@ -80,7 +81,7 @@ def _mode_record(mode: ModeCurve) -> dict[str, Any]:
     return {
         "number": mode.number,
         "point": mode.point,
-        "slips": [float(slip) if np.isfinite(slip) else None for slip in mode.slips],
+        "slips": list(map(finite, mode.slips)),
         **{name: getattr(mode, name).tolist() for name in names},
         "angle": mode.angle.tolist(),
     }

@@ -47,7 +47,6 @@ def gap_runs(
     model: JointModel,
     groups: Sequence[str],
     policy: DiagnosisPolicy = CAMPAIGN,
-    phases: int = PHASES,
     errors: Sequence[float] | None = None,
     free: bool = False,
 ) -> tuple[GapRun, ...]:
@@ -61,8 +60,6 @@ def gap_runs(
     groups : sequence of str
         What is held out together, one label per run.
     policy : DiagnosisPolicy
-    phases : int
-        Samples of the mean period.
     errors : sequence of float, optional
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     free : bool
@@ -72,7 +69,7 @@ def gap_runs(
     # The processing itself errs (truncated series, folded phases); below that nothing is claimed.
     least = policy.processing_error * model.fitted.moment_rms
     return tuple(
-        _folded(s, model, g, phases, least)
+        _folded(s, model, g, least)
         if s.method == "periodic"
         else (free and _free_decay(s, model, g, policy))
         or _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples)
@@ -80,12 +77,12 @@ def gap_runs(
     )
 
 
-def _folded(states: ForceStates, model: JointModel, group: str, phases: int, error: float) -> GapRun:
+def _folded(states: ForceStates, model: JointModel, group: str, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
     assert states.frequency is not None
     # An internal state has not settled in the first period: what is averaged over periods is what repeats.
     settled = np.arange(states.n_samples) >= (0 if states.dropped else settling(states))
-    phases = min(phases, int(states.sample_rate / states.frequency))
+    phases = min(PHASES, int(states.sample_rate / states.frequency))
     position = (states.time - states.time[0]) * states.frequency % 1.0
     # Samples that fall alike in every period are to lie in the middle of a bin, not on the border of two.
     bins = np.floor(position * phases + 0.5).astype(int) % phases
