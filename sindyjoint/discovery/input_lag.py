@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.delay import ROWS, law_of_channels, reference_of
 from sindyjoint.discovery.factors import Factor
@@ -16,8 +15,6 @@ from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.inputs import Input, lagged, reference_values
 from sindyjoint.states.record import ForceStates
-
-Array = NDArray[np.float64]
 
 # Time constants that are tried, s; the best is refined between its neighbours.
 TRIED = np.geomspace(1e-3, 3.0, 22)

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.frequency import Axis, FrequencyTest, frequency_test, group_estimates
@@ -15,8 +14,6 @@ from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
 from sindyjoint.inputs import Input, run_levels
 from sindyjoint.states import ForceStates
-
-Array = NDArray[np.float64]
 
 # Estimates at so many levels tell a trend from scatter.
 FEWEST_LEVELS = 3

@@ -52,11 +52,6 @@ class StructureCurves(Shown):
     simulated: bool = True
     warnings: tuple[str, ...] = ()
 
-    @property
-    def has_band(self) -> bool:
-        """Whether a covariance of the joints' models gives the curves a band."""
-        return any(bool(np.any(mode.frequency_error > 0)) for mode in self.modes)
-
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
         return {

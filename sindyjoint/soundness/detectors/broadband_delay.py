@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.delay import estimate_delay, law_of_channels, reference_of, shifted
 from sindyjoint.equation.catalogue import term_columns
@@ -18,8 +17,6 @@ from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
 from sindyjoint.states.build import force_states
 from sindyjoint.states.record import ForceStates
-
-Array = NDArray[np.float64]
 
 
 def find_broadband_delay(campaign: Campaign, runs: Sequence[Run], words: Words) -> Iterator[Finding]:
