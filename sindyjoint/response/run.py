@@ -259,8 +259,10 @@ def simulate_run(
     compared = cut_states(states, skip)
     angle = rate = None
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
+    # Internal states that settle in a period that is not compared begin anywhere.
+    settles = states.method == "periodic" or states.repeated
     try:
-        if not (response_only and drive == "moment" and states.method == "periodic"):
+        if not (response_only and drive == "moment" and settles):
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
             if isinstance(law, LawInRun):
                 moment = moment + law.added
@@ -268,8 +270,7 @@ def simulate_run(
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif states.method != "periodic" and not states.repeated:
-                # Elsewhere they settle in a period that is not compared.
+            elif not settles:
                 options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]

@@ -103,10 +103,12 @@ def periodic_states(
     )
 
 
-def kept_harmonics(states: ForceStates) -> HarmonicBasis:
-    """Return the harmonics that the angle of a periodic run was reduced to, at its samples."""
+def kept_harmonics(states: ForceStates, highest: int | None = None) -> HarmonicBasis:
+    """Return the harmonics that the angle of a periodic run was reduced to, or those up to an order, at its samples."""
     assert states.frequency is not None
-    return HarmonicBasis.build(states.time - states.time[0], states.frequency, states.series[0].orders)
+    orders = states.series[0].orders
+    kept = orders if highest is None else orders[orders <= highest]
+    return HarmonicBasis.build(states.time - states.time[0], states.frequency, kept)
 
 
 def replicate_states(states: ForceStates, basis: HarmonicBasis, angle: Array, moment: Array) -> ForceStates:

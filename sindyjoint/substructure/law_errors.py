@@ -59,8 +59,13 @@ class LawErrors:
 
     @property
     def covariance(self) -> Array:
-        """Of the coefficients, shape (k, k)."""
-        return _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
+        """Of the coefficients, shape (k, k); larger by the excess of what is left of the rows.
+
+        Harmonics beyond the band of the sensors are missing from both sides of the law: what they leave in the rows
+        is not noise, and errs alike in all runs.
+        """
+        noise = _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
+        return noise * max(1.0, self.excess)
 
     @property
     def angle_share(self) -> float:

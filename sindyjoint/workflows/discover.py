@@ -264,6 +264,7 @@ def discover_rig(
     rig: RigTest | str | Path,
     library: Any = "extended",
     *,
+    refine: bool = False,
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> RigDiscovery:
@@ -275,6 +276,9 @@ def discover_rig(
         Or a ``rig.toml`` with sensors and runs.
     library
         Candidate terms, as for :func:`~sindyjoint.discover`.
+    refine : bool
+        Fit the laws' numbers, and the structure's uncertain ones, to the simulated response of the runs in the end;
+        their intervals are then those of that fit.
     progress : callable, optional
     **options
         Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
@@ -316,4 +320,14 @@ def discover_rig(
     words = [each.words for each in seen if each.words]
     differ = [law.alike for law in laws if "differ" in law.alike]
     warnings = (*misfit_warnings(recoveries), *words, *differ)
-    return RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
+    found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
+    if not (refine and found.found):
+        return found
+    from sindyjoint.judgement.rig_discovery import described, with_refinement
+    from sindyjoint.judgement.rig_refinement import refine_rig
+
+    models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
+    state = options.get("random_state")
+    return with_refinement(
+        found, refine_rig(described(found), recoveries, models, random_state=state, progress=say)
+    )

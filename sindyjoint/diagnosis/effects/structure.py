@@ -80,6 +80,8 @@ class Setup:
         Factor on the force.
     delay, gain, zero, drift : float
         Of the displacement record: s, factor, m, m/s.
+    kinds : dict of str to Setup
+        Of a structure with several kinds of joints: numbers and added laws of each.
     """
 
     items: tuple[Item, ...]
@@ -91,6 +93,7 @@ class Setup:
     gain: float = 1.0
     zero: float = 0.0
     drift: float = 0.0
+    kinds: dict[str, Setup] = field(default_factory=dict)
 
     @property
     def motion_key(self) -> tuple[Any, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,25 @@ class Fit:
     x: Array
     cost: float
     jacobian: Array = field(repr=False)
+
+
+class Fitted(Protocol):
+    """What a fit asks of a problem."""
+
+    @property
+    def base_size(self) -> int:
+        """Numbers of the base."""
+
+    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
+        """Return lower and upper bounds of the numbers."""
+
+    def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
+        """Return simulated less measured in units of noise up to a time, then the prior rows; None for no motion."""
+
+    def derivatives(
+        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
+    ) -> Array:
+        """Return the columns of the Jacobian at some places."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +276,7 @@ def _later(motion: Array, delay: float, sample_rate: float) -> Array:
 
 
 def fit(
-    problem: PulseProblem,
+    problem: Fitted,
     x: Array,
     duration: float,
     extra: Change | None = None,
@@ -270,7 +290,7 @@ def fit(
 
     Parameters
     ----------
-    problem : PulseProblem
+    problem : Fitted
     x : ndarray
     duration : float
         Horizon, s.

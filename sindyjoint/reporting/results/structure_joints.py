@@ -92,6 +92,7 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
                 for law in result.laws
             ],
             "misfit": _misfit(result),
+            "refined": _refined(result),
         }
 
     def show(self, result: RigDiscovery) -> None:
@@ -113,6 +114,8 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
                 console.print(f"\n[bold]{escape(table.title)}[/]")
                 print_whole(terminal_table([column.lower() for column in table.columns], table.rows), console)
         console.print(f"\n{_misfit(result)}")
+        if _refined(result):
+            console.print(_refined(result))
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
 
@@ -168,6 +171,11 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
 def _amount(value: float) -> str:
     factor, unit = prefixed(value, "rad")
     return f"{value * factor:.3g} {unit}"
+
+
+def _refined(result: RigDiscovery) -> str:
+    notes = () if result.refinement is None else result.refinement.notes
+    return "".join(f"{note[0].upper()}{note[1:]}." for note in notes)
 
 
 def _misfit(result: RigDiscovery) -> str:

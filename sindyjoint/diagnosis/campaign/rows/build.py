@@ -80,9 +80,22 @@ def gap_runs(
 def _folded(states: ForceStates, model: JointModel, group: str, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
     assert states.frequency is not None
+    motion, moment, count = _mean_period(states, model, PHASES)
+    keep, size = motion.keep, motion.angle.size
+    sigma = np.sqrt(states.noise.moment**2 / np.maximum(count, 1)[keep] + error**2)
+    factor = folded_whitener(states, model, motion, sigma, np.arange(size)[keep] / size)
+    target = moment[keep] - (model.joint.inertia or 0.0) * motion.acceleration[keep]
+    return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
+
+
+def _mean_period(
+    states: ForceStates, model: JointModel, phases: int
+) -> tuple[MeasuredMotion, Array, NDArray[np.intp]]:
+    """Return motion and moment of the mean period of a run, and how many samples each phase has."""
+    assert states.frequency is not None
     # An internal state has not settled in the first period: what is averaged over periods is what repeats.
     settled = np.arange(states.n_samples) >= (0 if states.dropped else settling(states))
-    phases = min(PHASES, int(states.sample_rate / states.frequency))
+    phases = min(phases, int(states.sample_rate / states.frequency))
     position = (states.time - states.time[0]) * states.frequency % 1.0
     # Samples that fall alike in every period are to lie in the middle of a bin, not on the border of two.
     bins = np.floor(position * phases + 0.5).astype(int) % phases
@@ -109,11 +122,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, error: float) ->
     step = 1 / (states.frequency * phases)
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
     motion = replace(motion, inputs={name: mean(values) for name, values in states.inputs.items()})
-    inertia = model.joint.inertia
-    sigma = np.sqrt(states.noise.moment**2 / filled[keep] + error**2)
-    factor = folded_whitener(states, model, motion, sigma, np.arange(phases)[keep] / phases)
-    target = moment[keep] - (inertia or 0.0) * acceleration[keep]
-    return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
+    return motion, moment, count
 
 
 def _always(share: Array, seen: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -202,6 +211,10 @@ def _lead(states: ForceStates, step: float) -> tuple[Array, Array] | None:
 
 def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, model: JointModel) -> GapRun:
     """Return the rows of a run made of the states of its synthetic replicate; weights are the run's own."""
+    if run.folded:
+        motion, moment, _ = _mean_period(replicate, model, run.motion.angle.size)
+        target = moment - (model.joint.inertia or 0.0) * motion.acceleration
+        return replace(run, motion=motion, target=target[motion.keep])
     every = _stride(states)
     rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
         int
