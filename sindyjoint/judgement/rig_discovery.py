@@ -13,6 +13,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_refinement import RigRefinement
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.recovery import Recovery, recover
@@ -95,7 +96,7 @@ class RigDiscovery(Shown):
                 for each in self.seen
             ],
             "sensors": [
-                {"name": sensor.name, "worth": [float(w) if np.isfinite(w) else None for w in column]}
+                {"name": sensor.name, "worth": list(map(finite, column))}
                 for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
             ],
             "structure": []
@@ -107,7 +108,7 @@ class RigDiscovery(Shown):
                     strict=True,
                 )
             ],
-            "misfit": self.misfit if np.isfinite(self.misfit) else None,
+            "misfit": finite(self.misfit),
             "refinement": None if self.refinement is None else self.refinement.to_dict(),
             "warnings": list(self.warnings),
         }  # fmt: skip

@@ -168,10 +168,6 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
-
-
 def _amount(value: float) -> str:
     factor, unit = prefixed(value, "rad")
     return f"{value * factor:.3g} {unit}"
