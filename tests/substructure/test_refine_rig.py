@@ -16,7 +16,12 @@ from sindyjoint.substructure.simulated.steady import coefficients, complex_ampli
 from .two_masses import integrated_run, rig_test, structure
 
 K, K3, C = 900.0, 4e6, 12.0
-FORMULAS = {"linear_stiffness": "theta", "cubic_stiffness": "theta**3", "linear_damping": "omega", "coulomb_friction": "sign(omega)"}
+FORMULAS = {
+    "linear_stiffness": "theta",
+    "cubic_stiffness": "theta**3",
+    "linear_damping": "omega",
+    "coulomb_friction": "sign(omega)",
+}
 
 
 def model(*values):
