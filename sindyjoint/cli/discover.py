@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 # What a search for the laws of the joints of a rig takes.
 OF_A_RIG = {
     "campaign", "library", "out", "force", "as_json", "method", "selection", "threshold", "require", "forbid",
-    "random_state", "quiet", "verbose",
+    "refine", "random_state", "quiet", "verbose",
 }  # fmt: skip
 # What a refinement of a model takes; all other options are of a search for terms.
 OF_A_REFINEMENT = {
@@ -111,7 +111,12 @@ def discover(
             if source is not None and source.name == "COMMANDLINE":
                 option = f"--{name.replace('_', '-')}"
                 raise typer.BadParameter("is not for the joints of a rig; leave it out", param_hint=option)
-        options = {**given(library=library), **finding.arguments(), "random_state": random_state}
+        options = {
+            **given(library=library),
+            **finding.arguments(),
+            "random_state": random_state,
+            "refine": refine,
+        }
         found = discover_structure(
             campaign, out, as_json, Progress(quiet, verbose), random_state, force, options
         )

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.joint_laws import JointLaw
+from sindyjoint.judgement.rig_refinement import RigRefinement
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.policy import POLICY as LIMITS
-from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.update import Update
+from sindyjoint.substructure.recovery import Recovery, recover
+from sindyjoint.substructure.update import Update, with_numbers
 
 Array = NDArray[np.float64]
 
@@ -37,6 +40,8 @@ class RigDiscovery(Shown):
     worth : ndarray, shape (joints, sensors)
         By what factor the error of each joint's moment grows without each sensor.
     warnings : tuple of str
+    refinement : RigRefinement, optional
+        Of the laws on the simulated response, where it was asked for.
     """
 
     test: RigTest
@@ -46,6 +51,7 @@ class RigDiscovery(Shown):
     seen: tuple[JointSeen, ...]
     worth: Array
     warnings: tuple[str, ...]
+    refinement: RigRefinement | None = None
 
     @property
     def found(self) -> bool:
@@ -91,19 +97,12 @@ class RigDiscovery(Shown):
                 for each in self.seen
             ],
             "sensors": [
-                {"name": sensor.name, "worth": [float(w) if np.isfinite(w) else None for w in column]}
+                {"name": sensor.name, "worth": list(map(finite, column))}
                 for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
             ],
-            "structure": []
-            if update is None
-            else [
-                {"name": name, "stated": stated, "change": change, "standard_error": error}
-                for name, stated, change, error in zip(
-                    update.names, update.prior.tolist(), update.change.tolist(), update.standard_error.tolist(),
-                    strict=True,
-                )
-            ],
-            "misfit": self.misfit if np.isfinite(self.misfit) else None,
+            "structure": [] if update is None else update.to_list(),
+            "misfit": finite(self.misfit),
+            "refinement": None if self.refinement is None else self.refinement.to_dict(),
             "warnings": list(self.warnings),
         }  # fmt: skip
 
@@ -121,3 +120,29 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
         f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
         "the one described; state how uncertain its stiffness and mass are, so that they are updated",
     )
+
+
+def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
+    """Return a discovery in a structure with refined laws, and the structure's numbers as the refinement has them."""
+    if not result.refined:
+        return replace(found, refinement=result)
+    test, recoveries = found.test, found.recoveries
+    if result.update is not None:
+        test = with_numbers(described(found), result.update.change)
+        recoveries = tuple(recover(test, each.run, each.spectra) for each in recoveries)
+    laws = tuple(_with_model(law, result.models[law.kind], result.notes) for law in found.laws)
+    return replace(
+        found, test=test, recoveries=recoveries, laws=laws, update=result.update, refinement=result
+    )
+
+
+def described(found: RigDiscovery) -> RigTest:
+    """Return the test with the structure as its file describes it, before any update of its numbers."""
+    return found.test if found.update is None else with_numbers(found.test, -found.update.change)
+
+
+def _with_model(law: JointLaw, model: JointModel, notes: Sequence[str]) -> JointLaw:
+    assert law.discovery is not None
+    warnings = (*law.discovery.warnings, *notes)
+    # What was taken out of the coefficients of the regression says nothing of these.
+    return replace(law, discovery=replace(law.discovery, model=model, warnings=warnings, bias=None))

@@ -27,7 +27,15 @@ from sindyjoint.mechanics.rig_file import (
     StationTable,
 )
 from sindyjoint.mechanics.rig_limits import solvable_structure
-from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, Sensor, UncertainNumber, uncertain_numbers
+from sindyjoint.mechanics.rig_test import (
+    BASE,
+    Chain,
+    RigRun,
+    RigTest,
+    Sensor,
+    UncertainNumber,
+    uncertain_numbers,
+)
 from sindyjoint.mechanics.rigs import RIG_FOLDER, build_item, shipped_rigs
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
@@ -67,6 +75,15 @@ def is_rig_test(path: str | Path) -> bool:
     except (OSError, ValueError):
         return False
     return "chain" in read or "matrices" in read
+
+
+def has_measured_runs(path: str | Path) -> bool:
+    """Return whether a file is a rig with runs that were recorded."""
+    path = rig_path(path)
+    if not is_rig_test(path):
+        return False
+    runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
+    return any(isinstance(run, dict) and "file" in run for run in runs)
 
 
 def rig_path(rig: str | Path) -> Path:
@@ -110,7 +127,7 @@ def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig
         )
         if not drives:
             raise InputError(
-                "no [[run]] has a shape; expected shape = 'sine' or 'multisine', amplitude and frequency"
+                "no [[run]] has a shape; expected shape = 'sine', 'multisine', 'sweep' or 'impact', and amplitude"
             )
         r = given.recorder
         recorder = Recorder(
@@ -160,19 +177,21 @@ def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
                 "a place along a beam is of a [[chain]]; with [matrices] a point is one of its freedoms"
             )
         structure, kinds, uncertain = _matrices(given.matrices, path)
-        motion = given.matrices.motion
+        motion, chain = given.matrices.motion, None
     else:
-        structure, kinds, uncertain = _chain(given, path, laws, stations)
+        structure, kinds, uncertain, chain = _chain(given, path, laws, stations)
         motion = "rotation"
     sensors = tuple(_sensor(table, number) for number, table in enumerate(given.sensor, 1))
     at = BASE if shaken else _point(given.drive.point)
     noise = _noise(given.drive, "[drive]")
-    return RigTest(given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain)
+    return RigTest(
+        given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain, chain=chain
+    )
 
 
 def _chain(
     given: RigFile, path: Path, laws: Mapping[str, Law], stations: Mapping[str, tuple[str, float]]
-) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...]]:
+) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...], Chain]:
     items: tuple[Item, ...] = tuple(
         build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1)
     )
@@ -201,7 +220,8 @@ def _chain(
             raise InputError(
                 f"{name!r}: {min(wrong)}_uncertainty is of a beam; expected mass_uncertainty at most"
             )
-    return structure, kinds, uncertain_numbers(items, stiffness, stated)
+    chain = Chain(items, stiffness, stations, structure.loss_frequency)
+    return structure, kinds, uncertain_numbers(items, stiffness, stated), chain
 
 
 def _matrices(
@@ -294,12 +314,9 @@ def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> Rig
     ):
         raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the file")
     drive, *responses = (signal * factor for signal, factor in zip(signals, factors, strict=True))
-    if table.frequency is None:
-        raise InputError(
-            f"{file}: [[run]] has no frequency; the joints are recovered from drives that repeat: state the frequency "
-            "of a sine, or at which a multisine repeats"
-        )
-    frequency = parse_quantity(table.frequency, "Hz", f"{file}: frequency")
+    frequency = (
+        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
+    )
     return RigRun(
         table.name or Path(str(table.file)).stem, drive, np.array(responses), 1 / float(steps.mean()), frequency,
         table.level, table.use,
@@ -308,14 +325,18 @@ def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> Rig
 
 def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:
     where = f"[[run]] {number}"
-    if table.amplitude is None or table.frequency is None or table.shape is None:
-        raise InputError(f"{where}: a run to simulate wants shape, amplitude and frequency")
+    if table.amplitude is None or table.shape is None:
+        raise InputError(f"{where}: a run to simulate wants shape and amplitude")
     band = None
     if table.band is not None:
         low, high = (parse_quantity(end, "Hz", f"{where} band") for end in table.band)
         band = (low, high)
+    frequency = (
+        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{where} frequency")
+    )
+    width = None if table.width is None else parse_quantity(table.width, "s", f"{where} width")
     name = table.name or Path(table.file or f"run-{number:02d}").stem
     return Drive(
         name, table.shape, parse_quantity(table.amplitude, UNITS[drive.quantity], f"{where} amplitude"),
-        parse_quantity(table.frequency, "Hz", f"{where} frequency"), band, None, table.level, table.use,
+        frequency, band, width, table.level, table.use,
     )  # fmt: skip

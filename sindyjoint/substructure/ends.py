@@ -68,7 +68,7 @@ def jump_columns(
         [1j * w * mass + damping, np.broadcast_to(mass, (angular.size, *mass.shape))], axis=2
     )
     stiffness = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
-    coordinates = np.linalg.solve(stiffness, loads)
+    coordinates = np.asarray(np.linalg.solve(stiffness, loads), dtype=np.complex128)
     rows = sensor_rows(structure, sensors)
     at = rows @ shapes
     none = np.zeros_like(at)

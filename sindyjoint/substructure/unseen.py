@@ -68,16 +68,19 @@ class Slow:
         return np.hstack(angle), np.hstack(rate)
 
     @property
+    def blind(self) -> int:
+        """Of how many unknowns nothing is seen at all: the mean, and drift and bend of a record."""
+        return 3 if self.drift else 1
+
+    @property
     def start(self) -> Array:
         """The unknowns as the sensors show them, shape (u,)."""
-        nothing = np.zeros(1 + 2 * bool(self.drift))
-        return np.concatenate([self.amplitudes.real, -self.amplitudes.imag, nothing])
+        return np.concatenate([self.amplitudes.real, -self.amplitudes.imag, np.zeros(self.blind)])
 
     @property
     def errors(self) -> Array:
         """Their standard errors; infinite of what is not seen at all."""
-        blind = np.full(1 + 2 * bool(self.drift), np.inf)
-        return np.concatenate([self.standard_error, self.standard_error, blind])
+        return np.concatenate([self.standard_error, self.standard_error, np.full(self.blind, np.inf)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +188,6 @@ def find_slow(
 
 # Terms of a joint that is not nonlinear: with them what drifts is found without a start.
 LINEAR = ("linear_stiffness", "linear_damping", "coulomb_friction")
-BLIND_OF_RECORD = 3  # mean, drift and bend
 
 
 def _begin(
@@ -200,19 +202,19 @@ def _begin(
 
     M = k₁·(θ + d) + c₁·θ̇ + M_F·sign θ̇ is linear in k₁, c₁, M_F and k₁·d.
     """
-    linear = [term for term in terms if term.id in LINEAR]
+    linear = [term for name in LINEAR for term in terms if term.id == name]
     if not linear or linear[0].id != LINEAR[0]:
         return [*unknowns]
     columns, blind = [], []
-    for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True):
+    for state, each, rows, basis, values in zip(states, slow, kept, bases, unknowns, strict=True):
         angle, rate = state.angle[rows] + basis[0] @ values, state.rate[rows] + basis[1] @ values
         columns.append(term_columns(linear, angle, rate, state.acceleration[rows]))
-        blind.append(basis[0][:, -BLIND_OF_RECORD:])
+        blind.append(basis[0][:, values.size - each.blind :])
     target = np.concatenate([state.moment[rows] for state, rows in zip(states, kept, strict=True)])
     solved = scaled_least_squares(_stacked(columns, blind, np.ones(len(states))), target, 1e-12)
-    found = solved[len(linear) :].reshape(len(states), BLIND_OF_RECORD) / solved[0]
+    found = np.split(solved[len(linear) :] / solved[0], np.cumsum([each.blind for each in slow])[:-1])
     return [
-        np.concatenate([values[:-BLIND_OF_RECORD], values[-BLIND_OF_RECORD:] + more])
+        values + np.concatenate([np.zeros(values.size - more.size), more])
         for values, more in zip(unknowns, found, strict=True)
     ]
 

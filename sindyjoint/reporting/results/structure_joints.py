@@ -92,6 +92,7 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
                 for law in result.laws
             ],
             "misfit": _misfit(result),
+            "refined": _refined(result),
         }
 
     def show(self, result: RigDiscovery) -> None:
@@ -113,6 +114,8 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
                 console.print(f"\n[bold]{escape(table.title)}[/]")
                 print_whole(terminal_table([column.lower() for column in table.columns], table.rows), console)
         console.print(f"\n{_misfit(result)}")
+        if _refined(result):
+            console.print(_refined(result))
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
 
@@ -120,16 +123,21 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
         """Yield what each run recovered."""
         for recovery in result.recoveries:
             spectra = recovery.spectra
+            repeats = f"{spectra.edges.size - 1} blocks" if spectra.repeats else "the whole record"
             yield (
-                f"{recovery.run.name}: {spectra.frequency:.6g} Hz, {spectra.angular.size} harmonics, "
-                f"{spectra.edges.size - 1} blocks, left of the sensors "
-                f"{np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} of their noise"
+                f"{recovery.run.name}: {spectra.frequency:.6g} Hz, {spectra.angular.size} harmonics, {repeats}, "
+                f"left of the sensors {np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} of their noise"
             )
 
 
 def place_of_law(law: JointLaw) -> str:
     """Return the folder within the results in which the discovery of a kind of joint stands."""
-    return "".join(c if c.isalnum() else "-" for c in law.kind).strip("-") or "joint"
+    return place_of_kind(law.kind)
+
+
+def place_of_kind(kind: str) -> str:
+    """Return the folder within the results of a kind of joint."""
+    return "".join(c if c.isalnum() else "-" for c in kind).strip("-") or "joint"
 
 
 def law_words(law: JointLaw) -> str:
@@ -165,13 +173,14 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
-
-
 def _amount(value: float) -> str:
     factor, unit = prefixed(value, "rad")
     return f"{value * factor:.3g} {unit}"
+
+
+def _refined(result: RigDiscovery) -> str:
+    notes = () if result.refinement is None else result.refinement.notes
+    return "".join(f"{note[0].upper()}{note[1:]}." for note in notes)
 
 
 def _misfit(result: RigDiscovery) -> str:
