@@ -165,7 +165,12 @@ class RunTable(StrictTable):
         default=None, description="For simulate."
     )
     amplitude: str | None = Field(default=None, description="For simulate: peak of the drive.")
-    band: tuple[str, str] | None = Field(default=None, description="For simulate: of a multisine or a sweep.")
+    band: list[str] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description="For simulate: of a multisine or a sweep.",
+    )
     width: str | None = Field(default=None, description="For simulate: of an impact, a half-sine.")
 
 
