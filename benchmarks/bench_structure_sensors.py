@@ -35,7 +35,7 @@ SENSORS = {
     "one: tip": "e",
 }
 NOISE = (0.003, 0.01, 0.03, 0.1)
-FORCE = 0.75  # of the force at which the paper's joint comes near the wanted angle
+FORCE = 0.97  # of the force at which the paper's joint comes near the wanted angle
 
 
 def exact_test():
