@@ -14,14 +14,22 @@ from sindyjoint.mechanics.excitation import Excitation, harmonic, repeated
 
 Drive = Literal["moment", "angle"]
 
-SINE = "sine"
-#: Waveforms by the amplitudes of sin(n·2πft) relative to the first; all are scaled to their peak.
+SINE, SWEEP = "sine", "sweep"
+#: Waveforms by the amplitudes of sin(n·2πft); all are scaled to their peak.
 TONES: dict[str, dict[int, float]] = {
     SINE: {1: 1.0},
     "two-tone-3": {1: 1.0, 3: 0.8},
     "two-tone-5": {1: 1.0, 5: 0.5},
     "triangle": {n: (-1.0) ** (n // 2) / n**2 for n in (1, 3, 5, 7, 9)},
-}
+    # The signs with the lowest peak.
+    "multisine": {1: 1.0, 2: 1.0, 3: 1.0, 4: -1.0, 5: 1.0},
+    # A sine whose frequency goes from 2f to 8f and back in each period, sin(5x − 3 sin x) with x = 2πft, as its series
+    # of amplitudes J₅₋ₙ(3) − J₅₊ₙ(3) (Abramowitz and Stegun 9.1.42), to 1e-4 of its peak.
+    SWEEP: {1: 0.12064, 2: 0.30652, 3: 0.4856, 4: 0.33897, 5: -0.26006, 6: -0.33906, 7: 0.48609, 8: -0.30906,
+            9: 0.13203, 10: -0.04303, 11: 0.01139, 12: -0.00255, 13: 0.00049},
+}  # fmt: skip
+# Lowest and highest multiple of a sweep's frequency that it passes; of the others those of their tones.
+SWEPT = (2.0, 8.0)
 POINTS = 2520  # of a period through which the spline of a sum of tones goes
 
 
@@ -56,6 +64,11 @@ class Actuator:
                 raise InputError(
                     f"limit of the {name} is {getattr(self, name)!r}; expected a positive number"
                 )
+
+
+def driven_at(waveform: str) -> tuple[float, float]:
+    """Return the lowest and the highest frequency at which a waveform drives, as multiples of its own."""
+    return SWEPT if waveform == SWEEP else (float(min(TONES[waveform])), float(max(TONES[waveform])))
 
 
 def tones(waveform: str, level: float, frequency: float, phase: float = 0.0) -> Excitation:

@@ -78,7 +78,8 @@ def plan(
         A joint of the paper that the joint resembles: each coefficient within 20 % of its own. Default: the first,
         where neither a model nor a campaign says more.
     model : JointModel or path, optional
-        A model of the joint instead: each coefficient within three standard errors.
+        A model of the joint instead: each coefficient within three standard errors. Its elements with a memory are in
+        every simulation, with the numbers that they have.
     campaign : Campaign or path, optional
         Runs that were made: a model is discovered from them, and what they tell is added. The terms of ``like`` or
         ``model``, where one is given, are then kept in that model, and their ranges hold as well.
@@ -101,7 +102,8 @@ def plan(
         Steps in which ``"moment"`` (N·m) and ``"angle"`` (rad) are read.
     waveforms : sequence of str
         Among which is chosen: ``"sine"``, ``"two-tone-3"`` (a second tone of three times the frequency and 0.8 of the
-        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics).
+        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics), ``"multisine"`` (five equal
+        tones), ``"sweep"`` (a sine from twice to eight times the frequency at which it repeats, and back).
     time : float
         Duration of all runs that are still to be made, s.
     run_time : float, optional

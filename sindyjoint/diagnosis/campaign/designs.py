@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import constant
-from sindyjoint.mechanics.actuator import TONES, Actuator
+from sindyjoint.mechanics.actuator import TONES, Actuator, driven_at
 from sindyjoint.response.run import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
@@ -33,7 +33,10 @@ PLANNED: dict[str, str] = {
     "two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": "two-tone-3",
     "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": "two-tone-5",
     "triangular angle, five odd harmonics": "triangle",
+    "multisine angle, harmonics 1 to 5 alike": "multisine",
+    "swept angle, from 2*f to 8*f and back in each period": "sweep",
 }
+PLAIN = 4  # of these, that are advised where nothing is known of the actuator
 WAVEFORMS = {words: TONES[name] for words, name in PLANNED.items()}
 #: What is asked for of a joint that a moment drives.
 BY_MOMENT = "sinusoidal moment that moves the joint so far"
@@ -97,17 +100,19 @@ def designs(
 ) -> tuple[Design, ...]:
     """Return the runs to choose from: from a tenth to four times the tested frequencies, up to the largest angle.
 
-    With an actuator: over its band, and of what it prescribes alone.
+    With an actuator: over its band, every tone of them, and of what it prescribes alone.
     """
     tested = [s.frequency for s in states if s.frequency]
     if not tested:
         return ()
     middle = float(np.exp(np.mean(np.log(tested))))
     largest = max(_swing(s) for s in states)
-    frequencies = [f * middle for f in FREQUENCIES]
-    if actuator is not None:
-        frequencies = [*dict.fromkeys(np.geomspace(*actuator.band, len(FREQUENCIES)).tolist())]
-    plan = [(float(f"{f:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(frequencies, LEVELS)]
+    usual = tuple(f * middle for f in FREQUENCIES)
+
+    def planned(lowest: float = 1.0, highest: float = 1.0) -> list[tuple[float, float]]:
+        frequencies = usual if actuator is None else _over_band(actuator, lowest, highest)
+        return [(float(f"{f:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(frequencies, LEVELS)]
+
     driven = [s for s in states if s.frequency and not prescribed(s)]
     # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
     least = min((policy.lowest_level * _swing(s) for s in driven), default=np.inf)
@@ -115,13 +120,20 @@ def designs(
         least = np.inf
     moments = [
         Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))))
-        for f, x in plan
+        for f, x in planned()
         if x >= least
     ]
-    angles = [Design(f, x, waveform) for waveform, (f, x) in product(WAVEFORMS, plan)]
-    if actuator is not None:
-        return tuple(moments if actuator.drive == "moment" else angles)
-    return (*moments, *angles)
+    if actuator is not None and actuator.drive == "moment":
+        return tuple(moments)
+    words = [*PLANNED][: None if actuator is not None else PLAIN]
+    angles = [Design(f, x, each) for each in words for f, x in planned(*driven_at(PLANNED[each]))]
+    return tuple(angles) if actuator is not None else (*moments, *angles)
+
+
+def _over_band(actuator: Actuator, lowest: float, highest: float) -> tuple[float, ...]:
+    """Return frequencies, Hz, of which these multiples lie in the actuator's band."""
+    low, high = actuator.band[0] / lowest, actuator.band[1] / highest
+    return tuple(dict.fromkeys(np.geomspace(low, high, len(FREQUENCIES)).tolist())) if low <= high else ()
 
 
 def within(design: Design, actuator: Actuator, model: JointModel) -> bool:
