@@ -19,6 +19,7 @@ import argparse
 import os
 import time
 from collections import Counter
+from dataclasses import replace
 from itertools import product
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -60,13 +61,17 @@ FREQUENCIES = ((3.0, 4.5, 6.0), (4.0, 5.0, 6.0))
 FACTOR = 4.0  # by which the actuator's band is wider than the campaign's
 REACH = 1.2  # by which its angle is larger
 WORDS = {name: text for text, name in PLANNED.items()}
+TIME = 40.0  # s, for two runs
 WIDE = 5  # frequencies of the search with the truth known
 KEYS = ("pair", "truth", "seed", "size", "noise")
 
 
-def further(hidden: Hidden, noise: float, index: int, frequency: float, level: float, waveform: str) -> Run:
+def further(
+    hidden: Hidden, noise: float, index: int, frequency: float, level: float, waveform: str, duration: float
+) -> Run:
     """Return a further run of a hidden joint under an angle."""
-    return one_more(hidden, frequency, level, WORDS[waveform], noise, index)
+    longer = replace(hidden, plan=replace(hidden.plan, duration=duration))
+    return one_more(longer, frequency, level, WORDS[waveform], noise, index)
 
 
 def answer_of(campaign, effects) -> tuple[str, ...]:
@@ -83,7 +88,7 @@ def one(pair: tuple[str, str], truth: str, seed: int, size: float, noise: float)
     largest = max(float(np.abs(run.angle).max()) for run in hidden.campaign.runs)
     limits, band = {"angle": REACH * largest}, (min(tested) / FACTOR, max(tested) * FACTOR)
     planned = plan(
-        campaign=hidden.campaign, goal="tell-apart", effects=pair, drive="angle", limits=limits, band=band, time=100.0,
+        campaign=hidden.campaign, goal="tell-apart", effects=pair, drive="angle", limits=limits, band=band, time=TIME,
     )  # fmt: skip
     apart = planned.apart
     record = {"words": apart.words, "before": apart.before, "said": list(apart.after), "runs": []}
@@ -92,7 +97,10 @@ def one(pair: tuple[str, str], truth: str, seed: int, size: float, noise: float)
     campaign, after = hidden.campaign, pair
     for index, run in enumerate(planned.runs):
         campaign = campaign.with_runs(
-            (*campaign.runs, further(hidden, noise, index, run.frequency, run.level, run.waveform))
+            (
+                *campaign.runs,
+                further(hidden, noise, index, run.frequency, run.level, run.waveform, run.duration),
+            )
         )
         record["runs"].append(f"{run.waveform} {run.frequency:g} Hz {run.level:.3g}")
         after = answer_of(campaign, effects)
@@ -115,7 +123,8 @@ def separated_by(hidden: Hidden, effects, truth: str, noise: float, band, angle:
         if waveform != "sine" and 9 * frequency > band[1]:
             continue
         tries = (
-            further(hidden, noise, 100 + 2 * index + again, frequency, level, waveform) for again in (0, 1)
+            further(hidden, noise, 100 + 2 * index + again, frequency, level, waveform, TIME / 2)
+            for again in (0, 1)
         )
         try:
             # With either of two draws of the noise: by one alone some run of many does by chance.

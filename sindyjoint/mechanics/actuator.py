@@ -14,7 +14,7 @@ from sindyjoint.mechanics.excitation import Excitation, harmonic, repeated
 
 Drive = Literal["moment", "angle"]
 
-SINE, SWEEP = "sine", "sweep"
+SINE = "sine"
 #: Waveforms by the amplitudes of sin(n·2πft); all are scaled to their peak.
 TONES: dict[str, dict[int, float]] = {
     SINE: {1: 1.0},
@@ -23,13 +23,10 @@ TONES: dict[str, dict[int, float]] = {
     "triangle": {n: (-1.0) ** (n // 2) / n**2 for n in (1, 3, 5, 7, 9)},
     # The signs with the lowest peak.
     "multisine": {1: 1.0, 2: 1.0, 3: 1.0, 4: -1.0, 5: 1.0},
-    # A sine whose frequency goes from 2f to 8f and back in each period, sin(5x − 3 sin x) with x = 2πft, as its series
-    # of amplitudes J₅₋ₙ(3) − J₅₊ₙ(3) (Abramowitz and Stegun 9.1.42), to 1e-4 of its peak.
-    SWEEP: {1: 0.12064, 2: 0.30652, 3: 0.4856, 4: 0.33897, 5: -0.26006, 6: -0.33906, 7: 0.48609, 8: -0.30906,
-            9: 0.13203, 10: -0.04303, 11: 0.01139, 12: -0.00255, 13: 0.00049},
+    # A sine whose frequency goes from f to 5f and back in each period, sin(3x − 2 sin x) with x = 2πft, as its series
+    # of amplitudes J₃₋ₙ(2) − J₃₊ₙ(2) (Abramowitz and Stegun 9.1.42), to 2e-3 of its peak.
+    "sweep": {1: 0.31884, 2: 0.56969, 3: 0.22269, 4: -0.5769, 5: 0.35281, 6: -0.12895, 7: 0.034, 8: -0.00704},
 }  # fmt: skip
-# Lowest and highest multiple of a sweep's frequency that it passes; of the others those of their tones.
-SWEPT = (2.0, 8.0)
 POINTS = 2520  # of a period through which the spline of a sum of tones goes
 
 
@@ -45,6 +42,8 @@ class Actuator:
         Hz.
     moment, angle, rate : float
         Largest moment (N·m), angle (rad) and rate (rad/s) on either side of zero.
+    duration : float
+        Of a run, s, where more is known of it than that it lasts as long as those that were made.
     """
 
     drive: Drive = "moment"
@@ -52,6 +51,7 @@ class Actuator:
     moment: float = inf
     angle: float = inf
     rate: float = inf
+    duration: float = 0.0
 
     def __post_init__(self) -> None:
         if self.drive not in ("moment", "angle"):
@@ -68,7 +68,7 @@ class Actuator:
 
 def driven_at(waveform: str) -> tuple[float, float]:
     """Return the lowest and the highest frequency at which a waveform drives, as multiples of its own."""
-    return SWEPT if waveform == SWEEP else (float(min(TONES[waveform])), float(max(TONES[waveform])))
+    return float(min(TONES[waveform])), float(max(TONES[waveform]))
 
 
 def tones(waveform: str, level: float, frequency: float, phase: float = 0.0) -> Excitation:

@@ -35,8 +35,8 @@ WORDS = {
     FREQUENCY: "widest relative change over the band",
     PAPER: "requirement of the weakest term",
 }
-# Joints on which the chosen runs, and the grid, are predicted.
-PREDICTED = 40
+# Joints on which the chosen runs, and the grid, are predicted; the 90 % band of 40 held 88.7 % of those of others.
+PREDICTED = 100
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError
@@ -103,11 +104,12 @@ def plan(
     waveforms : sequence of str
         Among which is chosen: ``"sine"``, ``"two-tone-3"`` (a second tone of three times the frequency and 0.8 of the
         amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics), ``"multisine"`` (five equal
-        tones), ``"sweep"`` (a sine from twice to eight times the frequency at which it repeats, and back).
+        tones), ``"sweep"`` (a sine from the frequency at which it repeats to five times that, and back).
     time : float
         Duration of all runs that are still to be made, s.
     run_time : float, optional
-        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take.
+        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take; where
+        nothing but telling effects apart is the goal, half of the time.
     goal : {"widths", "frequency", "paper", "tell-apart"} or mapping of these to weights
         Make the widest relative interval small; or the widest relative change over the band that could be overlooked;
         or decide which terms the joint has: what the weakest term lacks of being taken by a discovery; or tell effects
@@ -167,7 +169,9 @@ def plan(
     Sensors(**stated)  # refused before anything is worked on
     if rivals and campaign is not None:
         law = None if model is None else _opened(model)
-        found = after_runs(campaign, law, rivals, actuator, duration, say)
+        # Beside no other goal its runs, two at most, have all of the time.
+        longer = duration if len(goals) > 1 or run_time is not None else time / CAMPAIGN.most_runs
+        found = after_runs(campaign, law, rivals, replace(actuator, duration=longer), longer, say)
         if len(goals) == 1:
             return _only_apart(found, actuator, Sensors(**stated))
     known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)

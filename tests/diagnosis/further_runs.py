@@ -58,8 +58,8 @@ def _waveform(words, phase):
     """Return a waveform of peak one and its derivatives by phase, from the words of the advice."""
     tones = {1: 1.0}
     if words.startswith("swept"):
-        # sin u with u = 5x − 3 sin x.
-        u, first, second = 5 * phase - 3 * np.sin(phase), 5 - 3 * np.cos(phase), 3 * np.sin(phase)
+        # sin u with u = 3x − 2 sin x.
+        u, first, second = 3 * phase - 2 * np.sin(phase), 3 - 2 * np.cos(phase), 2 * np.sin(phase)
         return np.sin(u), first * np.cos(u), second * np.cos(u) - first**2 * np.sin(u)
     if words in SEVERAL:
         tones = SEVERAL[words]

@@ -34,7 +34,7 @@ PLANNED: dict[str, str] = {
     "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": "two-tone-5",
     "triangular angle, five odd harmonics": "triangle",
     "multisine angle, harmonics 1 to 5 alike": "multisine",
-    "swept angle, from 2*f to 8*f and back in each period": "sweep",
+    "swept angle, from f to 5*f and back in each period": "sweep",
 }
 PLAIN = 4  # of these, that are advised where nothing is known of the actuator
 WAVEFORMS = {words: TONES[name] for words, name in PLANNED.items()}
@@ -62,12 +62,15 @@ class Design:
         A key of :data:`WAVEFORMS`, or :data:`BY_MOMENT`.
     series : tuple of (int, float, float), optional
         Order, cosine and sine of each harmonic of the angle; default: those of the waveform.
+    duration : float
+        s, at least; it lasts as long as the longest of the campaign, or four periods, in any case.
     """
 
     frequency: float
     level: float
     waveform: str
     series: tuple[tuple[int, float, float], ...] = ()
+    duration: float = 0.0
 
     @property
     def harmonics(self) -> tuple[tuple[int, float, float], ...]:
@@ -118,15 +121,18 @@ def designs(
     least = min((policy.lowest_level * _swing(s) for s in driven), default=np.inf)
     if 2 * len(driven) < len(tested):
         least = np.inf
+    duration = 0.0 if actuator is None else actuator.duration
     moments = [
-        Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))))
+        Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))), duration)
         for f, x in planned()
         if x >= least
     ]
     if actuator is not None and actuator.drive == "moment":
         return tuple(moments)
     words = [*PLANNED][: None if actuator is not None else PLAIN]
-    angles = [Design(f, x, each) for each in words for f, x in planned(*driven_at(PLANNED[each]))]
+    angles = [
+        Design(f, x, each, duration=duration) for each in words for f, x in planned(*driven_at(PLANNED[each]))
+    ]
     return tuple(angles) if actuator is not None else (*moments, *angles)
 
 
@@ -161,12 +167,13 @@ def expected_states(
 ) -> ForceStates:
     """Return the force states that a run would have, its moment left at zero.
 
-    It is as long as the longest of the campaign, or four periods, and as noisy as the one of the nearest level.
+    It is as noisy as the one of the nearest level.
     """
     like = min(states, key=lambda s: abs(np.log(_swing(s) / design.level)))
     highest = design.highest
     sample_rate = max(like.sample_rate, SAMPLES_PER_PERIOD * highest)
-    length = max(max(s.n_samples / s.sample_rate for s in states), LEAST_PERIODS / design.frequency)
+    longest = max(s.n_samples / s.sample_rate for s in states)
+    length = max(longest, LEAST_PERIODS / design.frequency, design.duration)
     periods = int(length * design.frequency + 1e-9)
     time = np.arange(round(periods / design.frequency * sample_rate)) / sample_rate
     # Reversals between samples, as anywhere in a record.

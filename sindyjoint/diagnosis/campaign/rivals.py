@@ -22,7 +22,6 @@ from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -60,12 +59,14 @@ def separating_runs(
     work: Work,
     found: Sequence[FittedEffect],
     step: Step,
-    rivals: Sequence[Effect],
+    rivals: Sequence[FittedEffect],
     effort: Effort,
     actuator: Actuator | None = None,
 ) -> tuple[Advice, ...]:
     """Return up to two runs that separate the class of a named effect best, as far as the effort goes.
 
+    ``rivals`` are the other members of the class, each as the data have it: what it would do where nothing was measured
+    is what the data say of it, and not what comes nearest to the effect that was named.
     With an actuator: of those that it can make.
     Where no run does, the advice says so: its frequency and level are zero.
     """
@@ -77,7 +78,7 @@ def separating_runs(
         runs = tuple(each for each in runs if within(each, actuator, work.model))
     motion = work.model.joint.motion
     if not runs:
-        channels = any(each.enters != "moment" for each in (mine.effect, *rivals))
+        channels = any(each.effect.enters != "moment" for each in (mine, *rivals))
         none = READ_ZEROS if channels else NO_FREQUENCY if actuator is None else NOT_WITHIN
         return (Advice(step.members, 0.0, 0.0, in_words_of(motion, none), step.probability),)
     effort.planned += len(runs)
@@ -95,14 +96,14 @@ def separating_runs(
 def _affordable(
     rows: Sequence[GapRun],
     mine: FittedEffect,
-    rivals: Sequence[Effect],
+    rivals: Sequence[FittedEffect],
     effort: Effort,
     policy: DiagnosisPolicy,
-) -> Sequence[Effect]:
+) -> Sequence[FittedEffect]:
     """Return the likeliest rivals, as many as one round of the search can hold against each other; at least one."""
     for count in range(min(len(rivals), policy.most_rivals - 1), 1, -1):
-        every = (mine.effect, *rivals[:count])
-        pairs = sum(trials_of(rows, each) for each in every) * count
+        every = (mine, *rivals[:count])
+        pairs = sum(trials_of(rows, each.effect) for each in every) * count
         # Fitted to each other, refined on a few runs, and searched anew on about as many.
         if 3 * pairs <= effort.work:
             return rivals[:count]
@@ -132,13 +133,9 @@ class _Rivals:
         # Other processes do not keep account.
         return {**vars(self), "_effort": []}
 
-    def fit(self, rivals: Sequence[Effect], step: Step) -> None:
-        """Fit the rivals to what the effect that was named adds to the moment, then each to each."""
-        mine = self.members[0]
-        work = [trials_of(self.rows, each) for each in rivals]
-        problem = _as_if(self.rows, self.model, self.others, mine, self.policy)
-        fitted = self._counted("search", rivals, max(work), _fit_rival, [problem], "advice: fitting rivals")
-        self.members = (mine, *fitted)
+    def fit(self, rivals: Sequence[FittedEffect], step: Step) -> None:
+        """Fit each member of the class to each other."""
+        self.members = (self.members[0], *rivals)
         known = {step.effect: step.probability, **dict(step.rivals)}
         weights = np.array([max(known.get(each.name, 0.0), 1e-3) for each in self.members])
         self.weights = weights / weights.sum()
@@ -332,10 +329,6 @@ class _Rivals:
 
 def _searched(rivals: _Rivals, added: Sequence[GapRun], index: int) -> NDArray[np.float64]:
     return rivals.evidence(added, index, "searched")
-
-
-def _fit_rival(problem: GapRegression, rival: Effect) -> FittedEffect:
-    return fit_effect(problem, rival)
 
 
 def _shapes(rivals: _Rivals, index: int) -> list[FittedEffect]:
