@@ -68,7 +68,8 @@ def separating_runs(
     ``rivals`` are the other members of the class, each as the data have it: what it would do where nothing was measured
     is what the data say of it, and not what comes nearest to the effect that was named.
     With an actuator: of those that it can make.
-    Where no run does, the advice says so: its frequency and level are zero.
+    Where no run does, the advice says so: its frequency and level are zero. With an actuator it is then the run along
+    which the rivals, as they are, differ most: what the data hold for true of them may still change with it.
     """
     mine = next((f for f in found if f.name == step.effect), None)
     if mine is None or not rivals:
@@ -85,7 +86,7 @@ def separating_runs(
     others = [f for f in found if f is not mine and not f.shifts]
     rows = shortened(work.rows)
     rivals = _affordable(rows, mine, rivals, effort, work.policy)
-    search = _Rivals(rows, work, others, mine, runs, effort)
+    search = _Rivals(rows, work, others, mine, runs, effort, actuator is not None)
     try:
         search.fit(rivals, step)
     except Spent:
@@ -121,13 +122,17 @@ class _Rivals:
         mine: FittedEffect,
         runs: Sequence[Design],
         effort: Effort,
+        in_any_case: bool = False,
     ) -> None:
+        self.in_any_case = in_any_case
         self.rows, self.states, self.model, self.policy = tuple(rows), work.states, work.model, work.policy
         self.others, self.runs = tuple(others), tuple(runs)
         self.members: tuple[FittedEffect, ...] = (mine,)
         self._effort = [effort]
         # Each rival in the shape in which it comes nearest to each of the others, as far as was measured.
         self.shapes: list[list[FittedEffect]] = []
+        # The run that promises most with the rivals as they are.
+        self.first: Design | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         # Other processes do not keep account.
@@ -196,6 +201,10 @@ class _Rivals:
         if advice:
             return advice
         channels = any(each.effect.enters != "moment" for each in self.members)
+        if self.in_any_case and self.first is not None and not channels:
+            first = self.first
+            words = in_words_of(motion, first.waveform)
+            return [Advice(names, first.frequency, first.level, words, before)]
         return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else in_words_of(motion, NO_RUN), before)]
 
     def _best(self, added: Sequence[GapRun], least: tuple[float, float]) -> Promise | None:
@@ -235,6 +244,8 @@ class _Rivals:
         tried = [each for each in coarse if each is not None]
         tried.sort(key=lambda each: each[:2], reverse=True)
         best = [each[2:] for each in tried[:FINE]]
+        if not added and best:
+            self.first = best[0][0]
         stage = "advice: the rivals refined on the best runs"
         work = REFINING * len(self.members) * self.pairs
         return self._counted("refinement", best, work, _fine, [self, tuple(added)], stage, 1)
