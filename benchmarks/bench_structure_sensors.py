@@ -1,7 +1,7 @@
 """How the law of a joint inside a structure depends on sensors and noise: a grid, and its picture.
 
     python benchmarks/bench_structure_sensors.py run --out grid.json
-    python benchmarks/bench_structure_sensors.py show grid.json --figure docs/guide/images/structure-sensors.png
+    python benchmarks/bench_structure_sensors.py show grid.json --figure docs/images/structure-sensors.png
 
 The pulse rig with the paper's joint, twelve sines, simulated once without noise; every cell takes some of its sensors
 and adds noise of its own. A cell that is there already is not made again.
@@ -115,7 +115,7 @@ def show(path, figure):
         worst[at] = max(errors, default=np.nan)
         exact = set(found["terms"]) == set(TERMS)
         marks[at] = (f"{100 * worst[at]:.2g} %" if errors else "none") + (
-            "" if exact else f"\n{len(found['terms'])} terms"
+            ("\nundecided" if found["verdict"] == "undecided" else "") if exact else "\nother terms"
         )
         numbers = ", ".join(
             f"{SHOWN[term]} {100 * error:+.2f} ± {100 * spread:.2f} %"
@@ -144,7 +144,7 @@ def draw(worst, marks, path):
     axes.set_xticks(range(len(NOISE)), [f"{100 * noise:g} %" for noise in NOISE])
     axes.set_yticks(range(len(SENSORS)), [*SENSORS])
     axes.set_xlabel("noise of each channel, of its RMS")
-    axes.set_title("Largest error of k1, k3, c1 and M_F; terms where not exactly the five", fontsize=10)
+    axes.set_title("Largest error of k1, k3, c1 and M_F", fontsize=10)
     drawn.colorbar(image, label="largest error, %")
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     drawn.savefig(path, dpi=130)
