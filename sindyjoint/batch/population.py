@@ -176,7 +176,8 @@ def population(
     scatters, p_values = [], []
     for name, (y, s) in data.items():
         found = [t for t in trends if t.coefficient == name and t.significant]
-        best = min(found, key=lambda t: t.p_value, default=None)
+        # Of equally likely ones the first: rounding is no reason.
+        best = min(found, key=lambda t: float(f"{t.p_value:.4g}"), default=None)
         if best is not None:
             x = known[best.covariate]
             # A joint whose covariate is not known cannot be judged about the trend.

@@ -66,6 +66,8 @@ class Batch(Shown):
     differences : tuple of Difference
     notes : tuple of str
         What to know before believing it.
+    covariate_units : dict of str to str
+        SI unit of each covariate that has one.
     calibration : dict of str to dict
         By how much of itself one standard uncertainty of a channel's gain moves a coefficient, by term and channel. It
         moves all joints alike, so it is no part of their scatter, but of what is known of their mean.
@@ -81,6 +83,7 @@ class Batch(Shown):
     population: Population
     differences: tuple[Difference, ...]
     notes: tuple[str, ...]
+    covariate_units: dict[str, str] = field(default_factory=dict)
     calibration: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def count(self, status: str) -> int:
@@ -178,7 +181,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         if record.id in included:
             for term, (value, error) in _get_coefficients(record, common, folder).items():
                 values[term][i], errors[term][i] = value, error
-    covariates = _collect_covariates(records)
+    covariates = covariates_of(records)
     calibration = _calibration(compared, common)
     alone = population(values, errors, covariates)
     result = replace(alone, scatters=tuple(_with_calibration(s, calibration) for s in alone.scatters))
@@ -193,6 +196,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
         notes=tuple(_list_notes(records, found, compared)),
+        covariate_units=units_of_covariates(records),
         calibration=calibration,
     )
 
@@ -267,11 +271,10 @@ def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[floa
     return dict(zip(terms, pairs, strict=True))
 
 
-def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
+def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     """Return what the manifests declare as numbers, where at least three of them differ."""
     columns = {
         TEMPERATURE: [record.joint.get("temperature") for record in records],
-        SERIAL: _parse_serials([record.joint.get("serial") for record in records]),
     }
     inputs = list(dict.fromkeys(key for record in records for key in record.joint.get("inputs", {})))
     for name in inputs:
@@ -279,11 +282,21 @@ def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
         columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
+    # Of two that tell the same, what is declared is the reason, not the order of the joints.
+    columns[SERIAL] = _parse_serials([record.joint.get("serial") for record in records])
     arrays = {
         name: np.array([np.nan if value is None else value for value in column], dtype=float)
         for name, column in columns.items()
     }
     return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
+
+
+def units_of_covariates(records: Sequence[CampaignRecord]) -> dict[str, str]:
+    """Return the SI units of covariates that have one."""
+    units = {TEMPERATURE: "K"}
+    for record in records:
+        units |= {name.replace("_", " "): unit for name, unit in record.joint.get("input_units", {}).items()}
+    return {name: unit for name, unit in units.items() if unit != "1"}
 
 
 def _parse_serials(serials: Sequence[str | None]) -> list[float | None]:

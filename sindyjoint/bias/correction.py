@@ -219,7 +219,7 @@ def corrected_model(
     extra = bias.pooled_error**2 + (uncertain * bias.pooled) ** 2 + change**2
     if moved is not None:
         extra = extra + (POLICY.uncertain_share * moved) ** 2
-    left_over = _left_over(model, states) + (POLICY.cut_error**2 if cut else 0.0)
+    left_over = _left_over(model, states) + max(map(_cut_error, states)) ** 2
     corrected = _without_bias(model, bias)
     covariance = np.array(model.covariance)
     changed = []
@@ -255,6 +255,14 @@ def _left_over(model: JointModel, states: Sequence[ForceStates]) -> float:
     """
     values = sum(2 * int(s.series[0].orders[-1]) for s in states if s.series and cut_by_sampling(s))
     return model.fitted.misfit**2 / values if values else 0.0
+
+
+def _cut_error(state: ForceStates) -> float:
+    """Return by which share of the moment a simulation errs in a run, for sampling cuts its motion."""
+    if not cut_by_sampling(state):
+        return 0.0
+    samples = state.sample_rate / state.frequency if state.method == "periodic" and state.frequency else 0.0
+    return POLICY.cut_error * min(1.0, POLICY.cut_period / samples if samples else 1.0)
 
 
 def cut_by_sampling(state: ForceStates) -> bool:

@@ -28,10 +28,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Axis:
-    """Over what a coefficient is looked at, and its unit."""
+    """Over what a coefficient is looked at, its unit, and the level at which a difference is significant."""
 
     name: str = "frequency"
     unit: str = "Hz"
+    level: float = POLICY.frequency_level
 
 
 FREQUENCY = Axis()
@@ -318,7 +319,7 @@ def _answer(
     trend = f"a trend of {100 * change[0]:+.1f} % ± {100 * change[1]:.1f} %"
     if np.isfinite(spread):
         trend += f", spread beyond the errors {100 * spread:.1f} %"
-    if p < POLICY.frequency_level and bound >= POLICY.notable_change * margin:
+    if p < asked.axis.level and bound >= POLICY.notable_change * margin:
         within = f"; beyond {100 * bound:.1f} % it is ruled out" if bound < margin else ""
         return f"depends on {axis.name}", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:
@@ -326,7 +327,7 @@ def _answer(
             f"every change {tested} beyond {100 * bound:.1f} % is ruled out, which is below the margin of "
             f"{100 * margin:.0f} %"
         )
-        if p < POLICY.frequency_level:
+        if p < asked.axis.level:
             ruled_out += f"; a smaller one is there, and significant: {trend} (p = {p:.2g})"
         return "independent within margin", ruled_out
     return (

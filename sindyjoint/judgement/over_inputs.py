@@ -156,7 +156,8 @@ def level_tests(
         return ()
     found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
     shown = (np.array([float(group) for group in found.groups]) - each.zero) / each.factor
-    axis = Axis(each.label, each.shown_unit)
+    # Over all coefficients together: one that the law does not let depend is not to seem to by chance.
+    axis = Axis(each.label, each.shown_unit, POLICY.frequency_level / len(plain))
     return tuple(
         frequency_test(
             term, shown, found.coefficients[:, i], found.standard_errors[:, i], found.degrees, margin, axis

@@ -17,9 +17,9 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import run_levels
+from sindyjoint.judgement.against_paper import wanted_terms
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, SizeScore
 from sindyjoint.judgement.discovery import Discovery
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side
 
 # Over the angles of such joints sin θ is θ: no test tells gravity from stiffness.
@@ -204,7 +204,7 @@ def by_library(
         terms = tuple(
             ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in regressor.model_.terms
         )
-        offered = all(term in regressor.evidence_.ids for term in PAPER_TERMS)
+        offered = all(term in regressor.evidence_.ids for term in wanted_terms(found))
         reason = regressor.selection_result_.reason
         left = _residual(regressor.selection_result_, regressor.evidence_.target_rms)
         choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered, residual=left)

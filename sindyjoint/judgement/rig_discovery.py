@@ -99,15 +99,7 @@ class RigDiscovery(Shown):
                 {"name": sensor.name, "worth": list(map(finite, column))}
                 for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
             ],
-            "structure": []
-            if update is None
-            else [
-                {"name": name, "stated": stated, "change": change, "standard_error": error}
-                for name, stated, change, error in zip(
-                    update.names, update.prior.tolist(), update.change.tolist(), update.standard_error.tolist(),
-                    strict=True,
-                )
-            ],
+            "structure": [] if update is None else update.to_list(),
             "misfit": finite(self.misfit),
             "refinement": None if self.refinement is None else self.refinement.to_dict(),
             "warnings": list(self.warnings),

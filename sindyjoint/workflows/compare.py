@@ -6,6 +6,7 @@ import inspect
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from sindyjoint.discovery.uncertainty import inclusion
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.judgement.against_paper import against_paper
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.judgement.discovery import Discovery, undetermined
 from sindyjoint.judgement.held_out_response import add_responses
@@ -159,6 +161,7 @@ def _compared(
         **question.rule,
     )  # fmt: skip
     model, bias = _model(found)
+    against = partial(against_paper, found)
     tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
     return Comparison(
         joint=found.campaign.joint.name,
@@ -166,15 +169,15 @@ def _compared(
         simulated=found.campaign.simulated,
         ids=evidence.ids,
         units=_units(found, fitted),
-        methods=methods,
-        frequencies=frequencies,
-        libraries=tuple(choice for choice, _ in fitted),
+        methods=tuple(map(against, methods)),
+        frequencies=tuple(map(against, frequencies)),
+        libraries=tuple(against(choice) for choice, _ in fitted),
         inclusion=tuple(float(p) for p in included.probability),
         sets=included.sets,
         left_out=left_out,
         tests=tests,
         bias=bias,
-        model=model,
+        model=against(model),
         undetermined=undetermined(found),
         warnings=found.warnings
         + tuple(f"weak form: {c.reason}" for c in methods if c.name == WEAK and not c.terms),

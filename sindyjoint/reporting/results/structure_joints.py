@@ -132,7 +132,12 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
 
 def place_of_law(law: JointLaw) -> str:
     """Return the folder within the results in which the discovery of a kind of joint stands."""
-    return "".join(c if c.isalnum() else "-" for c in law.kind).strip("-") or "joint"
+    return place_of_kind(law.kind)
+
+
+def place_of_kind(kind: str) -> str:
+    """Return the folder within the results of a kind of joint."""
+    return "".join(c if c.isalnum() else "-" for c in kind).strip("-") or "joint"
 
 
 def law_words(law: JointLaw) -> str:

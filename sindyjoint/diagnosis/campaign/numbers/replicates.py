@@ -74,7 +74,7 @@ class Replicates:
         return cls(work, repaired, tuple(made), tuple(map(kept_harmonics, work.states)))
 
     def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...]:
-        """Return their rows, at phases and with weights of the measurement's, noise of moment and angle added."""
+        """Return their rows, noise of moment and angle added; phases and weights are the measurement's."""
         work, rows = self.work, []
         for place, (run, state) in enumerate(zip(self.runs, work.states, strict=True)):
             moment, angle = (0.0, 0.0) if noise is None else noise[place]
