@@ -9,11 +9,11 @@ from sindyjoint.equation.element import ElementState, JointElement, Value
 from sindyjoint.mechanics.laws import FunctionLaw, LawWithNumbers, PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.response import refine as refine_module
+from sindyjoint.response.drive import prescribed
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.refine import refine
 from sindyjoint.response.refine_starts import spread_starts
-from sindyjoint.response.run import prescribed
 from sindyjoint.states import campaign_states
 from tests.made_models import model_of, term
 
