@@ -130,7 +130,7 @@ class RunsProblem:
             [free, *(c.high for c in changes)]
         )
 
-    def parts(self, x: Array) -> dict[str, Array]:
+    def parts(self, x: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return the numbers of each kind among those of the base."""
         ends = np.cumsum([self.numbers, *(kind.size for kind in self.kinds)])
         return {k.name: x[a:b] for k, a, b in zip(self.kinds, ends[:-1], ends[1:], strict=True)}

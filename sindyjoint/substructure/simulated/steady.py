@@ -127,7 +127,7 @@ class Steady:
         matrix = np.zeros((rows.size * width,) * 2)
         matrix[np.ix_(rows, rows)] = stiffness[0].real
         for order in range(1, self.harmonics + 1):
-            pairs = np.ravel(rows[:, None] + [2 * order - 1, 2 * order])
+            pairs = (rows[:, None] + np.array([2 * order - 1, 2 * order])).ravel()
             matrix[np.ix_(pairs, pairs)] = real_blocks(stiffness[order])
         return matrix
 
