@@ -17,9 +17,9 @@ from sindyjoint import plan
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, PLANNED
 from sindyjoint.errors import SindyJointError
 from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning.tell_apart import chosen_effects
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.tell_apart import chosen_effects
 from tests.diagnosis.further_runs import one_more
 from tests.diagnosis.hidden_effects import CHANNELS, Hidden, hide
 from tests.diagnosis.hidden_laws import LAWS

@@ -10,15 +10,15 @@ import pytest
 from sindyjoint import plan, simulate
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
+from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.planning import making
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning.tell_apart import rivals_of
 from sindyjoint.reporting.schemas import record_schema
-from sindyjoint.workflows.init import init
-from sindyjoint.workflows.tell_apart import rivals_of
 from tests.diagnosis.hidden_effects import hide
 
 FEW = replace(POLICY, joints=3, frequencies=3)

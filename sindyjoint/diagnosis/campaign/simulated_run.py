@@ -29,11 +29,12 @@ def simulated(
 ) -> SimulatedRun | None:
     """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
 
+    Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
     With ``spurious`` a motion whose few harmonics may be noise was the drive, too.
     """
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
-    motion = prescribed(states, spurious)
+    motion = prescribed(states, spurious, inertia=model.inertia)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)
