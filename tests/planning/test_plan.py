@@ -11,6 +11,7 @@ from sindyjoint import diagnose, discover, plan, simulate
 from sindyjoint.diagnosis.campaign.designs import PLANNED
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
+from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.planning import making
 from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
@@ -18,11 +19,9 @@ from sindyjoint.planning.joints import like_law
 from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning.tell_apart import rivals_of
 from sindyjoint.reporting.schemas import record_schema
 from sindyjoint.response.model_law import model_law
-from sindyjoint.workflows import tell_apart
-from sindyjoint.workflows.init import init
-from sindyjoint.workflows.tell_apart import rivals_of
 from tests.diagnosis.hidden_effects import hide
 from tests.equation.test_element import JENKINS, with_elements
 
@@ -208,8 +207,7 @@ PAIR = ("maxwell_branch", "fractional_damping")
 def test_effects_are_told_apart_by_the_search_of_the_advice(hidden, monkeypatch):
     judged = []
     monkeypatch.setattr(
-        tell_apart,
-        "diagnose",
+        "sindyjoint.workflows.plan.diagnosed",
         lambda *given, **options: judged.append(diagnose(*given, **options)) or judged[-1],
     )
     options = {"campaign": hidden.campaign, "goal": "tell-apart", "drive": "angle", "band": (0.75, 24.0)}
