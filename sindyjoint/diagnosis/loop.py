@@ -195,7 +195,11 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     # What made another effect needless was ranked again, in its place.
     ranking = added.again.get(ranking.fitted[0].name) or ranking
     steps = []
+    # A term that discovery found is a step, too: needless beside what was added, or the same law with free numbers.
+    gone = {*problem.dropped, ranking.fitted[0].name} - {f.name for f in here.problem.found}
     for step in here.steps:
+        if step.effect in gone:
+            continue
         again = added.again.get(step.effect)
         if step.effect not in added.again:
             steps.append(step)
@@ -206,7 +210,11 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     steps.append(_step(problem, ranking, here.gap, after))
     rankings[steps[-1].effect] = ranking
     now = {f.name: f.parameters for f in problem.found}
-    told = tuple(replace(s, parameters=now.get(s.effect, s.parameters)) for s in steps)
+    ends = [here.steps[0].gap_before if here.steps else here.gap, *(s.gap_after for s in steps)]
+    told = tuple(
+        replace(s, parameters=now.get(s.effect, s.parameters), gap_before=before)
+        for s, before in zip(steps, ends, strict=False)
+    )
     return Progress(problem, after, told, rankings)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign import anew
-from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
+from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
 from sindyjoint.diagnosis.campaign.admissible import (
     law_complaint,
     number_complaint,
@@ -262,7 +262,8 @@ class CampaignProblem(Problem):
 
     def add(self, best: FittedEffect) -> Added[Self]:
         """Return the problem with an effect more, everything fitted together."""
-        work, repaired, again = add_effect(self.work, self.found, best, self.candidates)
+        begun = without_term(self.work, best.name)
+        work, repaired, again = add_effect(begun, self.found, best, self.candidates)
         return Added(replace(self, work=work, repaired=repaired), again)
 
     def replaced(self, name: str, other: FittedEffect) -> Self | None:
@@ -324,10 +325,8 @@ class CampaignProblem(Problem):
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
         """Return the start from the joint's own zero, where the search found a zero error."""
-        if self.drift is not None:
-            return None
         say(OWN_ZERO)
-        found = zero_start(straight, last)
+        found = None if self.drift is not None else zero_start(straight, last)
         return None if found is None else Start(*found, OWN_ZERO, straight)
 
     def with_model(self, model: JointModel) -> Self:
@@ -341,7 +340,8 @@ class CampaignProblem(Problem):
         first, last, policy = straight.regression, self.regression, self.policy
         # Free motion has measured its noise from half-cycle to half-cycle.
         measured = all(run.folded or run.half_cycles is not None for run in first.runs)
-        outside, terms = 0.0, len(set(self.repaired.model.ids) - set(straight.work.model.ids))
+        outside, known = 0.0, {*straight.work.model.ids, CONSTANT}
+        terms = len(set(self.repaired.model.ids) - known)
         if (self.found or terms) and last.repeats:
             outside = outside_probability(first, last, self.found, terms)
         most = policy.unexplained if measured else policy.unexplained_once
@@ -351,7 +351,7 @@ class CampaignProblem(Problem):
             ends = ((first.chi_square, first.degrees), (last.chi_square, last.degrees))
             return Residual(share_beyond_noise(*ends, policy), most, outside)
         share = unexplained_once(straight.gap.moment, self.gap.moment, straight.noise_floor.moment, last)
-        return Residual(share, most, outside, series=series_probability(self.found, terms, policy))
+        return Residual(share, most, outside, series=series_probability(self.found, terms, known, policy))
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""

@@ -8,7 +8,7 @@ state. Each form is a rival without a name, as likely as its gain allows, less w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,14 +65,17 @@ def prior(found: Sequence[FittedEffect], policy: DiagnosisPolicy = CAMPAIGN, ter
 
 
 def series_probability(
-    found: Sequence[FittedEffect], terms: int, policy: DiagnosisPolicy = CAMPAIGN
+    found: Sequence[FittedEffect],
+    terms: int,
+    known: Collection[str] = (),
+    policy: DiagnosisPolicy = CAMPAIGN,
 ) -> float:
     """Return the probability that effects and terms that explain a gap together stand in for one other law.
 
-    By their number alone: no residual is left that could tell. They explain what was left out of the fit, and so it is
+    By their number alone, less terms ``known`` before that come back: no residual is left that tells. They explain what was left out of the fit, and so it is
     never above ``policy.outside``, where they would be no answer.
     """
-    laws = terms + sum(f.effect.family != "measurement" for f in found)
+    laws = terms + sum(f.effect.family != "measurement" and f.name not in known for f in found)
     return float(min(1 / (1 + np.exp(-_odds(laws, policy))), policy.outside))
 
 
