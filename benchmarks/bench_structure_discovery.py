@@ -121,7 +121,8 @@ def campaign(name, seed, kind="sine", wrong=False):
     )
     sensors = tuple(Sensor(station, station) for station in STATIONS[name])
     kinds = tuple(hinge.law.name for hinge in true.hinges)
-    recorder = Recorder(noise=0.01)
+    # At the default step the midpoint rule errs by 0.1 % at 70 Hz, which updated numbers of a structure show.
+    recorder = Recorder(noise=0.01, step=1.25e-4)
     drives = drives_of(name, true, "tip", sensors, recorder, kind)
     test = RigTest(name, true, kinds, "tip", sensors, ())
     test = virtual_rig_test(test, drives, recorder, generator)
@@ -132,7 +133,7 @@ def campaign(name, seed, kind="sine", wrong=False):
 
 def one(name, seed, kind, wrong):
     """Return what was found of one campaign."""
-    from sindyjoint.workflows.discover_rig import discover_rig
+    from sindyjoint.workflows.discover import discover_rig
 
     begun = time.perf_counter()
     test, laws, factors = campaign(name, seed, kind, wrong)

@@ -11,15 +11,14 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
     from sindyjoint.equation.model import JointModel
     from sindyjoint.files import load_campaign
+    from sindyjoint.files.drafting.init import init
     from sindyjoint.record import Campaign, Joint, Run
     from sindyjoint.workflows.changed import changed
     from sindyjoint.workflows.check import check
     from sindyjoint.workflows.compare import compare
     from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
-    from sindyjoint.workflows.discover import discover
-    from sindyjoint.workflows.discover_rig import discover_rig
-    from sindyjoint.workflows.init import init
+    from sindyjoint.workflows.discover import discover, discover_rig
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
     from sindyjoint.workflows.verify import verify
@@ -65,8 +64,8 @@ _HOMES = {
     "diagnose": "workflows.diagnose",
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
-    "discover_rig": "workflows.discover_rig",
-    "init": "workflows.init",
+    "discover_rig": "workflows.discover",
+    "init": "files.drafting.init",
     "plan": "workflows.plan",
     "simulate": "workflows.simulate",
     "verify": "workflows.verify",

@@ -167,6 +167,24 @@ def levels(values: Iterable[Array], tested: tuple[float, float]) -> int:
     return int(sum(1 + 4 * (group.size - 1) // BINS for group in groups))
 
 
+def run_levels(values: Mapping[str, Array], tested: tuple[float, float] | None) -> dict[str, float]:
+    """Return at which level each run was, by its name: the mean of the runs that were nearly at the same.
+
+    Nothing is returned where an input moves within a run by more than a bin, or was tested at one value.
+    """
+    low, high = tested or (0.0, 0.0)
+    width = (high - low) / BINS
+    if not width > 0 or any(np.ptp(signal) > width for signal in values.values()):
+        return {}
+    found: dict[str, float] = {}
+    means = sorted((float(np.mean(signal)), name) for name, signal in values.items())
+    edges = [i for i in range(1, len(means)) if means[i][0] - means[i - 1][0] > width]
+    for start, stop in zip([0, *edges], [*edges, len(means)], strict=True):
+        level = float(np.mean([mean for mean, _ in means[start:stop]]))
+        found |= {name: level for _, name in means[start:stop]}
+    return found
+
+
 def reference_values(inputs: Iterable[Input]) -> tuple[tuple[str, float], ...]:
     """Return the numbers that formulas use of inputs: each one's reference by its name, and its ``NAME_mid``."""
     pairs = [(each.name, each.reference, sum(each.tested or (each.reference,) * 2) / 2) for each in inputs]

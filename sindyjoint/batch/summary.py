@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.batch.policy import POLICY
-from sindyjoint.batch.population import Population, next_joint, population
+from sindyjoint.batch.population import Population, Scatter, next_joint, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
 
@@ -57,13 +58,19 @@ class Batch(Shown):
     units : dict of str to str
         Of the common terms.
     values, errors : dict of str to ndarray, shape (campaigns,)
-        Coefficients of the common terms, fitted with all of them and no other; NaN where that cannot be.
+        Coefficients of the common terms, fitted with all of them and no other; NaN where that cannot be. The errors
+        are those of each joint alone, without what calibration makes.
     covariates : dict of str to ndarray, shape (campaigns,)
         Temperature (K), serial number, and labels that are numbers, as far as they differ; NaN where not declared.
     population : Population
     differences : tuple of Difference
     notes : tuple of str
         What to know before believing it.
+    covariate_units : dict of str to str
+        SI unit of each covariate that has one.
+    calibration : dict of str to dict
+        By how much of itself one standard uncertainty of a channel's gain moves a coefficient, by term and channel. It
+        moves all joints alike, so it is no part of their scatter, but of what is known of their mean.
     """
 
     records: tuple[CampaignRecord, ...]
@@ -76,6 +83,8 @@ class Batch(Shown):
     population: Population
     differences: tuple[Difference, ...]
     notes: tuple[str, ...]
+    covariate_units: dict[str, str] = field(default_factory=dict)
+    calibration: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def count(self, status: str) -> int:
         """Return how many campaigns have a status."""
@@ -105,7 +114,7 @@ class Batch(Shown):
                     "joint": record.joint,
                     "terms": list(record.terms),
                     "common_coefficients": {
-                        term: {"value": _number(self.values[term][i]), "standard_error": _number(self.errors[term][i])}
+                        term: {"value": finite(self.values[term][i]), "standard_error": finite(self.errors[term][i])}
                         for term in self.common
                     },
                 }
@@ -114,17 +123,18 @@ class Batch(Shown):
             "found": self.count("found"),
             "none": self.count("none"),
             "broken": self.count("broken"),
+            **({"calibration": self.calibration} if self.calibration else {}),
             "common_terms": [{"id": term, "unit": self.units[term]} for term in self.common],
             "scatter": [
                 {
                     "term": s.coefficient,
-                    "mean": _number(s.mean),
-                    "mean_error": _number(s.mean_error),
-                    "spread": _number(s.spread),
+                    "mean": finite(s.mean),
+                    "mean_error": finite(s.mean_error),
+                    "spread": finite(s.spread),
                     "next_joint95": None if (ahead := next_joint(s)) is None else list(ahead.interval95),
                     "about_trend_with": s.covariate,
                     "outliers": [
-                        {"id": self.records[i].id, "score": _number(s.scores[i]), "p": _number(s.p_adjusted[i])}
+                        {"id": self.records[i].id, "score": finite(s.scores[i]), "p": finite(s.p_adjusted[i])}
                         for i in s.outliers
                     ],
                 }
@@ -134,11 +144,11 @@ class Batch(Shown):
                 {
                     "term": t.coefficient,
                     "covariate": t.covariate,
-                    "slope": _number(t.slope),
-                    "standard_error": _number(t.slope_error),
-                    "relative_change": _number(t.change),
-                    "p": _number(t.p_value),
-                    "p_adjusted": _number(t.p_adjusted),
+                    "slope": finite(t.slope),
+                    "standard_error": finite(t.slope_error),
+                    "relative_change": finite(t.change),
+                    "p": finite(t.p_value),
+                    "p_adjusted": finite(t.p_adjusted),
                     "significant": t.significant,
                     "joints": t.joints,
                 }
@@ -171,8 +181,10 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         if record.id in included:
             for term, (value, error) in _get_coefficients(record, common, folder).items():
                 values[term][i], errors[term][i] = value, error
-    covariates = _collect_covariates(records)
-    result = population(values, errors, covariates)
+    covariates = covariates_of(records)
+    calibration = _calibration(compared, common)
+    alone = population(values, errors, covariates)
+    result = replace(alone, scatters=tuple(_with_calibration(s, calibration) for s in alone.scatters))
     return Batch(
         records=records,
         kept=kept,
@@ -184,7 +196,25 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
         notes=tuple(_list_notes(records, found, compared)),
+        covariate_units=units_of_covariates(records),
+        calibration=calibration,
     )
+
+
+def _calibration(records: Sequence[CampaignRecord], common: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return relative moves of coefficients by uncertain gains, in the mean over the joints that declare some."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for term in (record.terms.get(id, {}) | {"id": id} for record in records for id in common):
+        for channel, move in term.get("calibration", {}).items():
+            if term["coefficient"]:
+                found.setdefault(term["id"], {}).setdefault(channel, []).append(move / term["coefficient"])
+    return {id: {name: float(np.mean(m)) for name, m in moves.items()} for id, moves in found.items()}
+
+
+def _with_calibration(scatter: Scatter, calibration: dict[str, dict[str, float]]) -> Scatter:
+    """Return a scatter whose mean has the errors of gains that all joints share."""
+    moves = [scatter.mean * share for share in calibration.get(scatter.coefficient, {}).values()]
+    return replace(scatter, mean_error=float(np.hypot(scatter.mean_error, np.linalg.norm(moves))))
 
 
 def _find_majority(items: Sequence[Any]) -> Any:
@@ -210,7 +240,7 @@ def _get_coefficients(
     """
     found = record.terms
     if set(found) == set(common):
-        return {term: (found[term]["coefficient"], found[term]["standard_error"]) for term in common}
+        return {term: (found[term]["coefficient"], _own_error(found[term])) for term in common}
     try:
         evidence = read_evidence(folder / record.id / FACTORS_FILE)
     except InputError:
@@ -223,9 +253,15 @@ def _get_coefficients(
     for term in set(common) & set(fitted):
         (value, error), (before, before_error) = here[term], fitted[term]
         shift = found[term]["coefficient"] - before
-        grown = found[term]["standard_error"] / before_error if before_error > 0 else 1.0
+        grown = _own_error(found[term]) / before_error if before_error > 0 else 1.0
         here[term] = (value + shift, error * grown)
     return here
+
+
+def _own_error(term: dict[str, Any]) -> float:
+    """Return the standard error of a coefficient without what errors of gains make of it."""
+    shared = np.linalg.norm(list(term.get("calibration", {}).values()))
+    return float(np.sqrt(max(term["standard_error"] ** 2 - shared**2, 0.0)))
 
 
 def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -235,11 +271,10 @@ def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[floa
     return dict(zip(terms, pairs, strict=True))
 
 
-def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
+def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     """Return what the manifests declare as numbers, where at least three of them differ."""
     columns = {
         TEMPERATURE: [record.joint.get("temperature") for record in records],
-        SERIAL: _parse_serials([record.joint.get("serial") for record in records]),
     }
     inputs = list(dict.fromkeys(key for record in records for key in record.joint.get("inputs", {})))
     for name in inputs:
@@ -247,11 +282,21 @@ def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
         columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
+    # Of two that tell the same, what is declared is the reason, not the order of the joints.
+    columns[SERIAL] = _parse_serials([record.joint.get("serial") for record in records])
     arrays = {
         name: np.array([np.nan if value is None else value for value in column], dtype=float)
         for name, column in columns.items()
     }
     return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
+
+
+def units_of_covariates(records: Sequence[CampaignRecord]) -> dict[str, str]:
+    """Return the SI units of covariates that have one."""
+    units = {TEMPERATURE: "K"}
+    for record in records:
+        units |= {name.replace("_", " "): unit for name, unit in record.joint.get("input_units", {}).items()}
+    return {name: unit for name, unit in units.items() if unit != "1"}
 
 
 def _parse_serials(serials: Sequence[str | None]) -> list[float | None]:
@@ -329,7 +374,3 @@ def _list_notes(
 
 def _spell_terms(terms: Sequence[str], record: CampaignRecord) -> str:
     return ", ".join(spelled(term, record.joint["motion"]) for term in terms)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

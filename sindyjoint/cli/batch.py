@@ -17,12 +17,14 @@ from sindyjoint.cli.options import (
     AcceptOption,
     AsJson,
     CandidatesOption,
+    ClusterOption,
     Finding,
     ForceOption,
+    JobsOption,
+    WorkersOption,
     takes_finding,
 )
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
-from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 from sindyjoint.text import printable
 
 

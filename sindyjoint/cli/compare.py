@@ -9,9 +9,18 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import JOBS, AcceptOption, AlignOption, AsJson, CampaignPath, ForceOption
+from sindyjoint.cli.options import (
+    JOBS,
+    AcceptOption,
+    AlignOption,
+    AsJson,
+    CampaignPath,
+    ClusterOption,
+    ForceOption,
+    JobsOption,
+    WorkersOption,
+)
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
-from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.comparison import Comparison

@@ -16,14 +16,16 @@ from sindyjoint.cli.options import (
     AsJson,
     CampaignPath,
     CandidatesOption,
+    ClusterOption,
     Finding,
     ForceOption,
+    JobsOption,
     Nuisance,
+    WorkersOption,
     takes_finding,
 )
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.cli.structure import discover_structure, is_rig
-from sindyjoint.cli.workers import ClusterOption, JobsOption, WorkersOption
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.discovery import Discovery
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 # What a search for the laws of the joints of a rig takes.
 OF_A_RIG = {
     "campaign", "library", "out", "force", "as_json", "method", "selection", "threshold", "require", "forbid",
-    "random_state", "quiet", "verbose",
+    "refine", "random_state", "quiet", "verbose",
 }  # fmt: skip
 # What a refinement of a model takes; all other options are of a search for terms.
 OF_A_REFINEMENT = {
@@ -109,7 +111,12 @@ def discover(
             if source is not None and source.name == "COMMANDLINE":
                 option = f"--{name.replace('_', '-')}"
                 raise typer.BadParameter("is not for the joints of a rig; leave it out", param_hint=option)
-        options = {**given(library=library), **finding.arguments(), "random_state": random_state}
+        options = {
+            **given(library=library),
+            **finding.arguments(),
+            "random_state": random_state,
+            "refine": refine,
+        }
         found = discover_structure(
             campaign, out, as_json, Progress(quiet, verbose), random_state, force, options
         )
@@ -166,7 +173,7 @@ def discover(
             **finding.arguments(),
         )
         if refine:
-            from sindyjoint.workflows.discover import refined
+            from sindyjoint.judgement.refined import refined
 
             progress.say("refining on the simulated response")
             result = refined(result, kinds)

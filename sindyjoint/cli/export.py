@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.inputs import AtOption, given_inputs
-from sindyjoint.cli.options import ForceOption
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_inputs
 
 
 def export(
@@ -59,6 +58,7 @@ def export(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.export import export_model, read_model, write_export
+    from sindyjoint.export.lookup import TABLE
     from sindyjoint.export.samples import BATCH_FILE, batch_samples
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
@@ -72,7 +72,7 @@ def export(
             f"--{next(iter(drawing)).replace('_', '-')} is given with --to {to}; only samples draws"
         )
     if to == "samples" and (model / BATCH_FILE).is_file():
-        result = batch_samples(model, **drawing)
+        result = batch_samples(model, **drawing, at=split_inputs(at))
     else:
         known = read_model(model)
         result = export_model(known, to, at=given_inputs(known, at), **options, **drawing)
@@ -88,7 +88,9 @@ def export(
         (content, *others) = result.files.values()
         if others or isinstance(content, bytes):
             what = f"{len(result.files)} files" if others else "a binary file"
-            raise InputError(f"{to} is {what} ({', '.join(result.files)}); say with --out where it goes")
+            names = ", ".join(result.files) if len(others) < 5 else f"{next(iter(result.files))}, ..."
+            hold = ", or hold the law's inputs with --at" if TABLE in result.files else ""
+            raise InputError(f"{to} is {what} ({names}); say with --out where it goes{hold}")
         typer.echo(content, nl=False)
     from sindyjoint.export.text import fidelity_lines
 

@@ -39,7 +39,7 @@ def init(
     Example: sindyjoint init virtual --force
     """
     from sindyjoint.errors import InputError
-    from sindyjoint.workflows.init import init as run
+    from sindyjoint.files.drafting.init import init as run
 
     given = {}
     for answer in answers or []:

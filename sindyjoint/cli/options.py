@@ -1,17 +1,21 @@
-"""Arguments and options that several commands share: what to read, and how terms are found."""
+"""Arguments and options that several commands share: what to read, how terms are found, where tasks run."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sindyjoint.cli.defaults import default_of
+
+if TYPE_CHECKING:
+    from sindyjoint.equation.model import JointModel
 
 METHODS = (
     "stlsq", "best_subset", "backward", "coefficient_stlsq", "sr3", "ssr", "frols", "ensemble", "lasso_lars",
@@ -82,6 +86,48 @@ ForceOption = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+AtOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--at",
+        metavar="INPUT=VALUE",
+        help="Value of an input of the law, in its declared unit: temperature=-40. May be repeated; an input that is "
+        "not given is at its reference.",
+        show_default=False,
+    ),
+]
+
+# A scheme, a host, a port: what Dask takes for the address of a scheduler.
+_ADDRESS = re.compile(r"((tcp|tls|ucx|ws|wss)://)?[^\s/:]+(:[^\s/:]+)*:\d{1,5}/?")
+
+
+def _check_jobs(jobs: int) -> int:
+    if jobs < 1 and jobs != -1:
+        raise typer.BadParameter(f"{jobs} is neither a positive number nor -1")
+    return jobs
+
+
+def _check_address(address: str | None) -> str | None:
+    if address is not None and not _ADDRESS.fullmatch(address):
+        raise typer.BadParameter(f"{address!r} is no address of a scheduler, such as tcp://10.0.0.7:8786")
+    return address
+
+
+JobsOption = Annotated[
+    int,
+    typer.Option(
+        "--jobs", "-j", callback=_check_jobs, help="Processes of this machine; -1: one for each core."
+    ),
+]
+WorkersOption = Annotated[
+    int | None, typer.Option(min=1, help="Start a Dask cluster of so many processes on this machine.")
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", callback=_check_address, help="Address of a running Dask scheduler to work on."
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -143,3 +189,40 @@ def takes_finding(command: Callable[..., None]) -> Callable[..., None]:
     by_name = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
     with_options.__signature__ = inspect.Signature(by_name)  # type: ignore[attr-defined]
     return with_options
+
+
+def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, float]:
+    """Return the values that options give inputs of a model, SI.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        For text that is no such value, or a name that is no input.
+    """
+    from sindyjoint.equation.held import input_values
+
+    known = {each.name: each for each in model.inputs}
+    values: dict[str, float] = {}
+    for name, value in split_inputs(given).items():
+        input_values(model, {name: 0.0})
+        values[name] = known[name].parse(value)
+    return values
+
+
+def split_inputs(given: Sequence[str] | None) -> dict[str, str]:
+    """Return the text of each value that options give, by the input's name.
+
+    Raises
+    ------
+    InputError
+        For text that gives none.
+    """
+    from sindyjoint.errors import InputError
+
+    values = {}
+    for text in given or ():
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise InputError(f"--at {text!r}: expected INPUT=VALUE, such as temperature=-40")
+        values[name.strip()] = value.strip()
+    return values

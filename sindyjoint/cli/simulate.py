@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.inputs import AtOption, given_inputs
-from sindyjoint.cli.options import ForceOption
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs
 from sindyjoint.cli.progress import Progress, Quiet, Verbose
 
 

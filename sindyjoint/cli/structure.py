@@ -11,7 +11,8 @@ from sindyjoint.cli.answer import answer
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from sindyjoint.workflows.discover_rig import RigDiscovery
+    from sindyjoint.equation.model import JointModel
+    from sindyjoint.judgement.rig_discovery import RigDiscovery
 
 # Of the options of a search those that belong to the channels of a joint's own test.
 OF_CHANNELS = ("states", "bandwidth", "align")
@@ -36,7 +37,7 @@ def discover_structure(
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
 
     def find(progress: Progress) -> RigDiscovery:
-        from sindyjoint.workflows.discover_rig import discover_rig
+        from sindyjoint.workflows.discover import discover_rig
 
         chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
         return discover_rig(rig, progress=progress.say, **chosen)
@@ -51,6 +52,19 @@ def discover_structure(
                 command = ["sindyjoint", *sys.argv[1:]]
                 write_results(law.discovery, out / place_of_law(law), command, seed, force=force)
     return result.found
+
+
+def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
+    """Return the model of a file for every joint, or those by kind in a folder that ``discover RIG --out`` wrote."""
+    from sindyjoint.equation.model_file import read_model
+    from sindyjoint.mechanics.rig_test_file import load_rig_test
+    from sindyjoint.reporting.results.structure_joints import place_of_kind
+
+    kinds = dict.fromkeys(load_rig_test(rig).kinds)
+    folders = {kind: given / place_of_kind(kind) for kind in kinds}
+    if all((folder / "model.json").is_file() for folder in folders.values()):
+        return {kind: read_model(folder) for kind, folder in folders.items()}
+    return read_model(given)
 
 
 def simulate_structure(

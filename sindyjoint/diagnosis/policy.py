@@ -51,6 +51,11 @@ class DiagnosisPolicy:
     worse_moment: float = calibrated(
         2.0, "an effect that makes the gap of runs left out so much worse overfits"
     )
+    refined_gap: float = judgement(
+        0.005,
+        "share by which the response gap may grow by refinement: at reversals of a prescribed motion it "
+        "counts samples that are not fitted",
+    )
     least_gain: float = convention(0.05, "share of a held-out gap to be won where noise was not measured")
     pair_gain: float = calibrated(1.2, "factor by which a pair beats the best effect and any companion")
     pair_residual: float = calibrated(0.67, "the same in free motion: share of their residual that it leaves")

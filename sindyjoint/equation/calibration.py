@@ -61,18 +61,23 @@ def gain_errors(model: JointModel) -> Array:
     return np.sqrt(np.diag(_common(model, dict(model.fitted.gains)))) if model.terms else np.zeros(0)
 
 
+def gain_moves(model: JointModel, gains: Mapping[str, float]) -> dict[str, Array]:
+    """Return by how much one standard uncertainty of each channel's gain moves the coefficients, shape (n_terms,)."""
+    values = model.coefficients
+    moves = {"moment": gains["moment"] * values} if "moment" in gains else {}
+    if "angle" in gains or "rate" in gains:
+        powers = np.array([_degrees(term, model) for term in model.terms])
+        # Without a rate channel the rate is the angle's: both are wrong alike.
+        angle = powers[:, 0] if "rate" in gains else powers.sum(axis=1)
+        moves["angle"] = -gains.get("angle", 0.0) * angle * values
+        moves["rate"] = -gains.get("rate", 0.0) * powers[:, 1] * values
+    return {channel: move for channel, move in moves.items() if move.any()}
+
+
 def _common(model: JointModel, gains: Mapping[str, float]) -> Array:
     """Return the covariance that errors of gains make, shape (n_terms, n_terms)."""
-    values = model.coefficients
-    total = np.full((values.size, values.size), gains.get("moment", 0.0) ** 2)
-    # Without a rate channel the rate is the angle's: both are wrong alike.
-    together = "rate" not in gains
-    powers = np.array([_degrees(term, model) for term in model.terms])
-    angle = powers.sum(axis=1) if together else powers[:, 0]
-    total += gains.get("angle", 0.0) ** 2 * np.outer(angle, angle)
-    if not together:
-        total += gains["rate"] ** 2 * np.outer(powers[:, 1], powers[:, 1])
-    return total * np.outer(values, values)
+    size = model.coefficients.size
+    return sum((np.outer(move, move) for move in gain_moves(model, gains).values()), np.zeros((size, size)))
 
 
 def _degrees(term: ModelTerm, model: JointModel) -> tuple[float, float]:

@@ -174,8 +174,7 @@ def column_moments(element: JointElement, angle: Array, rate: Array, states: Arr
     from sindyjoint.equation.formula import compile_terms
 
     form = element.form
-    arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
-    columns = compile_terms([column.expression for column in form.columns], arguments)
+    columns = compile_terms([column.expression for column in form.columns], form.arguments)
     flat = [angle.ravel(), rate.ravel(), *(state.ravel() for state in states)]
     values = [float(value) for value in element.values]
     return np.asarray(columns(*flat, *values)).reshape(*angle.shape, len(form.columns))
@@ -280,7 +279,7 @@ def fidelity_table(
         rows.append(
             Fidelity(
                 term.id, term.symbol, item.how, item.moment is not None,
-                *_shares((given - moment)[moving], model.fitted.moment_rms),
+                *shares((given - moment)[moving], model.fitted.moment_rms),
             )
         )  # fmt: skip
     whole = carried if total is None else total
@@ -288,7 +287,7 @@ def fidelity_table(
         Fidelity(
             ALL_TERMS, "M" if model.joint.motion == "rotation" else "F", "the exported form as a whole",
             all(item.moment is not None for item in represented.values()),
-            *_shares((whole - exact)[moving], model.fitted.moment_rms),
+            *shares((whole - exact)[moving], model.fitted.moment_rms),
         )
     )  # fmt: skip
     return tuple(rows)
@@ -307,15 +306,16 @@ def held_rows(model: JointModel, held: JointModel) -> tuple[Fidelity, ...]:
             model.without_elements().moment(cycles.angle, cycles.rate, inputs=at | {each.name: end})
             for end in each.tested or ()
         ]
-        shares = [_shares((end - whole)[cycles.moving], model.fitted.moment_rms) for end in ends]
+        costs = [shares((end - whole)[cycles.moving], model.fitted.moment_rms) for end in ends]
         words = f"not carried: held at {each.shown(each.reference)}"
         if each.tested:
             words += f", tested from {each.shown(each.tested[0])} to {each.shown(each.tested[1])}"
-        rows.append(Fidelity(each.name, each.name, words, False, *max(shares, default=(0.0, 0.0))))
+        rows.append(Fidelity(each.name, each.name, words, False, *max(costs, default=(0.0, 0.0))))
     return tuple(rows)
 
 
-def _shares(difference: Array, reference: float) -> tuple[float, float]:
+def shares(difference: Array, reference: float) -> tuple[float, float]:
+    """Return RMS and largest difference as shares of the RMS moment of the test."""
     return (
         float(np.sqrt(np.mean(difference**2))) / reference,
         float(np.max(np.abs(difference))) / reference,
@@ -365,5 +365,6 @@ def write_export(export: Export, out: str | os.PathLike[str], force: bool = Fals
         return [write_bytes(path, *data.values())]
     with output_folder(path, force=force) as stage:
         for name, content in data.items():
+            (stage / name).parent.mkdir(parents=True, exist_ok=True)
             (stage / name).write_bytes(content)
     return [path / name for name in data]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export.base import Export
-from sindyjoint.export.code import CPrinter, code_notes, exact_rows, filled, law_of, written
+from sindyjoint.export.code import CPrinter, Law, code_notes, exact_rows, filled, input_line, law_of, written
 from sindyjoint.export.text import comment, number, one_line, preamble
 
 
@@ -34,8 +34,22 @@ def export(model: JointModel) -> Export:
         write=", double *z" if stateful else "",
         give=", z" if stateful else "",
         z="z" if stateful else "0",
+        declare="".join(f", double {name}" for name, _ in law.inputs),
+        inputs="".join(f", {name}" for name, _ in law.inputs),
+        unused="".join(f" (void){name};" for name, _ in law.inputs),
+        references=_references(law),
     )
     return Export("c", {"joint.h": text}, rows, notes)
+
+
+def _references(law: Law) -> str:
+    """Return the lines that say what inputs the functions take, and their values of reference; nothing without."""
+    if not law.inputs:
+        return ""
+    values = ", ".join(number(each.reference) for _, each in law.inputs)
+    lines = [block_comment(input_line(*each)) for each in law.inputs]
+    head = f"static const double JOINT_REFERENCE[] = {{{values}}}; /* of the inputs, last arguments of functions */"
+    return "\n".join([head, *lines, ""])
 
 
 def block_comment(text: str) -> str:

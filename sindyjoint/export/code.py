@@ -5,10 +5,12 @@ sympy's printers are imported here at the top; import this module only when code
 
 from __future__ import annotations
 
+import keyword
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.resources import files
 from string import Template
 from typing import Any
@@ -22,8 +24,9 @@ from sindyjoint.equation.formula import parameter_symbol, state_symbol, variable
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.export.base import Cycles, Fidelity, Represented, fidelity_table
 from sindyjoint.export.elements import speeds
-from sindyjoint.export.parts import Parts, softening_limits, steepness
+from sindyjoint.export.parts import Parts, corners, softening_limits, steepness, used_inputs
 from sindyjoint.export.text import ascii_line, number, one_line, words_of
+from sindyjoint.inputs import Input
 
 DIRECTION = sympy.Symbol("direction", real=True)
 # A step of the integration as a share of the fastest time constant: sliders yield inside steps, which costs an order.
@@ -85,6 +88,8 @@ class Law:
     rates : tuple of sympy.Expr
     limits : tuple of float
         Infinite where a state has none.
+    inputs : tuple of (str, Input)
+        What the moment depends on beside the motion, with their names in code.
     """
 
     numbers: tuple[tuple[str, float, str], ...]
@@ -92,6 +97,7 @@ class Law:
     states: tuple[str, ...]
     rates: tuple[sympy.Expr, ...]
     limits: tuple[float, ...]
+    inputs: tuple[tuple[str, Input], ...] = ()
 
 
 def law_of(model: JointModel) -> Law:
@@ -110,6 +116,8 @@ def law_of(model: JointModel) -> Law:
         (sympy.Symbol(name) * at_slip(term.expression) for name, term in zip(names, terms, strict=False)),
         sympy.Integer(0),
     )
+    inputs = tuple((input_identifier(each.name), each) for each in used_inputs(model))
+    moment = moment.xreplace({state_symbol(each.name): sympy.Symbol(name) for name, each in inputs})
     states: list[str] = []
     rates: list[Any] = []
     limits: list[float] = []
@@ -125,7 +133,7 @@ def law_of(model: JointModel) -> Law:
             moment += coefficient * at_slip(column.expression.xreplace(here))
         rates += [at_slip(state.rate.xreplace(here)) for state in form.states]
         limits += [float(limit) for limit in form.limits(element.values)]
-    return Law(numbers, moment, tuple(states), tuple(rates), tuple(limits))
+    return Law(numbers, moment, tuple(states), tuple(rates), tuple(limits), inputs)
 
 
 def law_of_elements(model: JointModel) -> Law:
@@ -150,8 +158,11 @@ def filled(file: str, model: JointModel, printer: CodePrinter, infinity: str, la
     **own : str
         What only this template holds.
     """
-    low, high = (written(value, infinity) for value in softening_limits(model))
-    stiffness, damping = steepness(model)
+    # What bounds a step or the range does so wherever the inputs were tested.
+    held = corners(model)
+    below, above = zip(*map(softening_limits, held), strict=True)
+    low, high = written(max(below), infinity), written(min(above), infinity)
+    stiffness, damping = (max(values) for values in zip(*map(steepness, held), strict=True))
     cycles = Cycles.of(model)
     fast = [speeds(element, cycles) for element in model.elements]
     return template(file).substitute(
@@ -166,6 +177,38 @@ def filled(file: str, model: JointModel, printer: CodePrinter, infinity: str, la
         law=printer.doprint(law.moment),
         **own,
     )
+
+
+def input_line(name: str, each: Input) -> str:
+    """Return what an input is, for a comment."""
+    tested = f", tested from {number(each.tested[0])} to {number(each.tested[1])}" if each.tested else ""
+    return ascii_line(f"{name}: {each.label}, {each.unit}{tested}, reference {each.shown(each.reference)}")
+
+
+def input_identifier(name: str) -> str:
+    """Return the name of an input in code: its own, where no language and no template uses it.
+
+    Examples
+    --------
+    >>> input_identifier("temperature"), input_identifier("slope"), input_identifier("double")
+    ('temperature', 'input_slope', 'input_double')
+    """
+    taken = name in _words_in_use() or name.upper().startswith("JOINT_")
+    return f"input_{name}" if taken else name
+
+
+@cache
+def _words_in_use() -> frozenset[str]:
+    """Return every word of the templates, and of their languages."""
+    files = ("joint.h.txt", "joint.py.txt", "joint_fmu.py.txt")
+    words = {word for file in files for word in re.findall(r"[A-Za-z]\w*", template(file).template)}
+    return frozenset({*words, *keyword.kwlist, *_C_WORDS.split()})
+
+
+_C_WORDS = (
+    "auto break case char continue default do enum extern float goto int long register short signed sizeof struct "
+    "switch typedef union unsigned volatile restrict _Bool bool true false complex I NAN INFINITY asm u"
+)
 
 
 def written(value: float, infinity: str) -> str:
@@ -196,7 +239,8 @@ def identifiers(symbols: Sequence[str]) -> list[str]:
 _RESERVED = {
     "JOINT_" + name
     for name in (
-        "H", "NAME", "INERTIA", "LOW", "HIGH", "STIFFNESS", "DAMPING", "RELAXATION", "STATES", "STATE_NAMES", "LIMITS",
+        "H", "NAME", "REFERENCE", "INERTIA", "LOW", "HIGH", "STIFFNESS", "DAMPING", "RELAXATION", "STATES",
+        "STATE_NAMES", "LIMITS",
     )
 }  # fmt: skip
 
@@ -208,7 +252,8 @@ def template(name: str) -> Template:
 
 def bounds(model: JointModel) -> str:
     """Say in a sentence where the law stops to hold."""
-    low, high = softening_limits(model)
+    ends = zip(*map(softening_limits, corners(model)), strict=True)
+    low, high = (nearest(values) for nearest, values in zip((max, min), ends, strict=True))
     unit = words_of(model).angle_unit
     sides = [f"{value:.6g} {unit}" for value in (low, high) if abs(value) != float("inf")]
     if not sides:
@@ -226,7 +271,18 @@ def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
             represented[term.id] = Represented("the number INERTIA, used in steps", cycles.term(term))
         else:
             represented[term.id] = Represented("not carried: a formula of the acceleration", None)
-    return fidelity_table(model, cycles, represented)
+    return (*_input_rows(model), *fidelity_table(model, cycles, represented))
+
+
+def _input_rows(model: JointModel) -> tuple[Fidelity, ...]:
+    """Return a row for each input that the code takes as a parameter."""
+    how = "parameter {}, {}; unless given, {}"
+    return tuple(
+        Fidelity(
+            each.name, each.name, how.format(name, each.unit, each.shown(each.reference)), True, 0.0, 0.0
+        )
+        for name, each in law_of(model).inputs
+    )
 
 
 def code_notes(model: JointModel) -> tuple[str, ...]:

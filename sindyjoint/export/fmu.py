@@ -14,7 +14,7 @@ from pathlib import Path
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import MissingExtraError
 from sindyjoint.export.base import Export, not_carried
-from sindyjoint.export.code import bounds, exact_rows, identifiers, law_of, template
+from sindyjoint.export.code import bounds, exact_rows, identifiers, input_line, law_of, template
 from sindyjoint.export.python import source
 from sindyjoint.export.text import fidelity_lines, one_line, words_of
 
@@ -44,12 +44,16 @@ def export(model: JointModel) -> Export:
     digest = hashlib.sha256(model.to_json().encode("utf-8", "backslashreplace")).hexdigest()
     module = f"joint_{digest[:12]}"
     words = words_of(model)
-    states = law_of(model).states
+    law = law_of(model)
+    states, inputs = law.states, law.inputs
+    if inputs:
+        notes.append("further inputs, SI: " + "; ".join(input_line(*each) for each in inputs))
     names = identifiers(states)
     text = template("joint_fmu.py.txt").substitute(
         states=ascii([name.replace("JOINT_", "state_", 1) for name in names]),
-        given=", self._states" if states else "",
-        call=", None, self._states" if states else "",
+        inputs=ascii({name: each.reference for name, each in inputs}),
+        given=(", self._states" if states else "") + (", **self._inputs" if inputs else ""),
+        call=(", None, self._states" if states else "") + (", **self._inputs" if inputs else ""),
         law=source(model, rows, "FMI 2.0"),
         description=ascii(one_line(model.joint.name)),
         guid=ascii(digest[:32]),

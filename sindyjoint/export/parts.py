@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     import sympy
 
     from sindyjoint.equation.model import JointModel, ModelTerm
+    from sindyjoint.inputs import Input
 
 Array = NDArray[np.float64]
 # Full friction is reached at this share of the tested rate where a target has no set-valued friction.
@@ -134,6 +136,21 @@ class Parts:
         """Rates of a table over the tested range, denser towards zero, where friction ramps up."""
         positive = np.unique(np.concatenate([np.geomspace(RAMP, 1, 16), np.linspace(0.05, 1, 20)]))
         return self.model.fitted.rate * np.concatenate([-positive[::-1], [0.0], positive])
+
+
+def used_inputs(model: JointModel) -> tuple[Input, ...]:
+    """Return the inputs that terms of a model depend on."""
+    used = {name for term in model.terms for name in term.inputs}
+    return tuple(each for each in model.inputs if each.name in used)
+
+
+def corners(model: JointModel) -> tuple[JointModel, ...]:
+    """Return a law held at its inputs' reference and at the ends of their tested ranges, in every combination."""
+    values = [
+        [(each.name, value) for value in sorted({each.reference, *(each.tested or ())})]
+        for each in used_inputs(model)
+    ]
+    return tuple(model.at(**dict(chosen)) for chosen in product(*values)) if values else (model,)
 
 
 def contribution(term: ModelTerm, angle: ArrayLike, rate: ArrayLike) -> Array:

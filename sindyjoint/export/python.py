@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export.base import Export, Fidelity
-from sindyjoint.export.code import PythonPrinter, code_notes, exact_rows, filled, law_of, written
+from sindyjoint.export.code import PythonPrinter, code_notes, exact_rows, filled, input_line, law_of, written
 from sindyjoint.export.text import comment, number, one_line, preamble
 
 
@@ -36,9 +36,22 @@ def source(model: JointModel, rows: tuple[Fidelity, ...], target: str) -> str:
     printer = PythonPrinter({"fully_qualified_modules": True})
     rates = ", ".join(printer.doprint(rate) for rate in law.rates)
     limits = ", ".join(written(limit, "math.inf") for limit in law.limits)
-    given = dict.fromkeys(STATEFUL, "") | {"copy": "[]"}
-    if law.states:
-        given = STATEFUL
+    given = STATEFUL if law.states else dict.fromkeys(STATEFUL, "") | {"copy": "[]"}
+    given = {**dict.fromkeys(("references", "inner", "hand", "bind"), ""), **given}
+    if law.inputs:
+        defaults = "".join(f", {name}={number(each.reference)}" for name, each in law.inputs)
+        passed = "".join(f", {name}={name}" for name, _ in law.inputs)
+        lines = ["Inputs of the law, keywords of its functions:", *(input_line(*each) for each in law.inputs)]
+        given |= {
+            "start": given["start"] + defaults,
+            "argument": given["argument"] + passed,
+            "inside": given["inside"] + ", **u",
+            "states_inside": given["states_inside"] + ", **u",
+            "inner": ", u",
+            "hand": ", u",
+            "bind": f"    u = dict({passed.removeprefix(', ')})\n",
+            "references": comment(lines, "#"),
+        }
     return filled(
         "joint.py.txt",
         model,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.export.base import Export, check_exportable, held_rows
+from sindyjoint.export.lookup import lookup
+from sindyjoint.export.parts import used_inputs
 
 TARGETS = {
     "ansys": "APDL: COMBIN39, COMBIN40 and COMBIN37 elements, and a rig of beams around them",
@@ -28,8 +31,8 @@ TARGETS = {
 }
 
 
-# What writes formulas as they are carries inputs, too.
-WITH_INPUTS = ("json", "latex", "samples")
+# What writes formulas carries inputs, too, and code takes them as parameters.
+WITH_INPUTS = ("json", "latex", "samples", "python", "c", "fmu")
 
 
 def export_model(
@@ -43,8 +46,9 @@ def export_model(
     target : str
         One of :data:`TARGETS`.
     at : mapping of str to float, optional
-        Values of the law's inputs, SI; those not given are at their reference. Without it ``"json"``, ``"latex"`` and
-        ``"samples"`` carry the dependence itself.
+        Values of the law's inputs, SI; those not given are at their reference. Without it code takes inputs as
+        parameters; ``"json"``, ``"latex"`` and ``"samples"`` write the dependence itself; the others are a folder of
+        decks, one at each of some values over the tested ranges.
     **options
         Of the target: ``rig`` for "ansys", the name or path of the rig written around the joint.
 
@@ -73,7 +77,10 @@ def export_model(
         hint = f"; did you mean {near[0]!r}?" if near else ";"
         raise UnknownNameError(f"target {target!r} is not known{hint} Known are {', '.join(TARGETS)}")
     check_exportable(model)
-    depends = any(term.inputs for term in model.terms)
-    held = model.at(**(at or {})) if at or (depends and target not in WITH_INPUTS) else model
-    made: Export = import_module(f"sindyjoint.export.{target}").export(held, **options)
+    write: Callable[..., Export] = import_module(f"sindyjoint.export.{target}").export
+    used = used_inputs(model)
+    if used and not at and target not in WITH_INPUTS and all(each.levels > 1 for each in used):
+        return lookup(model, partial(write, **options))
+    held = model.at(**(at or {})) if at or (used and target not in WITH_INPUTS) else model
+    made = write(held, **options)
     return replace(made, fidelity=(*held_rows(model, held), *made.fidelity)) if held is not model else made

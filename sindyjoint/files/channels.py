@@ -356,7 +356,7 @@ def declared_noise(channels: Channels, motion: Motion, where: str) -> SensorNois
 
 
 def declared_gains(channels: Channels, motion: Motion, where: str) -> dict[str, float]:
-    """Return the relative uncertainty of the gains that channels declare.
+    """Return the relative uncertainty of the gains of moment, angle and rate that channels declare.
 
     Raises
     ------
@@ -373,6 +373,9 @@ def declared_gains(channels: Channels, motion: Motion, where: str) -> dict[str, 
             if not 0 < share < 1:
                 raise InputError(f"{place}: {given!r}; expected a share such as '1 %'")
             values[quantity] = share
+    if "acceleration" in values:
+        # The angle is that of the accelerometer, or of both: no more wrong than the worse of them.
+        values["angle"] = max(values.pop("acceleration"), values.get("angle", 0.0))
     return values
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -10,16 +10,20 @@ import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.uncertainty import in_words, inseparable
+from sindyjoint.equation.calibration import gain_moves
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, is_of_the_paper, make_headline
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.verdict import Verdict, unjudged
+from sindyjoint.numeric import finite
 from sindyjoint.record import Campaign
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.text import in_words_of
+from sindyjoint.versions import versions
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias
@@ -130,6 +134,7 @@ class Discovery(Shown):
         """Return what ``--json`` prints."""
         model, fitted = self.model, self.model.fitted
         bias = {} if self.bias is None else dict(zip(self.bias.ids, self.bias.pooled.tolist(), strict=True))
+        moves = gain_moves(model, dict(fitted.gains))
         return {
             "schema": 1,
             "joint": {
@@ -146,8 +151,9 @@ class Discovery(Shown):
                     "standard_error": term.standard_error,
                     "interval95": list(term.interval95),
                     "bias": bias.get(term.id),
+                    **({"calibration": {name: float(m[i]) for name, m in moves.items()}} if moves else {}),
                 }
-                for term in model.terms
+                for i, term in enumerate(model.terms)
             ],
             "trust": self.headline.to_dict(),
             "paper_term_set": {
@@ -160,8 +166,8 @@ class Discovery(Shown):
             "fit": {
                 "moment_rms": fitted.moment_rms,
                 "residual_rms": fitted.residual_rms,
-                "noise_floor": _to_plain(fitted.noise_floor),
-                "moving_fraction": _to_plain(fitted.moving_fraction),
+                "noise_floor": finite(fitted.noise_floor),
+                "moving_fraction": finite(fitted.moving_fraction),
                 "samples": fitted.samples,
                 "runs": fitted.runs,
             },
@@ -169,10 +175,6 @@ class Discovery(Shown):
             "warnings": list(self.warnings),
             "soundness": summarize(self.soundness),
         }
-
-
-def _to_plain(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
@@ -224,3 +226,8 @@ def _reach(model: JointModel) -> tuple[float | None, float | None]:
         return None, None
     k1, k3 = model["linear_stiffness"].coefficient, model["cubic_stiffness"].coefficient
     return (model.fitted.angle, float(np.sqrt(k1 / (-3 * k3)))) if k3 < 0 < k1 else (None, None)
+
+
+def fitted_to(model: JointModel, campaign: Campaign) -> JointModel:
+    """Return a model that knows the campaign it was fitted to, as it was given, and by which versions."""
+    return replace(model, fitted=replace(model.fitted, data=content_hash(campaign), versions=versions()))

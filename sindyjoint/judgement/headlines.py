@@ -164,7 +164,7 @@ def judge_comparison(result: Comparison) -> Headline:
         return Headline(tuple(lights), (SEE_FAULTS,))
     lights.append(_agreement("methods", "methods", ids, result.methods))
     if result.frequencies:
-        lights.append(_agreement("single", "single frequencies", ids, result.frequencies))
+        lights.append(_agreement("single", f"single {result.several}", ids, result.frequencies))
     least = min((share[term] for term in ids if term in share), default=math.nan)
     if math.isfinite(least):
         colour: Colour = (

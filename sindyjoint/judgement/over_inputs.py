@@ -7,16 +7,13 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.frequency import Axis, FrequencyTest, frequency_test, group_estimates
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
-from sindyjoint.inputs import Input
+from sindyjoint.inputs import Input, run_levels
 from sindyjoint.states import ForceStates
-
-Array = NDArray[np.float64]
 
 # Estimates at so many levels tell a trend from scatter.
 FEWEST_LEVELS = 3
@@ -31,6 +28,8 @@ class CoefficientOver:
     id, symbol, unit : str
     values, errors : tuple of float
         Of the law at the values of the input, with standard errors; SI.
+    intervals : tuple of (float, float)
+        Of 95 %.
     levels, estimates, level_errors : tuple of float
         Levels of the input in its declared unit, and what the runs of each alone give; empty where it has no levels.
     answer, reason : str
@@ -44,18 +43,13 @@ class CoefficientOver:
     unit: str
     values: tuple[float, ...]
     errors: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...] = ()
     levels: tuple[float, ...] = ()
     estimates: tuple[float, ...] = ()
     level_errors: tuple[float, ...] = ()
     answer: str = ""
     reason: str = ""
     bound: float = float("nan")
-
-    @property
-    def told(self) -> str:
-        """The answer with its figure."""
-        independent = self.answer.startswith("independent")
-        return f"the same within {100 * self.bound:.2g} %" if independent else self.answer
 
 
 @dataclass(frozen=True)
@@ -84,6 +78,11 @@ class OverInput:
             row["bound"] = row["bound"] if np.isfinite(row["bound"]) else None
         return record
 
+    def told(self, row: CoefficientOver) -> str:
+        """Return the answer to whether a coefficient depends on the input, with its figure; empty where unknown."""
+        independent = row.answer.startswith("independent")
+        return f"independent of {self.label} within {100 * row.bound:.2g} %" if independent else row.answer
+
     @property
     def headings(self) -> tuple[str, ...]:
         """The values as they are written."""
@@ -91,10 +90,7 @@ class OverInput:
 
 
 def over_inputs(
-    model: JointModel,
-    evidence: Evidence,
-    states: Sequence[ForceStates],
-    margin: float = POLICY.frequency_margin,
+    model: JointModel, evidence: Evidence, states: Sequence[ForceStates]
 ) -> tuple[OverInput, ...]:
     """Return the law over each input that was tested at more than one level.
 
@@ -105,11 +101,9 @@ def over_inputs(
         That it was found in.
     states : sequence of ForceStates
         Of its runs.
-    margin : float
-        Relative change of a coefficient over the tested range that would not matter.
     """
     return tuple(
-        over_input(model, each, level_tests(evidence, states, model, each, margin))
+        over_input(model, each, level_tests(evidence, states, model, each))
         for each in model.inputs
         if each.tested is not None and each.levels > 1
     )
@@ -132,6 +126,7 @@ def over_input(model: JointModel, each: Input, tests: Sequence[FrequencyTest] = 
                 term.unit,
                 tuple(0.0 if t is None else t.coefficient for t in there),
                 tuple(0.0 if t is None else t.standard_error for t in there),
+                tuple((0.0, 0.0) if t is None else t.interval95 for t in there),
                 *(() if test is None else (test.frequencies, test.estimates, test.standard_errors)),
                 *(() if test is None else (test.answer, test.reason, test.change_bound)),
             )
@@ -151,27 +146,18 @@ def level_tests(
 
     Nothing is returned where runs are not at one level each, or at fewer than three.
     """
-    low, high = each.tested or (0.0, 0.0)
-    known = {s.run: s.inputs[each.name] for s in states if each.name in s.inputs}
-    if not high > low or any(run.name not in known for run in evidence.runs):
+    at = run_levels({s.run: s.inputs[each.name] for s in states if each.name in s.inputs}, each.tested)
+    if any(run.name not in at for run in evidence.runs) or len(set(at.values())) < FEWEST_LEVELS:
         return ()
-    if any(np.ptp(values) > 0.02 * (high - low) for values in known.values()):
-        return ()
-    places = {name: round(50 * (float(np.mean(v)) - low) / (high - low)) for name, v in known.items()}
-    if len(set(places.values())) < FEWEST_LEVELS:
-        return ()
-    runs = tuple(replace(run, group=f"{places[run.name]}") for run in evidence.runs)
+    runs = tuple(replace(run, group=f"{at[run.name]!r}") for run in evidence.runs)
     grouped = replace(evidence, runs=runs)
     plain = [term.id for term in model.terms if each.name not in term.inputs and term.id in evidence.ids]
     if not plain:
         return ()
     found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
-    at = [
-        float(np.mean([np.mean(known[run.name]) for run in runs if run.group == group]))
-        for group in found.groups
-    ]
-    shown = (np.array(at) - each.zero) / each.factor
-    axis = Axis(each.label, each.shown_unit)
+    shown = (np.array([float(group) for group in found.groups]) - each.zero) / each.factor
+    # Over all coefficients together: one that the law does not let depend is not to seem to by chance.
+    axis = Axis(each.label, each.shown_unit, POLICY.frequency_level / len(plain))
     return tuple(
         frequency_test(
             term, shown, found.coefficients[:, i], found.standard_errors[:, i], found.degrees, margin, axis

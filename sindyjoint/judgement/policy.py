@@ -27,11 +27,6 @@ class VerdictPolicy:
         "ratio of residuals below which the end of the second search for terms is used",
         source="chosen by judgement",
     )
-    refined_gap: float = limit(
-        0.005,
-        "share by which the response gap of a diagnosis may grow by refinement: at reversals of a prescribed motion it "
-        "counts samples that are not fitted",
-    )
     refined_apart: float = limit(
         3.0,
         "combined standard errors by which coefficients by regression and on the simulated response may differ without "

@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sindyjoint.discovery.delay import ChannelDelay, estimate_delay
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
+from sindyjoint.errors import InputError
 from sindyjoint.judgement.at_each_level import LevelLaw, law_at_levels, vanishing
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.warnings import channel_words
+from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, spelled
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.delay import ChannelDelay
     from sindyjoint.discovery.estimator import JointRegressor
 
 
@@ -255,3 +257,27 @@ def _find_largest_share(regressor: JointRegressor, model: JointModel, term: str)
     fit = fit_columns(regressor.evidence_, [*columns, ids.index(term)])
     size, error, share = abs(fit.coefficients[-1]), fit.standard_errors[-1], fit.unique_share[-1]
     return float(share * (size + 2 * error) / size) if size > 0 else float("inf")
+
+
+def unresolved_delay(
+    delay: ChannelDelay | None, regressor: JointRegressor, model: JointModel, states: Sequence[ForceStates]
+) -> ChannelDelay | None:
+    """Return the delay that is left in the channels, or that explains the moment as well as terms beyond the paper's.
+
+    A law that lacks a term takes a delay for it, and a delay is taken for terms: the one that leaves less is believed.
+    States that lack weak harmonics show one too, that is not there once they are completed.
+    """
+    if delay is None or not model.terms:
+        return None
+    extra = [term for term in model.ids if term not in (*PAPER_TERMS, INERTIA)]
+    completed = any(s.completed for s in states)
+    if not extra and not completed:
+        return delay if delay.significant else None
+    if extra and delay.significant and not delay.at_limit and noise_alike(delay.residual_rms, model):
+        return delay
+    chosen = [term for term in regressor.terms_ if term.id in model]
+    try:
+        found = estimate_delay(states, chosen, model.joint.inertia)
+    except (np.linalg.LinAlgError, InputError):
+        return None
+    return found if found.significant else None

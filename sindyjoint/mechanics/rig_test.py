@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -116,6 +116,31 @@ class UncertainNumber:
 
 
 @dataclass(frozen=True, eq=False)
+class Chain:
+    """What a structure was assembled of.
+
+    Parameters
+    ----------
+    items : tuple of Beam, Hinge, LumpedMass
+    clamp_stiffness : float
+        N·m/rad; infinite for a rigid clamp.
+    stations : mapping of str to (str, float)
+        Points along beams.
+    loss_frequency : float or None
+        Hz.
+    """
+
+    items: tuple[Item, ...]
+    clamp_stiffness: float = np.inf
+    stations: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    loss_frequency: float | None = None
+
+    def assembled(self) -> Structure:
+        """Return the structure."""
+        return assemble(self.items, self.clamp_stiffness, self.stations, self.loss_frequency)
+
+
+@dataclass(frozen=True, eq=False)
 class RigTest:
     """A structure with unknown joints, its sensors and its runs.
 
@@ -136,6 +161,8 @@ class RigTest:
         Of the joints.
     uncertain : tuple of UncertainNumber
         Numbers of the structure with a stated uncertainty.
+    chain : Chain or None
+        What the structure was assembled of; None for one by its matrices.
     """
 
     name: str
@@ -148,6 +175,7 @@ class RigTest:
     simulated: bool = False
     motion: Motion = "rotation"
     uncertain: tuple[UncertainNumber, ...] = ()
+    chain: Chain | None = None
 
     def __post_init__(self) -> None:
         names = [sensor.name for sensor in self.sensors]

@@ -27,7 +27,15 @@ from sindyjoint.mechanics.rig_file import (
     StationTable,
 )
 from sindyjoint.mechanics.rig_limits import solvable_structure
-from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, Sensor, UncertainNumber, uncertain_numbers
+from sindyjoint.mechanics.rig_test import (
+    BASE,
+    Chain,
+    RigRun,
+    RigTest,
+    Sensor,
+    UncertainNumber,
+    uncertain_numbers,
+)
 from sindyjoint.mechanics.rigs import RIG_FOLDER, build_item, shipped_rigs
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
@@ -67,6 +75,15 @@ def is_rig_test(path: str | Path) -> bool:
     except (OSError, ValueError):
         return False
     return "chain" in read or "matrices" in read
+
+
+def has_measured_runs(path: str | Path) -> bool:
+    """Return whether a file is a rig with runs that were recorded."""
+    path = rig_path(path)
+    if not is_rig_test(path):
+        return False
+    runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
+    return any(isinstance(run, dict) and "file" in run for run in runs)
 
 
 def rig_path(rig: str | Path) -> Path:
@@ -160,19 +177,21 @@ def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
                 "a place along a beam is of a [[chain]]; with [matrices] a point is one of its freedoms"
             )
         structure, kinds, uncertain = _matrices(given.matrices, path)
-        motion = given.matrices.motion
+        motion, chain = given.matrices.motion, None
     else:
-        structure, kinds, uncertain = _chain(given, path, laws, stations)
+        structure, kinds, uncertain, chain = _chain(given, path, laws, stations)
         motion = "rotation"
     sensors = tuple(_sensor(table, number) for number, table in enumerate(given.sensor, 1))
     at = BASE if shaken else _point(given.drive.point)
     noise = _noise(given.drive, "[drive]")
-    return RigTest(given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain)
+    return RigTest(
+        given.name, structure, kinds, at, sensors, (), noise, motion=motion, uncertain=uncertain, chain=chain
+    )
 
 
 def _chain(
     given: RigFile, path: Path, laws: Mapping[str, Law], stations: Mapping[str, tuple[str, float]]
-) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...]]:
+) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...], Chain]:
     items: tuple[Item, ...] = tuple(
         build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1)
     )
@@ -201,7 +220,8 @@ def _chain(
             raise InputError(
                 f"{name!r}: {min(wrong)}_uncertainty is of a beam; expected mass_uncertainty at most"
             )
-    return structure, kinds, uncertain_numbers(items, stiffness, stated)
+    chain = Chain(items, stiffness, stations, structure.loss_frequency)
+    return structure, kinds, uncertain_numbers(items, stiffness, stated), chain
 
 
 def _matrices(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -134,7 +135,6 @@ def simulate_run(
     drive: Drive,
     recorder: Recorder,
     generator: np.random.Generator,
-    limits: str | None = "softening",
 ) -> tuple[RigRun, Response]:
     """Simulate a run of a structure as its sensors record it, and return what really happened, too.
 
@@ -156,7 +156,7 @@ def simulate_run(
     points = tuple(dict.fromkeys(sensor.point for sensor in sensors))
     response = respond(
         moved, sampled(values, fine), at, duration=settling + recorder.duration, sample_rate=fine, step=recorder.step,
-        points=points, limits=limits,
+        points=points, limits="softening",
     )  # fmt: skip
     rate = recorder.sample_rate
     whole = [
@@ -201,7 +201,15 @@ def _sampled(signal: Array, rate: float, derivative: bool = False) -> Array:
             c * fine * (padded[reach + k : n + reach + k] - padded[reach - k : n + reach - k])
             for k, c in enumerate(CENTRAL, 1)
         )
-    return np.asarray(resample_poly(signal, 1, OVERSAMPLING, padtype="line"))
+    return np.asarray(resample_poly(signal, 1, OVERSAMPLING, window=_recorder_filter(), padtype="line"))
+
+
+@lru_cache(maxsize=4)
+def _recorder_filter() -> Array:
+    """Return the filter of the recorder: within 1e-5 of one up to 0.4 of its rate, where harmonics are compared."""
+    from scipy.signal import firwin
+
+    return np.asarray(firwin(40 * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
 
 
 def virtual_rig_test(

@@ -107,6 +107,16 @@ class NumberPart(Part):
     standard_error: Known
 
 
+class RefinementPart(Part):
+    """How the laws were refined on the simulated response; ends: χ² from each start."""
+
+    refined: bool
+    reason: str
+    before: Maybe
+    after: Maybe
+    ends: list[Maybe]
+
+
 class StructureRecord(Part):
     """``discover RIG --json`` and ``structure.json``."""
 
@@ -117,4 +127,5 @@ class StructureRecord(Part):
     sensors: list[SensorPart]
     structure: list[NumberPart]
     misfit: Maybe
+    refinement: RefinementPart | None
     warnings: list[str]

@@ -51,6 +51,8 @@ class ChoicePart(Part):
     not_simulated: str
     path: list[SizeScorePart]
     offers_paper_terms: bool
+    wanted: list[str]
+    dependences: list[tuple[str, str]]
     not_given: list[str]
     residual: Maybe = None
 
@@ -118,6 +120,7 @@ class ComparisonRecord(Part):
     units: dict[str, str]
     methods: list[ChoicePart]
     frequencies: list[ChoicePart]
+    parts: Literal["frequency", "level", "run"] = "frequency"
     libraries: list[ChoicePart]
     inclusion: list[Maybe]
     sets: list[tuple[list[str], Known]]
@@ -146,6 +149,7 @@ class DeclaredJoint(Part):
     serial: str | None = None
     labels: dict[str, str] = {}
     inputs: dict[str, Known] = {}
+    input_units: dict[str, str] = {}
 
 
 class JointRecord(Part):
@@ -234,13 +238,18 @@ class DifferencePart(Part):
 
 
 class BatchRecord(Part):
-    """``batch --json`` and ``batch.json``: many joints."""
+    """``batch --json`` and ``batch.json``: many joints.
+
+    Standard errors of single joints are without calibration; ``calibration`` is by what share of itself one standard
+    uncertainty of a channel's gain moves a coefficient of all joints, by term and channel.
+    """
 
     schema_: Version
     campaigns: list[BatchCampaign]
     found: int
     none: int
     broken: int
+    calibration: dict[str, dict[str, Known]] = {}
     common_terms: list[CommonTerm]
     scatter: list[ScatterPart]
     trends: list[TrendPart]

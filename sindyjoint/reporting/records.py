@@ -64,7 +64,11 @@ class DiscoveredJoint(Part):
 
 
 class DiscoveredTerm(Part):
-    """A term of the equation, SI; ``bias`` is what was removed from the coefficient."""
+    """A term of the equation, SI.
+
+    ``bias`` is what was removed from the coefficient; ``calibration`` by how much one standard uncertainty of a
+    channel's gain moves it, where some are declared.
+    """
 
     id: str
     symbol: str
@@ -73,6 +77,7 @@ class DiscoveredTerm(Part):
     standard_error: Known
     interval95: tuple[Known, Known]
     bias: Maybe
+    calibration: dict[str, Known] = {}
 
 
 class CoefficientOverPart(Part):
@@ -83,6 +88,7 @@ class CoefficientOverPart(Part):
     unit: str
     values: list[Known]
     errors: list[Known]
+    intervals: list[tuple[Known, Known]]
     levels: list[Known]
     estimates: list[Known]
     level_errors: list[Known]

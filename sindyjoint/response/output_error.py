@@ -90,8 +90,7 @@ class OutputError:
         parameters += [nuisance_parameter(name, size, 2 * np.pi / fastest) for name in nuisance]
         records = []
         for run, state in zip(runs, states, strict=True):
-            law = test.law(simulable, state)
-            records.append(record_of(law, simulable, run, state, test, len(parameters), window))
+            records.append(record_of(simulable, run, state, test, len(parameters), window))
             parameters += initial_parameters(records[-1], model.joint.motion)
         return cls(simulable, tuple(records), tuple(parameters), inertia_index, window)
 

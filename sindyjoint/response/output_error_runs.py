@@ -31,6 +31,7 @@ from sindyjoint.response.run import (
     prescribed,
     rms,
     settling,
+    span_of,
 )
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
@@ -240,7 +241,7 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
 
 
 def record_of(
-    law: Law, model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float
+    model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float
 ) -> Record:
     """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
 
@@ -248,8 +249,7 @@ def record_of(
     prescribed is the drive. Where the states are a mean period, a law with internal states runs through it twice:
     these are not known at its start.
     """
-    first = round(states.time[0] * run.sample_rate)
-    span = slice(first, first + states.n_samples)
+    law, span = test.law(model, states), span_of(run, states)
     drive = "motion" if prescribed(states, spurious=True) else choose_drive(law, states)
     skip, moment = settling(states), run.moment[span]
     measured = (moment if drive == "motion" else run.angle[span])[skip:]

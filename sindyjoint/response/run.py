@@ -13,7 +13,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import brought_from_zero, simulate, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.model_law import elastic_moment
@@ -255,6 +255,7 @@ def simulate_run(
     drive: Drive | None = None,
     window: float = WINDOW,
     substeps: int = SUBSTEPS,
+    response_only: bool = False,
     **options: Any,
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
@@ -274,6 +275,8 @@ def simulate_run(
         Length of a multiple-shooting segment, s, for ``"windows"``.
     substeps : int
         Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
+    response_only : bool
+        Leave out the moment along the measured motion where that is not the response and nothing starts from it.
     **options
         Of :func:`sindyjoint.mechanics.stickslip.simulate`, such as ``limits`` and ``rtol``.
 
@@ -284,25 +287,26 @@ def simulate_run(
     """
     states = force_states(run) if states is None else states
     drive = choose_drive(law, states) if drive is None else drive
-    first = round(states.time[0] * run.sample_rate)
-    span = slice(first, first + states.n_samples)
-    skip = settling(states)
-    kept = slice(first + skip, span.stop)
+    span, skip = span_of(run, states), settling(states)
+    kept = slice(span.start + skip, span.stop)
     compared = cut_states(states, skip)
     angle = rate = None
-    failure, moment = "", np.full(states.n_samples, np.nan)
+    failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
     try:
-        moment, inner = along_motion(law, states, run.sample_rate, substeps)
-        if isinstance(law, LawInRun):
-            moment = moment + law.added
+        if response_only and drive == "moment" and (states.method == "periodic" or states.repeated):
+            inner = brought_from_zero(law, states.angle, states.rate)[:, None]
+        else:
+            moment, inner = along_motion(law, states, run.sample_rate, substeps)
+            if isinstance(law, LawInRun):
+                moment = moment + law.added
         if drive != "motion":
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif states.method != "periodic" and not states.repeated:
-                # Elsewhere they settle in a period that is not compared.
+            elif not states.repeated:
+                # Many settle in a period that is not compared; a slider that never yields keeps where it began.
                 options = {"initial_state": inner[:, 0], **options}
-            motion = _simulate_motion(law, run, states, span, drive, window, {"rtol": RTOL, **options})
+            motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:
         failure = str(error)
@@ -321,6 +325,12 @@ def simulate_run(
         inertia=law.inertia,
         failure=failure,
     )
+
+
+def span_of(run: Run, states: ForceStates) -> slice:
+    """Return the samples of a run that its states are of."""
+    first = round(states.time[0] * run.sample_rate)
+    return slice(first, first + states.n_samples)
 
 
 def along_motion(
@@ -378,8 +388,7 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
     A run that repeats is driven by the mean of its periods: its response repeats, too, so noise of the moment
     channel does not belong in the simulation.
     """
-    first = round(states.time[0] * run.sample_rate)
-    moment = run.moment[first : first + states.n_samples]
+    moment = run.moment[span_of(run, states)]
     if states.method != "periodic" or states.frequency is None:
         return sampled(moment, run.sample_rate)
     from scipy.interpolate import CubicSpline
@@ -392,10 +401,10 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
 
 
 def _simulate_motion(
-    law: Law, run: Run, states: ForceStates, span: slice, drive: Drive, window: float, options: dict[str, Any]
+    law: Law, run: Run, states: ForceStates, drive: Drive, window: float, options: dict[str, Any]
 ) -> Any:
     """Simulate the joint under the measured moment."""
-    moment = run.moment[span]
+    moment = run.moment[span_of(run, states)]
     if "limits" not in options:
         options["limits"] = angle_limits(law, states, drive)
     if states.repeated:

@@ -224,30 +224,68 @@ class Balance:
             N·m, and N in the last two.
         """
         to_time, to_coefficients, derive = self._matrices
-        width = 2 * self.harmonics + 1
         jacobian = self.linear(omega, growth)
         out = jacobian @ unknowns
         out[-2] -= force
-        shift = to_time @ (derive + CENTRING * np.eye(width))
-        for j, moment in enumerate(self.moments(unknowns, omega, slopes)):
-            own = slice(j * width, (j + 1) * width)
-            out[own] += to_coefficients @ moment.middle
-            jacobian[own, own] += to_coefficients @ moment.d_middle if slopes else 0.0
-            if moment.friction.min() < 0:
-                raise InputError(
-                    "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
-                )
-            # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
-            moved = to_time @ -out[own] + self.hold[j] * (shift @ unknowns[own])
-            sticks = np.abs(moved) < moment.friction
-            out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
-            if not slopes:
-                continue
-            weighted = to_coefficients * sticks
-            jacobian[own] -= weighted @ to_time @ jacobian[own]
-            slides = to_coefficients * (np.sign(moved) * ~sticks)
-            jacobian[own, own] += self.hold[j] * weighted @ shift + slides @ moment.d_friction
+        moments = self.moments(unknowns, omega, slopes)
+        add_joint_moments(
+            out, jacobian, unknowns, moments, self.hold, (to_time, to_coefficients, to_time @ derive), slopes
+        )
         return out, jacobian
+
+
+def add_joint_moments(
+    out: Array,
+    jacobian: Array,
+    unknowns: Array,
+    moments: Sequence[PeriodMoment],
+    hold: Array,
+    matrices: tuple[Array, Array, Array],
+    slopes: bool = True,
+) -> None:
+    """Add what the joints transfer to the balance of the linear rest, in place; the joints' angles come first.
+
+    Parameters
+    ----------
+    out, jacobian : ndarray
+        What is out of balance, N·m, and its derivatives by the unknowns.
+    unknowns : ndarray
+        Coefficients of each joint's angle, then others.
+    moments : sequence of PeriodMoment
+        Of each joint.
+    hold : ndarray, shape (joints,)
+        ε of the projection, N·m/rad.
+    matrices : tuple of three ndarray
+        From coefficients to samples, from samples to coefficients, and from coefficients to samples of d/dτ.
+    slopes : bool
+        Whether the derivatives are wanted.
+
+    Raises
+    ------
+    InputError
+        For negative friction.
+    """
+    to_time, to_coefficients, to_rate = matrices
+    width = len(to_coefficients)
+    for j, moment in enumerate(moments):
+        own = slice(j * width, (j + 1) * width)
+        out[own] += to_coefficients @ moment.middle
+        jacobian[own, own] += to_coefficients @ moment.d_middle if slopes else 0.0
+        if moment.friction.min() < 0:
+            raise InputError(
+                "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
+            )
+        # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
+        shift = to_rate @ unknowns[own] + CENTRING * (to_time @ unknowns[own])
+        moved = to_time @ -out[own] + hold[j] * shift
+        sticks = np.abs(moved) < moment.friction
+        out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
+        if not slopes:
+            continue
+        weighted = to_coefficients * sticks
+        jacobian[own] -= weighted @ to_time @ jacobian[own]
+        slides = to_coefficients * (np.sign(moved) * ~sticks)
+        jacobian[own, own] += hold[j] * weighted @ (to_rate + CENTRING * to_time) + slides @ moment.d_friction
 
 
 def _condensed(dynamic: Complex, kept: slice, inner: slice) -> Complex:

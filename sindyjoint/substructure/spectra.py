@@ -19,7 +19,7 @@ Complex = NDArray[np.complex128]
 # Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.
 MOST_HARMONICS = 400
 # Of the sampling rate: above it the filters of recorders fall.
-BAND = 0.35
+BAND = 0.37
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
         Standard deviation of single samples of each channel as declared, NaN where it was not: a floor of what is
         measured.
     bandwidth : float, optional
-        Highest frequency, Hz. Default: 0.35 of the sampling rate.
+        Highest frequency, Hz. Default: 0.37 of the sampling rate.
 
     Raises
     ------

@@ -84,6 +84,10 @@ def joint_states(
     values, errors, blocks = recovery.values, recovery.standard_error, recovery.blocks
     of_angle, of_moment = joint, joints + joint
     keep = kept_of(recovery, joint)
+    # What the law will tell of the slow part it tells of the whole run, not of each block.
+    slow = slow_orders(recovery, joint)
+    blocks[:, of_angle, slow] = values[of_angle, slow]
+    known = keep[0] & ~slow
     orders = [np.flatnonzero(one) + 1 for one in keep]
     time = np.arange(spectra.edges[-1]) / run.sample_rate
     bases = [HarmonicBasis.build(time, spectra.frequency, one) for one in orders]
@@ -110,7 +114,7 @@ def joint_states(
     first, second, third = (np.concatenate(column) for column in zip(*replicate, strict=True))
     noise = NoiseFloor(
         float(np.sqrt(len(spans) * np.sum(errors[of_moment, keep[1]] ** 2))),
-        float(np.sqrt(np.sum(errors[of_angle, keep[0]] ** 2))),
+        float(np.sqrt(np.sum(errors[of_angle, known] ** 2))),
         rate_noise,
         series.derivative_noise(spectra.frequency, 2),
     )

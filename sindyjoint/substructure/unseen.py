@@ -65,10 +65,45 @@ class Slow:
         return np.concatenate([[np.inf], self.standard_error, self.standard_error])
 
 
+@dataclass(frozen=True, eq=False)
+class LawRows:
+    """Rows of a law at the slow parts that were found with it, linearised about them.
+
+    Parameters
+    ----------
+    unknowns : tuple of ndarray
+        Of each run's slow part, each of shape (1 + 2k,).
+    coefficients : ndarray, shape (terms,)
+    kept : tuple of ndarray of int
+        Samples of each run that are rows.
+    columns : ndarray, shape (rows of all runs, terms + unknowns of all runs)
+        Weighted.
+    slopes : tuple of tuple of ndarray, each of shape (n,)
+        ∂M/∂θ and ∂M/∂θ̇ of the law.
+    residual : tuple of ndarray, each of shape (n,)
+        N·m.
+    said : ndarray, shape (unknowns of all runs,)
+        By what the sensors' word of each unknown counts; zero where they say nothing.
+    weights : ndarray, shape (runs,)
+    """
+
+    unknowns: tuple[Array, ...]
+    coefficients: Array
+    kept: tuple[NDArray[np.intp], ...]
+    columns: Array
+    slopes: tuple[tuple[Array, Array], ...]
+    residual: tuple[Array, ...]
+    said: Array
+    weights: Array
+
+
 def find_slow(
-    states: Sequence[ForceStates], slow: Sequence[Slow], terms: Sequence[ResolvedTerm]
-) -> tuple[Array, ...]:
-    """Return the unknowns of each run's slow part, each of shape (1 + 2k,).
+    states: Sequence[ForceStates],
+    slow: Sequence[Slow],
+    terms: Sequence[ResolvedTerm],
+    weights: Array | None = None,
+) -> LawRows:
+    """Find the unknowns of each run's slow part together with the coefficients of a law.
 
     Parameters
     ----------
@@ -76,77 +111,91 @@ def find_slow(
         As they were recovered.
     slow : sequence of Slow
     terms : sequence of ResolvedTerm
-        Of the law, whose coefficients are found at the same time.
+        Of the law.
+    weights : ndarray, shape (runs,), optional
+        What rows of each run count. Default: all the same.
     """
-    rows = [_thinned(state) for state in states]
-    bases = [each.basis(state, kept) for state, each, kept in zip(states, slow, rows, strict=True)]
-    moments = [state.moment[kept] for state, kept in zip(states, rows, strict=True)]
+    kept = [_thinned(state) for state in states]
+    bases = [each.basis(state, rows) for state, each, rows in zip(states, slow, kept, strict=True)]
+    moments = [state.moment[rows] for state, rows in zip(states, kept, strict=True)]
     largest = max(float(np.abs(state.angle).max()) for state in states)
-    fastest = max(float(np.abs(state.rate).max()) for state in states)
+    weights = np.ones(len(states)) if weights is None else weights
     unknowns = [each.start for each in slow]
-    coefficients, noise = np.zeros(len(terms)), float(np.std(np.concatenate(moments)))
+    coefficients, noise = np.zeros(len(terms)), 0.0
+
+    errors = np.concatenate([each.errors for each in slow])
+
+    def linearised() -> tuple[list[Array], list[tuple[Array, Array]], Array]:
+        found = [
+            _columns_and_slopes(state, rows, basis, values, terms, coefficients)
+            for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True)
+        ]
+        own, slopes = [columns for columns, _ in found], [pair for _, pair in found]
+        of_unknowns = [
+            by_angle[:, None] * basis[0] + by_rate[:, None] * basis[1]
+            for (by_angle, by_rate), basis in zip(slopes, bases, strict=True)
+        ]
+        return own, slopes, _stacked(own, of_unknowns, weights)
+
+    target = np.concatenate([np.sqrt(w) * moment for w, moment in zip(weights, moments, strict=True)])
     for number in range(ROUNDS):
-        columns, slopes = [], []
-        for state, kept, basis, values in zip(states, rows, bases, unknowns, strict=True):
-            angle, rate = state.angle[kept] + basis[0] @ values, state.rate[kept] + basis[1] @ values
-            at = [
-                term_columns(terms, angle + a, rate + r, state.acceleration[kept])
-                for a, r in (
-                    (0, 0),
-                    (STEP * largest, 0),
-                    (-STEP * largest, 0),
-                    (0, STEP * fastest),
-                    (0, -STEP * fastest),
-                )
-            ]
-            columns.append(at[0])
-            by_angle, by_rate = (at[1] - at[2]) / (2 * STEP * largest), (at[3] - at[4]) / (2 * STEP * fastest)
-            # At first the law is not known, and the angles are as the sensors show them.
-            slopes.append(
-                (by_angle @ coefficients)[:, None] * basis[0] + (by_rate @ coefficients)[:, None] * basis[1]
-            )
+        _, _, columns = linearised()
         if number == 0:
-            target = np.concatenate(moments)
-            coefficients = scaled_least_squares(np.vstack(columns), target, 1e-10)
-            noise = float(np.std(target - np.vstack(columns) @ coefficients))
+            # At first the law is not known, and the angles are as the sensors show them.
+            coefficients = scaled_least_squares(columns[:, : len(terms)], target, 1e-10)
+            noise = float(np.std(target - columns[:, : len(terms)] @ coefficients))
             continue
-        steps, coefficients, noise = _solve(columns, slopes, moments, unknowns, slow, noise)
+        said = np.concatenate([each.start - now for each, now in zip(slow, unknowns, strict=True)])
+        solved = _solve(columns, target, noise / errors, said)
+        coefficients, noise = solved[: len(terms)], float(np.sqrt(np.mean((target - columns @ solved) ** 2)))
+        steps = np.split(solved[len(terms) :], np.cumsum([each.size for each in unknowns])[:-1])
         limited = [np.clip(step, -0.3 * largest, 0.3 * largest) for step in steps]
         unknowns = [value + step for value, step in zip(unknowns, limited, strict=True)]
         if max(float(np.abs(step).max()) for step in steps) < SETTLED * largest:
             break
-    return tuple(unknowns)
+    own, slopes, columns = linearised()
+    residual = [moment - part @ coefficients for moment, part in zip(moments, own, strict=True)]
+    return LawRows(
+        tuple(unknowns), coefficients, tuple(kept), columns, tuple(slopes), tuple(residual), noise / errors, weights
+    )  # fmt: skip
 
 
-def _solve(
-    columns: Sequence[Array],
-    slopes: Sequence[Array],
-    moments: Sequence[Array],
-    unknowns: Sequence[Array],
-    slow: Sequence[Slow],
-    noise: float,
-) -> tuple[list[Array], Array, float]:
-    """Return the steps of the unknowns, the coefficients, and the residual, by one weighted least squares."""
-    terms, sizes = columns[0].shape[1], [values.size for values in unknowns]
+def _columns_and_slopes(
+    state: ForceStates,
+    rows: NDArray[np.intp],
+    basis: tuple[Array, Array],
+    unknowns: Array,
+    terms: Sequence[ResolvedTerm],
+    coefficients: Array,
+) -> tuple[Array, tuple[Array, Array]]:
+    """Return the terms' columns of a run with its slow part, and the law's slopes by angle and rate."""
+    angle, rate = state.angle[rows] + basis[0] @ unknowns, state.rate[rows] + basis[1] @ unknowns
+    of_angle, of_rate = (STEP * float(np.abs(values).max()) for values in (angle, rate))
+
+    def at(a: float, r: float) -> Array:
+        return term_columns(terms, angle + a, rate + r, state.acceleration[rows])
+
+    by_angle = (at(of_angle, 0) - at(-of_angle, 0)) @ coefficients / (2 * of_angle)
+    by_rate = (at(0, of_rate) - at(0, -of_rate)) @ coefficients / (2 * of_rate)
+    return at(0, 0), (by_angle, by_rate)
+
+
+def _stacked(columns: Sequence[Array], blocks: Sequence[Array], weights: Array) -> Array:
+    terms, sizes = columns[0].shape[1], [block.shape[1] for block in blocks]
     ends = terms + np.cumsum([0, *sizes])
-    width = int(ends[-1])
-    parts, targets = [], []
-    for index, (own, slope, moment) in enumerate(zip(columns, slopes, moments, strict=True)):
-        block = np.zeros((moment.size, width))
-        block[:, :terms], block[:, ends[index] : ends[index + 1]] = own, slope
-        parts.append(block)
-        targets.append(moment)
-    rows = np.vstack(parts)
-    target = np.concatenate(targets)
-    known = np.zeros((width - terms, width))
-    known[:, terms:] = np.diag(noise / np.concatenate([each.errors for each in slow]))
-    said = np.concatenate([each.start - now for each, now in zip(slow, unknowns, strict=True)])
-    with np.errstate(invalid="ignore"):
-        said = np.nan_to_num(np.diag(known[:, terms:]) * said)
-    solved = scaled_least_squares(np.vstack([rows, known]), np.concatenate([target, said]), 1e-12)
-    left = target - rows @ solved
-    steps = [solved[low:high] for low, high in zip(ends[:-1], ends[1:], strict=True)]
-    return steps, solved[:terms], float(np.sqrt(np.mean(left**2)))
+    parts = []
+    for index, (own, block, weight) in enumerate(zip(columns, blocks, weights, strict=True)):
+        part = np.zeros((len(own), int(ends[-1])))
+        part[:, :terms], part[:, ends[index] : ends[index + 1]] = own, block
+        parts.append(part * np.sqrt(weight))
+    return np.vstack(parts)
+
+
+def _solve(columns: Array, target: Array, counts: Array, said: Array) -> Array:
+    """Return coefficients and steps of the unknowns; what is said of these counts beside the rows."""
+    known = np.zeros((counts.size, columns.shape[1]))
+    known[:, columns.shape[1] - counts.size :] = np.diag(counts)
+    return scaled_least_squares(np.vstack([columns, known]), np.concatenate([target, counts * said]), 1e-12)
 
 
 def with_slow(state: ForceStates, slow: Slow, values: Array) -> ForceStates:

@@ -5,8 +5,8 @@ Of a joint tested alone, or of one that is simulated in a structure: the verbs o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
+from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
@@ -32,13 +33,14 @@ from sindyjoint.soundness.check import Check, check_accepted, check_campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import fitted_to, the_campaign
+from sindyjoint.workflows.discover import the_campaign
 
 if TYPE_CHECKING:
     import numpy as np
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.mechanics.actuator import Actuator
+    from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rigs import Rig
 
 
@@ -150,30 +152,23 @@ def diagnose(
             usable = without_delay(usable, delay)
         usable, lags = _followed(usable, model)
         problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
-
-        def limited(result: Diagnosis) -> Diagnosis:
-            noted = replace(result, warnings=(*result.warnings, *lag_notes(lags)))
-            return replace(_limit(noted, checked), hidden=hidden)
-
-        def known_campaign(result: Diagnosis) -> Diagnosis:
-            return _of_campaign(result, campaign, delay)
-
+        tested = _Tested(campaign, checked, delay, lags, hidden)
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
-            from sindyjoint.workflows.refine import refined_problem
+            from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
 
-            return refined_problem(last, checked.usable, _test_of(last.test, campaign, delay), say)
+            return refined_problem(last, checked.usable, tested.nuisances(last.test), say)
 
         result = explain_gap(
             problem,
             max_effects,
             say,
             advise,
-            lambda result: keep(limited(known_campaign(result))),
+            lambda result: keep(tested.told(result)),
             refined if refine else lambda last: (last, ()),
         )
-        return limited(known_campaign(result))
+        return tested.told(result)
 
 
 def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
@@ -186,37 +181,57 @@ def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, t
     return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
 
 
-def _test_of(test: TestNuisances, campaign: Campaign, delay: ChannelDelay | None) -> TestNuisances:
-    """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
-    found = test.nuisances
-    if delay is not None:
-        ends = (delay.time - 1.96 * delay.standard_error, delay.time + 1.96 * delay.standard_error)
-        known = Value("tau", delay.time, delay.standard_error, ends, "s")
-        found = (Nuisance("channel_delay", "time shift", known), *found)
-    kept = tuple(run.name for run in campaign.validation_runs)
-    digest = content_hash(campaign)
-    return replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
+@dataclass(frozen=True, eq=False)
+class _Tested:
+    """What a diagnosis says of the campaign that it is of.
 
+    Parameters
+    ----------
+    campaign : Campaign
+        As it was given, but for the runs that are kept out.
+    checked : Check
+    delay : ChannelDelay or None
+        That was removed beforehand.
+    lags : tuple of InputLag
+    hidden : HiddenCampaign or None
+        What a virtual test hides.
+    """
 
-def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
-    """Return a diagnosis whose model and test know the campaign."""
+    campaign: Campaign
+    checked: Check
+    delay: ChannelDelay | None
+    lags: tuple[InputLag, ...]
+    hidden: Any
 
-    def of_campaign(model: JointModel) -> JointModel:
-        return with_gain_uncertainty(fitted_to(model, campaign), campaign.gain_uncertainty)
+    def told(self, result: Diagnosis) -> Diagnosis:
+        """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
+        whole = None if result.whole is None else self._fitted(result.whole)
+        test = self.nuisances(result.test or TestNuisances(""))
+        warnings = (*self.checked.warnings, *result.warnings, *lag_notes(self.lags))
+        result = replace(
+            result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
+            warnings=warnings, hidden=self.hidden,
+        )  # fmt: skip
+        if self.checked.soundness.verdict != "unsound":
+            return result
+        faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in self.checked.undecided_by()))
+        without = f"{result.verdict.replace('_', ' ')}, {result.reason}"
+        reason = f"the data are not sound ({faults}); without that: {without}"
+        return replace(result, verdict=UNDECIDED, reason=reason)
 
-    whole = None if result.whole is None else of_campaign(result.whole)
-    test = _test_of(result.test or TestNuisances(""), campaign, delay)
-    return replace(result, test=test, model=of_campaign(result.model), whole=whole)
+    def nuisances(self, test: TestNuisances) -> TestNuisances:
+        """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
+        found = test.nuisances
+        if self.delay is not None:
+            time, error = self.delay.time, self.delay.standard_error
+            known = Value("tau", time, error, (time - 1.96 * error, time + 1.96 * error), "s")
+            found = (Nuisance("channel_delay", "time shift", known), *found)
+        kept = tuple(run.name for run in self.campaign.validation_runs)
+        digest = content_hash(self.campaign)
+        return replace(test, campaign=digest, joint=self.campaign.joint.name, nuisances=found, kept_out=kept)
 
-
-def _limit(result: Diagnosis, checked: Check) -> Diagnosis:
-    """Return a diagnosis that is no surer than its data allow, with what the check of these says."""
-    result = replace(result, soundness=checked.soundness, warnings=(*checked.warnings, *result.warnings))
-    if checked.soundness.verdict != "unsound":
-        return result
-    faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in checked.undecided_by()))
-    reason = f"the data are not sound ({faults}); without that: {result.verdict.replace('_', ' ')}, {result.reason}"
-    return replace(result, verdict=UNDECIDED, reason=reason)
+    def _fitted(self, model: JointModel) -> JointModel:
+        return with_gain_uncertainty(fitted_to(model, self.campaign), self.campaign.gain_uncertainty)
 
 
 def _stop(checked: Check, model: JointModel | None) -> Diagnosis:
@@ -313,6 +328,88 @@ def diagnose_structure(
     known = _known_effects(library, effects, max_effects)
     with spread(jobs, workers, cluster):
         problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
+        return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
+
+
+@checks_options()
+@single_threaded()
+def diagnose_rig(
+    rig: RigTest | str | Path,
+    models: JointModel | Mapping[str, JointModel] | None = None,
+    *,
+    library: Sequence[str | Path] = (),
+    effects: Sequence[Effect] | None = None,
+    max_effects: int = STRUCTURE.most_effects,
+    advise: bool = True,
+    before_advice: Callable[[Diagnosis], None] | None = None,
+    random_state: int | np.random.Generator | None = None,
+    progress: Callable[[str], None] | None = None,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
+    policy: DiagnosisPolicy = STRUCTURE,
+) -> Diagnosis:
+    """Find what the laws of the joints in a structure lack, against what the structure lacks, from its sensors.
+
+    The candidates are those of :func:`diagnose_structure`, without zero and drift of a sensor: effects of each kind of
+    joint, and beams, masses, clamp, drive and sensors. Each is fitted on the simulated steady motion of every run
+    beside the laws' numbers and the structure's uncertain ones, which keep to the priors of the file.
+
+    Parameters
+    ----------
+    rig : RigTest or path of a rig.toml
+        With sensors and recorded runs that repeat. The gaps are told on runs that no fit sees: those marked
+        ``use = "validate"``, or every third one.
+    models : JointModel or mapping of str to JointModel, optional
+        For every joint, or by kind of joint: from tests of the joint alone; numbers keep to their covariance. Default:
+        the laws that :func:`~sindyjoint.discover_rig` finds in the same runs, with free numbers.
+    library, effects, max_effects, advise, before_advice, random_state, progress, jobs, workers, cluster, policy
+        As in :func:`diagnose_structure`; runs are not advised.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        For runs that cannot be used, or joints in which no law is found.
+    """
+    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis
+    from sindyjoint.diagnosis.structure.runs import RunsProblem
+    from sindyjoint.judgement.rig_discovery import described
+    from sindyjoint.mechanics.rig_test import RigTest
+    from sindyjoint.mechanics.rig_test_file import load_rig_test
+    from sindyjoint.substructure.recovery import recover
+    from sindyjoint.workflows.discover import discover_rig
+
+    say = progress or (lambda stage: None)
+    known_effects = _known_effects(library, effects, max_effects)
+    test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
+    given = models is not None
+    if models is None:
+        found = discover_rig(test, random_state=random_state, progress=say)
+        lacking = [law for law in found.laws if not law.found]
+        if lacking:
+            raise InputError(
+                f"no law was found of {lacking[0].kind}: give a model, or see what discover says"
+            )
+        test = described(found)
+        models = {law.kind: law.discovery.model for law in found.laws if law.discovery is not None}
+    elif isinstance(models, JointModel):
+        models = dict.fromkeys(test.kinds, models)
+    say("the steady motion with the models")
+    recoveries = {run: recover(test, run) for run in test.runs}
+    fitted, kept = (
+        RunsProblem.of(test, own, models, given, policy) if own else None
+        for own in (
+            [r for run, r in recoveries.items() if run.use == use] for use in ("identify", "validate")
+        )
+    )
+    if fitted is None:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    with spread(jobs, workers, cluster):
+        problem = RunsDiagnosis.of(fitted, kept, known_effects)
         return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
 
 

@@ -1,50 +1,52 @@
-"""A campaign goes in, a joint model comes out, with a verdict on the paper's five terms."""
+"""A campaign goes in, a joint model comes out, with a verdict on the paper's five terms; of a structure, its joints."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from sindyjoint.discovery.delay import ChannelDelay, estimate_delay, find_delay, shifted
+from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
-from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.discovery import Discovery, stopped_by_data
-from sindyjoint.judgement.policy import POLICY
-from sindyjoint.judgement.second_search import campaign_model, search_again, softened
+from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
+from sindyjoint.judgement.second_search import (
+    TermSearch,
+    campaign_model,
+    search_again,
+    softened,
+    unmeasured_bias,
+    without_bias,
+)
 from sindyjoint.judgement.verdict import (
     Verdict,
     judge,
-    noise_alike,
     undecided_by_data,
     undecided_without_time,
+    unresolved_delay,
 )
 from sindyjoint.options import checks_options
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.states.campaigns import content_hash, with_lags
-from sindyjoint.text import spelled
+from sindyjoint.states.campaigns import with_lags
 from sindyjoint.threads import single_threaded
-from sindyjoint.versions import versions
 
 if TYPE_CHECKING:
-    from sindyjoint.bias.correction import Corrected
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.response.output_error_parts import Nuisance
+    from sindyjoint.judgement.rig_discovery import RigDiscovery
+    from sindyjoint.mechanics.rig_test import RigTest
 
 
 def regressor_options() -> tuple[str, ...]:
@@ -121,7 +123,7 @@ def discover(
     check_accepted(accept)
     if campaign is None:
         say("simulating the virtual test")
-    campaign = opened = the_campaign(campaign, random_state, LONGEST)
+    campaign = the_campaign(campaign, random_state, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
@@ -134,42 +136,37 @@ def discover(
     checked = check_campaign(campaign, accept)
     if checked.stopping:
         return stopped_by_data(checked, regressor)
-    measured_campaign, campaign = campaign, checked.usable
-    prepared = _prepare(campaign, regressor, library, states, bandwidth, align, say)
-    campaign, force_states, delay, lag = prepared.campaign, prepared.states, prepared.delay, prepared.lag
+    make_states = partial(campaign_states, method=states, bandwidth=bandwidth)  # type: ignore[arg-type]
+    prepared = _prepare(checked.usable, regressor, library, make_states, align, say)
     say("selecting terms")
-    with executor(jobs, workers, cluster) if has_long_runs(campaign) else nullcontext() as here:
-        regressor, counts = _select_terms(regressor, campaign, force_states, here, bandwidth, lag, say)
+    long = has_long_runs(prepared.campaign)
+    with executor(jobs, workers, cluster) if long else nullcontext() as here:
+        first, counts = _select_terms(regressor, prepared, here, bandwidth, say)
     say("judging")
-    model = campaign_model(regressor, campaign, force_states, counts)
-    measured, note = regressor, ""
-    if correct and not has_long_runs(campaign):
-        again = search_again(regressor, model, campaign, force_states, counts, say)
-        regressor, model, force_states, note = again.regressor, again.model, again.states, again.note
-    left_in = _unresolved_delay(delay, regressor, model, force_states) if lag == 0.0 else None
-    verdict = _judge_terms(regressor, measured, model, campaign, force_states, left_in, correct)
-    verdict = undecided_without_time(verdict) if campaign.quasi_static else verdict
-    verdict = undecided_by_data(verdict, checked.undecided_by(aligned=lag != 0.0))
+    best = search_again(first, prepared.campaign, counts, say) if correct and not long else first
+    verdict, left_in = _judge_terms(best, first.regressor, prepared, correct)
+    verdict = undecided_by_data(verdict, checked.undecided_by(aligned=prepared.lag != 0.0))
     say("measuring the bias of the processing")
-    fixed = _correct_model(regressor, measured, model, campaign, force_states) if correct else None
-    model = fixed.model if fixed is not None else model
-    told = delay if align else left_in
-    model = with_gain_uncertainty(model, campaign.gain_uncertainty)
-    left = (note, *lag_notes(prepared.lags), unused, _unmeasured_bias(fixed))
-    warnings = list_warnings(campaign, force_states, model, told, align, regressor.indistinct_)
+    fixed = without_bias(best, first.regressor, prepared.campaign) if correct else None
+    model = with_gain_uncertainty(
+        best.model if fixed is None else fixed.model, prepared.campaign.gain_uncertainty
+    )
+    told = prepared.delay if align else left_in
+    left = (best.note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
+    warnings = list_warnings(prepared.campaign, best.states, model, told, align, best.regressor.indistinct_)
     return Discovery(
-        model=fitted_to(model, opened),
+        model=fitted_to(model, campaign),
         verdict=verdict,
         found=bool(model.terms),
-        reason=regressor.selection_result_.reason,
-        skew=delay,
+        reason=best.regressor.selection_result_.reason,
+        skew=prepared.delay,
         warnings=(*checked.warnings, *warnings, *filter(None, left)),
-        states=force_states,
-        regressor=regressor,
-        campaign=campaign,
+        states=best.states,
+        regressor=best.regressor,
+        campaign=prepared.campaign,
         bias=fixed.bias if fixed is not None else None,
         soundness=checked.soundness,
-        measured=measured_campaign,
+        measured=campaign,
         paper=paper,
     )
 
@@ -188,15 +185,14 @@ def _prepare(
     campaign: Campaign,
     regressor: JointRegressor,
     library: Any,
-    states: str,
-    bandwidth: float | None,
+    make_states: Callable[[Campaign], tuple[ForceStates, ...]],
     align: bool,
     say: Callable[[str], None],
 ) -> _Prepared:
     """Return what terms are sought in; with the default library the candidates are those of the angles reached."""
     inertia = campaign.joint.inertia
     say("force states")
-    made = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+    made = make_states(campaign)
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in made)
         found = default_candidates(largest, campaign.joint.motion)
@@ -206,7 +202,7 @@ def _prepare(
     lags = find_lags(made, inertia, campaign.inputs)
     if lags:
         campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
-        made = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+        made = make_states(campaign)
         regressor.set_params(inputs=campaign.inputs)
     say("time delay between the channels")
     delay = find_delay(made, inertia, campaign.inputs)
@@ -216,118 +212,35 @@ def _prepare(
 
 def _select_terms(
     regressor: JointRegressor,
-    campaign: Campaign,
-    states: Sequence[ForceStates],
+    prepared: _Prepared,
     here: Executor | None,
     bandwidth: float | None,
-    lag: float,
     say: Callable[[str], None],
-) -> tuple[JointRegressor, tuple[SampleCount, ...]]:
+) -> tuple[TermSearch, tuple[SampleCount, ...]]:
     """Fit a regressor to force states, or to runs that are too long for memory; count the samples it saw."""
+    campaign, states = prepared.campaign, prepared.states
     if here is not None:
-        return fit_long(regressor, campaign, states, here, bandwidth=bandwidth, lag=lag, say=say)
-    regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
-    return regressor, tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
+        regressor, counts = fit_long(
+            regressor, campaign, states, here, bandwidth=bandwidth, lag=prepared.lag, say=say
+        )
+    else:
+        regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
+        counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
+    return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states), counts
 
 
 def _judge_terms(
-    regressor: JointRegressor,
-    measured: JointRegressor,
-    model: JointModel,
-    campaign: Campaign,
-    states: Sequence[ForceStates],
-    delay: ChannelDelay | None,
-    correct: bool,
-) -> Verdict:
-    """Return the verdict on the paper's terms, with the delay that is left in the channels."""
+    found: TermSearch, measured: JointRegressor, prepared: _Prepared, correct: bool
+) -> tuple[Verdict, ChannelDelay | None]:
+    """Return the verdict on the paper's terms, and the delay that is left in the channels."""
+    regressor, model, states = found.regressor, found.model, found.states
+    left = unresolved_delay(prepared.delay, regressor, model, states) if prepared.lag == 0.0 else None
     slowest = min(s.sample_rate for s in states)
-    unresolved = delay if delay is not None and delay.unresolved(slowest) else None
+    unresolved = left if left is not None and left.unresolved(slowest) else None
     verdict = judge(regressor, model, measured is not regressor, unresolved)
     if correct and verdict.verdict == "refuted":
-        return softened(verdict, regressor, model, campaign, states)
-    return verdict
-
-
-def _correct_model(
-    regressor: JointRegressor,
-    measured: JointRegressor,
-    model: JointModel,
-    campaign: Campaign,
-    states: Sequence[ForceStates],
-) -> Corrected:
-    """Take out of a model's coefficients what the processing does to them.
-
-    ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that
-    stays uncertain, as of any correction.
-    """
-    from sindyjoint.bias.correction import corrected_model
-    from sindyjoint.discovery.evidence import fit_columns
-
-    chosen = [term for term in regressor.terms_ if term.id in model]
-    fitted = [term for term in chosen if term.id in regressor.evidence_.ids]
-    known = [term for term in chosen if term.id not in regressor.evidence_.ids]
-    moved = None
-    if measured is not regressor and {term.id for term in fitted} <= set(measured.evidence_.ids):
-        columns = [measured.evidence_.ids.index(term.id) for term in fitted]
-        before = fit_columns(measured.evidence_, columns).coefficients
-        moved = np.array([model[term.id].coefficient for term in fitted]) - before
-    return corrected_model(model, fitted, campaign, states, known=known, moved=moved)
-
-
-def _unmeasured_bias(fixed: Corrected | None) -> str:
-    """Return a warning where the bias of the processing was to be taken out and could not be measured."""
-    if fixed is None or not fixed.reason:
-        return ""
-    return f"the bias of the processing could not be measured ({fixed.reason}): the intervals hold the noise only"
-
-
-def refined(result: Discovery, nuisance: Sequence[Nuisance] = (), **options: object) -> Discovery:
-    """Return a discovery whose coefficients are refined on the simulated response, with the notes of that."""
-    from sindyjoint.response.refine import refine
-
-    if not result.found:
-        return result
-    refinement = refine(
-        result.model,
-        result.campaign,
-        states=result.states,
-        nuisance=nuisance,
-        **options,  # type: ignore[arg-type]
-    )
-    apart = _warn_of_disagreement(result.model, refinement.model) if refinement.refined else ()
-    # The intervals of a refinement hold noise alone.
-    refined_model = refinement.model
-    if refinement.refined:
-        plain = replace(refined_model, fitted=replace(refined_model.fitted, gains=()))
-        refined_model = with_gain_uncertainty(plain, result.campaign.gain_uncertainty)
-    return replace(
-        result,
-        model=refined_model,
-        warnings=(*result.warnings, *refinement.notes, *apart),
-        # What was taken out of the coefficients of the regression says nothing of these.
-        bias=None if refinement.refined else result.bias,
-    )
-
-
-def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, ...]:
-    """Return a warning for terms that regression and simulation give values that their errors do not reconcile."""
-    apart = []
-    for term in after.terms:
-        if term.id not in before:
-            continue
-        other = before[term.id]
-        error = float(np.hypot(term.standard_error, other.standard_error))
-        if abs(term.coefficient - other.coefficient) > POLICY.refined_apart * error:
-            apart.append(
-                f"{spelled(term.id)} ({other.coefficient:.4g} ± {other.standard_error:.2g} by regression, "
-                f"{term.coefficient:.4g} ± {term.standard_error:.2g} on the response)"
-            )
-    if not apart:
-        return ()
-    return (
-        f"regression and simulated response disagree by more than {POLICY.refined_apart:g} standard errors: "
-        f"{'; '.join(apart)}; the model lacks something, or samples are too few for derivatives",
-    )
+        verdict = softened(verdict, regressor, model, prepared.campaign, states)
+    return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
 
 
 def the_campaign(
@@ -347,30 +260,74 @@ def the_campaign(
     return load_campaign(campaign, longest)
 
 
-def fitted_to(model: JointModel, campaign: Campaign) -> JointModel:
-    """Return a model that knows the campaign it was fitted to, as it was given, and by which versions."""
-    return replace(model, fitted=replace(model.fitted, data=content_hash(campaign), versions=versions()))
+def discover_rig(
+    rig: RigTest | str | Path,
+    library: Any = "extended",
+    *,
+    refine: bool = False,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> RigDiscovery:
+    """Find the law of the joints in an assembled structure from its sensors.
 
+    Parameters
+    ----------
+    rig : RigTest, str or Path
+        Or a ``rig.toml`` with sensors and runs.
+    library
+        Candidate terms, as for :func:`~sindyjoint.discover`.
+    refine : bool
+        Fit the laws' numbers, and the structure's uncertain ones, to the simulated response of the runs in the end;
+        their intervals are then those of that fit.
+    progress : callable, optional
+    **options
+        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
 
-def _unresolved_delay(
-    delay: ChannelDelay | None, regressor: JointRegressor, model: JointModel, states: Sequence[ForceStates]
-) -> ChannelDelay | None:
-    """Return the delay that is left in the channels, or that explains the moment as well as terms beyond the paper's.
+    Returns
+    -------
+    RigDiscovery
 
-    A law that lacks a term takes a delay for it, and a delay is taken for terms: the one that leaves less is believed.
-    States that lack weak harmonics show one too, that is not there once they are completed.
+    Raises
+    ------
+    InputError
+        For a file that cannot be used, too few sensors, or runs that are too short.
     """
-    if delay is None or not model.terms:
-        return None
-    extra = [term for term in model.ids if term not in (*PAPER_TERMS, INERTIA)]
-    completed = any(s.completed for s in states)
-    if not extra and not completed:
-        return delay if delay.significant else None
-    if extra and delay.significant and not delay.at_limit and noise_alike(delay.residual_rms, model):
-        return delay
-    chosen = [term for term in regressor.terms_ if term.id in model]
-    try:
-        found = estimate_delay(states, chosen, model.joint.inertia)
-    except (np.linalg.LinAlgError, InputError):
-        return None
-    return found if found.significant else None
+    from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
+    from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings
+    from sindyjoint.mechanics.rig_test import RigTest
+    from sindyjoint.mechanics.rig_test_file import load_rig_test
+    from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
+    from sindyjoint.substructure.recovery import recover
+    from sindyjoint.substructure.update import update_structure, with_numbers
+
+    say = progress or (lambda stage: None)
+    test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
+    runs = test.identification_runs
+    if not runs:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    say("recovering angles and moments of the joints")
+    recoveries = tuple(recover(test, run) for run in runs)
+    update = update_structure(test, recoveries)
+    if update is not None:
+        say("updating the structure's numbers")
+        test = with_numbers(test, update.change)
+        recoveries = tuple(recover(test, each.run, each.spectra) for each in recoveries)
+    laws = find_laws(test, recoveries, say, library=library, **options)
+    if update is not None:
+        say("what the structure's numbers leave uncertain")
+        laws = tuple(with_uncertain_structure(law, test, update) for law in laws)
+    seen = joints_seen(test, recoveries)
+    words = [each.words for each in seen if each.words]
+    differ = [law.alike for law in laws if "differ" in law.alike]
+    warnings = (*misfit_warnings(recoveries), *words, *differ)
+    found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
+    if not (refine and found.found):
+        return found
+    from sindyjoint.judgement.rig_discovery import described, with_refinement
+    from sindyjoint.judgement.rig_refinement import refine_rig
+
+    models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
+    state = options.get("random_state")
+    return with_refinement(
+        found, refine_rig(described(found), recoveries, models, random_state=state, progress=say)
+    )

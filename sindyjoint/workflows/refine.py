@@ -9,29 +9,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.equation.element import JointElement, Value
-from sindyjoint.equation.formula import formula_text
+from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError
+from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Enters, Nuisance, TestNuisances, read_test
 from sindyjoint.response.output_error_parts import Nuisance as Kind
 from sindyjoint.response.refine import Refinement
 from sindyjoint.response.refine import refine as refine_response
-from sindyjoint.response.run import WINDOW, pooled_nrmse, prescribed, simulate_run
+from sindyjoint.response.run import WINDOW
+from sindyjoint.response.verification import Settings
 from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.soundness.check import check_campaign, require_sound
-from sindyjoint.states import ForceStates, campaign_states, force_states, one_after_another, transfer_noise
+from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import fitted_to, the_campaign
+from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.verify import CampaignVerification, put_right
 
 if TYPE_CHECKING:
-    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-    from sindyjoint.diagnosis.effects.fitted import FittedEffect
+    pass
 
 # What the estimated errors of the channels are in test.json; a gain has no place there.
 STORED: dict[str, tuple[str, Enters, str]] = {
@@ -155,16 +155,8 @@ def refine(
         later = fitted_to(tested_on(later, states, usable), given)
     found = _stored(result, applied or TestNuisances(content_hash(given), given.joint.name))
     shown = found.corrected(checked.usable) if found else usable
-    verified = verify_campaign(
-        later,
-        align_channels(shown) if align else shown,
-        tolerance,
-        draws,
-        window,
-        np.random.default_rng(random_state),
-        say,
-        found,
-    )
+    settings = Settings(tolerance, draws, np.random.default_rng(random_state), window)
+    verified = verify_campaign(later, align_channels(shown) if align else shown, settings, say, found)
     known = {each.name: getattr(verified, each.name) for each in fields(verified)}
     if "gain" in result.nuisance:
         notes = (*notes, "the gain that was estimated is not applied where model and campaign are compared")
@@ -204,112 +196,3 @@ def _stored(result: Refinement, test: TestNuisances) -> TestNuisances:
             ends = (value - 1.96 * error, value + 1.96 * error)
             found.append(Nuisance(id, enters, Value(symbol, value, error, ends, unit)))
     return replace(test, nuisances=tuple(found))
-
-
-def refined_problem(
-    problem: CampaignProblem,
-    usable: Campaign,
-    test: TestNuisances,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[CampaignProblem, tuple[str, ...]]:
-    """Return a repaired campaign whose whole model is fitted to the simulated response, and notes on that.
-
-    As it is where the response gap would grow by it. Where the catalogue has further forms of an element, as of Bouc
-    and Wen's law or of a gap, the one with the least misfit of the response is used.
-
-    Parameters
-    ----------
-    problem : CampaignProblem
-        The last one of a diagnosis.
-    usable : Campaign
-        Without the samples that the check of the data leaves out; channels as they were measured.
-    test : TestNuisances
-        What the diagnosis found of the test.
-    progress : callable, optional
-    """
-    whole = problem.whole
-    if not (whole.terms or whole.elements):
-        return problem, ()
-    (progress or (lambda stage: None))("refining on the simulated response")
-    campaign = test.corrected(usable)
-    states = one_after_another(campaign, campaign_states(campaign))
-    tried = [
-        refine_response(model, campaign, states=states, test=test)
-        for model in (whole, *other_forms(whole, problem.found))
-    ]
-    # One that did not succeed has no misfit.
-    refinement = min(tried, key=lambda each: each.misfit if each.refined else np.inf)
-    if not refinement.refined:
-        return problem, refinement.notes
-    before, after = (simulated_gap(model, campaign, test) for model in (whole, refinement.model))
-    if not after <= (1 + POLICY.refined_gap) * before:
-        note = (
-            f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % "
-            f"where it is {100 * before:.3f} %"
-        )
-        return problem, (note,)
-    notes = refinement.notes
-    if refinement is not tried[0]:
-        notes = (
-            *notes,
-            "the simulated response is better with another form of an element than the regression chose: "
-            f"{refinement.model.equation()}",
-        )
-    return problem.with_whole(refinement.model), notes
-
-
-def other_forms(model: JointModel, effects: Sequence[FittedEffect]) -> list[JointModel]:
-    """Return a model with one element in another form that the catalogue has of its effect, numbers as they are.
-
-    Forms with other numbers than the element has are left out.
-    """
-    models = []
-    for effect in effects:
-        place = next((i for i, each in enumerate(model.elements) if each.id == effect.name), None)
-        if place is None:
-            continue
-        known = model.elements[place]
-        seen = {_form(known)}
-        for variant in effect.effect.variants:
-            if variant.names != effect.variant.names or len(variant.columns) != len(known.columns):
-                continue
-            if [state.name for state in variant.states] != [state.name for state in known.states]:
-                continue
-            columns = tuple(
-                replace(value, formula=formula_text(column.expression))
-                for value, column in zip(known.columns, variant.columns, strict=True)
-            )
-            states = tuple(
-                replace(
-                    old,
-                    rate=formula_text(new.rate),
-                    limit=None if new.limit is None else formula_text(new.limit),
-                )
-                for old, new in zip(known.states, variant.states, strict=True)
-            )
-            other = replace(known, columns=columns, states=states)
-            if _form(other) not in seen:
-                seen.add(_form(other))
-                elements = (*model.elements[:place], other, *model.elements[place + 1 :])
-                models.append(replace(model, elements=elements))
-    return models
-
-
-def _form(element: JointElement) -> tuple[str, ...]:
-    """Return the formulas of an element."""
-    return (
-        *(column.formula for column in element.columns),
-        *(f"{state.rate}, {state.limit}" for state in element.states),
-    )
-
-
-def simulated_gap(model: JointModel, campaign: Campaign, test: TestNuisances) -> float:
-    """Return the response NRMSE over the validation runs, or all; NaN where a simulation fails."""
-    runs = {run.name: run for run in campaign.validation_runs or campaign.runs}
-    errors = []
-    for states in one_after_another(campaign, [force_states(run) for run in runs.values()]):
-        law = test.law(model, states)
-        motion = prescribed(states, inertia=law.inertia)
-        run = simulate_run(law, runs[states.run], states, drive="motion" if motion else None)
-        errors.append(("moment" if motion else "angle", run.response_nrmse, run.response_scale))
-    return pooled_nrmse(errors)

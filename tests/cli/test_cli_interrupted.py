@@ -21,7 +21,7 @@ COMMANDS = {
     "export": (("export", "model.json", "--to", "c", "--out", FILE), (MODEL, ASIDE)),
     "check": (("check", "campaign", "--out", FOLDER), (EARLY, ASIDE, MOVING)),
     "simulate": (("simulate", "--model", "model.json", "--out", FOLDER), (MODEL, MOVING)),
-    "init": (("init", "campaign", "--force", "--yes"), ("workflows.init.survey_folder", ASIDE)),
+    "init": (("init", "campaign", "--force", "--yes"), ("files.drafting.init.survey_folder", ASIDE)),
     "copy": (("libraries", "copy", "paper", FILE), (ASIDE,)),
     "schema": (("schema",), ("reporting.schemas.record_schema",)),
 }

@@ -12,7 +12,7 @@ from sindyjoint.discovery.inputs import with_dependences
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.inputs import Input, lagged, levels
+from sindyjoint.inputs import Input, lagged, levels, run_levels
 from sindyjoint.judgement.verdict import judge
 from sindyjoint.states import campaign_states
 
@@ -204,3 +204,12 @@ within = ["coulomb_friction"]
     assert term.parameters == (("T0", 283.15),) and term.coefficient == pytest.approx(-0.004, rel=0.05)
     with pytest.raises(InputError, match="depends on the input 'temperature', which these data do not have"):
         JointRegressor(str(tmp_path / "mine.toml")).fit(X[:, :2], moment(X))
+
+
+def test_runs_at_nearly_one_value_are_at_one_level():
+    measured = {"a": 20.1, "b": 20.4, "c": 59.8, "d": 60.0, "e": 20.2}
+    at = run_levels({name: np.linspace(v - 0.1, v + 0.1, 9) for name, v in measured.items()}, (20.0, 60.1))
+    assert at["a"] == at["b"] == at["e"] == pytest.approx(60.7 / 3)
+    assert at["c"] == at["d"] == pytest.approx(59.9)
+    assert run_levels({"a": np.linspace(0, 1, 9), "b": np.ones(9)}, (0.0, 1.0)) == {}
+    assert run_levels({"a": np.ones(9)}, (1.0, 1.0)) == {}

@@ -6,8 +6,8 @@ import pytest
 from sindyjoint import Campaign
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files import load_campaign
+from sindyjoint.files.drafting.init import init
 from sindyjoint.files.writers import write_campaign
-from sindyjoint.workflows.init import init
 
 RATE, ANGULAR = 500.0, 2 * np.pi * 4
 TIME = np.arange(3000) / RATE

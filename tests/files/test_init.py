@@ -13,7 +13,7 @@ import sindyjoint
 from sindyjoint.cli.app import app
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
 from sindyjoint.files import load_campaign
-from sindyjoint.workflows.init import init
+from sindyjoint.files.drafting.init import init
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import sindyjoint
-from sindyjoint import Campaign, verify
+from sindyjoint import Campaign, compare, verify
 from sindyjoint.cli.app import app
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.equation.catalogue import load_catalogue
@@ -274,3 +274,10 @@ def test_screw_of_the_public_set_is_answered(public_data, tmp_path):
         warnings.simplefilter("error")
         discovery = sindyjoint.discover(tmp_path)
     assert discovery.headline.colour != "good" and discovery.verdict.verdict == "undecided"
+
+
+def test_a_comparison_without_time_is_held_against_what_it_can_show(found):
+    compared = compare(found.campaign, "paper", methods=["stlsq"], libraries=["paper"], replicates=10)
+    assert "viscous" not in compared.agreement and compared.paper_set == "the paper's terms without rate"
+    assert "linear_damping" not in compared.wanted and "linear_damping" not in compared.methods[0].missing
+    assert "frequenc" not in compared.agreement and compared.parts in ("level", "run")

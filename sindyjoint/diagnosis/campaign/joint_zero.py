@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import fit_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression
@@ -26,7 +25,6 @@ from sindyjoint.states import ForceStates
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
-Array = NDArray[np.float64]
 
 CONSTANT, ZERO = "constant_moment", "angle_offset"
 # Zeros that are tried, as shares of the largest angle, about that of the terms and a constant; then half as far apart.

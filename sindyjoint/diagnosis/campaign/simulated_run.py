@@ -13,7 +13,7 @@ from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
-from sindyjoint.response.run import SUBSTEPS, SimulatedRun, prescribed, simulate_run
+from sindyjoint.response.run import SUBSTEPS, Drive, SimulatedRun, prescribed, simulate_run
 from sindyjoint.states import ForceStates
 
 
@@ -24,11 +24,17 @@ def simulated(
     effects: Sequence[FittedEffect],
     policy: DiagnosisPolicy = CAMPAIGN,
     substeps: int = SUBSTEPS,
+    response_only: bool = False,
+    spurious: bool = False,
 ) -> SimulatedRun | None:
-    """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
+    """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
+
+    Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
+    With ``spurious`` a motion whose few harmonics may be noise was the drive, too.
+    """
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
-    motion = prescribed(states, inertia=model.inertia)
+    motion = prescribed(states, spurious, inertia=model.inertia)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)
@@ -43,7 +49,8 @@ def simulated(
         states = replace(states, angle=states.angle - drift * (middle if steady else states.time))
     law = law_of(model, effects, states)
     try:
-        return simulate_run(law, run, states, drive="motion" if motion else None, substeps=substeps)
+        drive: Drive | None = "motion" if motion else None
+        return simulate_run(law, run, states, drive=drive, substeps=substeps, response_only=response_only)
     except SindyJointError:
         # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
         return None

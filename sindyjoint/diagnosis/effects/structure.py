@@ -80,6 +80,8 @@ class Setup:
         Factor on the force.
     delay, gain, zero, drift : float
         Of the displacement record: s, factor, m, m/s.
+    kinds : dict of str to Setup
+        Of a structure with several kinds of joints: numbers and added laws of each.
     """
 
     items: tuple[Item, ...]
@@ -91,6 +93,7 @@ class Setup:
     gain: float = 1.0
     zero: float = 0.0
     drift: float = 0.0
+    kinds: dict[str, Setup] = field(default_factory=dict)
 
     @property
     def motion_key(self) -> tuple[Any, ...]:
@@ -126,6 +129,8 @@ class Change:
         Whether it is tried only where no other variant explains the gap.
     units : dict of str to str
         Of the reported numbers.
+    kind : str
+        Of the joints in which it acts, where a structure has such kinds.
     """
 
     effect: str
@@ -142,6 +147,7 @@ class Change:
     memory: bool = False
     fallback: bool = False
     units: dict[str, str] = field(default_factory=dict)
+    kind: str = ""
 
     @property
     def size(self) -> int:

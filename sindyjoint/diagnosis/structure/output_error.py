@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,25 @@ class Fit:
     x: Array
     cost: float
     jacobian: Array = field(repr=False)
+
+
+class Fitted(Protocol):
+    """What a fit asks of a problem."""
+
+    @property
+    def base_size(self) -> int:
+        """Numbers of the base."""
+
+    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
+        """Return lower and upper bounds of the numbers."""
+
+    def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
+        """Return simulated less measured in units of noise up to a time, then the prior rows; None for no motion."""
+
+    def derivatives(
+        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
+    ) -> Array:
+        """Return the columns of the Jacobian at some places."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,6 +252,19 @@ class PulseProblem:
                 columns[:, column] = (ahead - residual) / step
         return columns
 
+    def near(self, x: Array) -> PulseProblem:
+        """Return the problem for a first look round some numbers: itself."""
+        return self
+
+    def prepared(self, x: Array) -> PulseProblem:
+        """Return the problem with what the time step does to the response, by Richardson's rule for order two."""
+        setup = self.setup(x)
+        whole = self.simulate(setup, self.duration)
+        half = self.simulate(setup, self.duration, 0.5 * self.rig.step)
+        if whole is None or half is None:
+            return replace(self, step_error=())
+        return replace(self, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
+
 
 def prior_root(model: JointModel, least: float) -> Array:
     """Return L with L·Lᵀ the covariance of a model's coefficients (inertia left out), each ``least`` of itself more."""
@@ -256,7 +289,7 @@ def _later(motion: Array, delay: float, sample_rate: float) -> Array:
 
 
 def fit(
-    problem: PulseProblem,
+    problem: Fitted,
     x: Array,
     duration: float,
     extra: Change | None = None,
@@ -270,7 +303,7 @@ def fit(
 
     Parameters
     ----------
-    problem : PulseProblem
+    problem : Fitted
     x : ndarray
     duration : float
         Horizon, s.

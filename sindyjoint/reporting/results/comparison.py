@@ -12,7 +12,6 @@ from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.comparison import KINDS
 from sindyjoint.reporting.page import markup
@@ -61,8 +60,8 @@ class ComparisonView(View[Comparison, Comparison]):
         """Return the tables of a comparison."""
         tables = [_against_terms("methods", "Methods against terms", result, result.methods)]
         if result.frequencies:
-            title = "Each single frequency against terms"
-            tables.append(_against_terms("frequencies", title, result, result.frequencies))
+            title = f"Each single {result.parts} against terms"
+            tables.append(_against_terms(result.several, title, result, result.frequencies))
         tables.append(_against_terms("libraries", "Libraries against terms", result, result.libraries))
         tables.append(_coefficients(result))
         if result.tests:
@@ -109,8 +108,9 @@ class ComparisonView(View[Comparison, Comparison]):
         from rich.markup import escape
 
         simulated = " (simulated)" if result.simulated else ""
-        many = f"{len(result.methods)} methods, {len(result.frequencies)} frequencies"
-        return f"{escape(result.joint)}{simulated}: terms by {many}, {len(result.libraries)} libraries"
+        apart = f", {len(result.frequencies)} {result.several}" if result.frequencies else ""
+        many = f"{len(result.methods)} methods{apart}, {len(result.libraries)} libraries"
+        return f"{escape(result.joint)}{simulated}: terms by {many}"
 
     def show_result(self, result: Comparison, console: Console) -> None:
         """Print the model, what every choice leads to, and whether coefficients change with frequency."""
@@ -123,7 +123,14 @@ class ComparisonView(View[Comparison, Comparison]):
         )
         choices = _choice_rows(result)
         load = quantities(result.motion).moment.lower()
-        columns = ("", "terms", "residual", f"left-out {load}", "response", "instead of the paper's five")
+        columns = (
+            "",
+            "terms",
+            "residual",
+            f"left-out {load}",
+            "response",
+            f"instead of {result.paper_set.removesuffix(' terms')}",
+        )
         print_wrapped(terminal_table(columns, choices, "lrrrrl"), console)
         console.print(f"\n{escape(result.agreement)}")
         if result.tests:
@@ -161,13 +168,15 @@ class ComparisonView(View[Comparison, Comparison]):
 
 
 def _title(result: Comparison) -> str:
-    return f"{result.joint}: terms by method, frequency and library"
+    return (
+        f"{result.joint}: terms by method, {f'{result.parts} and ' if result.frequencies else 'and '}library"
+    )
 
 
 def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
     rows = []
     for term in result.shown_ids:
-        if any(choice[term] for choice in choices) or term in PAPER_TERMS:
+        if any(choice[term] for choice in choices) or term in result.wanted:
             rows.append(
                 (
                     f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})",
@@ -259,9 +268,17 @@ def _folds(result: Comparison) -> TextTable:
         for fold in validation.folds
     ]
     single = set(result.left_out) == {"time"}
+    kinds = " or ".join(
+        kind if kind in ("frequency", "level") else f"level of {kind}" for kind in result.left_out
+    )
+    apart = (
+        "one run"
+        if set(result.left_out) == {"run"}
+        else f"the runs of one {kinds}".replace("level of run", "run")
+    )
     return TextTable(
         "left-out",
-        "Without one part of the run" if single else "Without the runs of one frequency or level",
+        "Without one part of the run" if single else f"Without {apart}",
         ("left out", f"error of its {quantities(result.motion).moment.lower()}", "terms found"),
         tuple(rows),
     )
@@ -276,7 +293,7 @@ def _long_rows(result: Comparison, missing: Any) -> list[tuple[Any, ...]]:
     """Return every choice, term by term; ``missing`` stands for the numbers of a term that was not chosen."""
     groups = {
         "method": result.methods,
-        "frequency": result.frequencies,
+        result.parts: result.frequencies,
         "library": result.libraries,
         "model": (result.model,),
     }
@@ -346,7 +363,7 @@ def _given_model(given: GivenModel, motion: str) -> TextTable:
 
 
 def _difference(choice: Choice, motion: str) -> str:
-    """Return what a choice has instead of the paper's five terms."""
+    """Return what a choice has instead of the paper's terms."""
     if not choice.terms:
         return "no model"
     if choice.agrees:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.judgement.joint_laws import JointLaw
+from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.structure_joints import KINDS, RecoveredLoop, StructureFigures
 from sindyjoint.reporting.page import markup
@@ -15,8 +17,6 @@ from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.text_table import TextTable, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded
-from sindyjoint.workflows.discover_rig import RigDiscovery
-from sindyjoint.workflows.joint_laws import JointLaw
 
 POINTS = 400  # of a loop in the picture
 
@@ -92,6 +92,7 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
                 for law in result.laws
             ],
             "misfit": _misfit(result),
+            "refined": _refined(result),
         }
 
     def show(self, result: RigDiscovery) -> None:
@@ -113,6 +114,8 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
                 console.print(f"\n[bold]{escape(table.title)}[/]")
                 print_whole(terminal_table([column.lower() for column in table.columns], table.rows), console)
         console.print(f"\n{_misfit(result)}")
+        if _refined(result):
+            console.print(_refined(result))
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
 
@@ -129,7 +132,12 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
 
 def place_of_law(law: JointLaw) -> str:
     """Return the folder within the results in which the discovery of a kind of joint stands."""
-    return "".join(c if c.isalnum() else "-" for c in law.kind).strip("-") or "joint"
+    return place_of_kind(law.kind)
+
+
+def place_of_kind(kind: str) -> str:
+    """Return the folder within the results of a kind of joint."""
+    return "".join(c if c.isalnum() else "-" for c in kind).strip("-") or "joint"
 
 
 def law_words(law: JointLaw) -> str:
@@ -165,13 +173,14 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
-
-
 def _amount(value: float) -> str:
     factor, unit = prefixed(value, "rad")
     return f"{value * factor:.3g} {unit}"
+
+
+def _refined(result: RigDiscovery) -> str:
+    notes = () if result.refinement is None else result.refinement.notes
+    return "".join(f"{note[0].upper()}{note[1:]}." for note in notes)
 
 
 def _misfit(result: RigDiscovery) -> str:

@@ -1,30 +1,30 @@
-"""The law of the joints inside an assembled structure, from the sensors of the structure."""
+"""What was found of the joints inside an assembled structure from its sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.equation.model import JointModel
+from sindyjoint.judgement.joint_laws import JointLaw
+from sindyjoint.judgement.rig_refinement import RigRefinement
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import load_rig_test
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
-from sindyjoint.substructure.observability import JointSeen, joints_seen, worth_of_sensors
+from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.recovery import Recovery, recover
-from sindyjoint.substructure.update import Update, update_structure, with_numbers
-from sindyjoint.workflows.joint_laws import JointLaw, find_laws, with_uncertain_structure
+from sindyjoint.substructure.update import Update, with_numbers
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigDiscovery(Shown):
-    """The result of :func:`discover_rig`.
+    """The result of :func:`~sindyjoint.discover_rig`.
 
     Parameters
     ----------
@@ -39,6 +39,8 @@ class RigDiscovery(Shown):
     worth : ndarray, shape (joints, sensors)
         By what factor the error of each joint's moment grows without each sensor.
     warnings : tuple of str
+    refinement : RigRefinement, optional
+        Of the laws on the simulated response, where it was asked for.
     """
 
     test: RigTest
@@ -48,6 +50,7 @@ class RigDiscovery(Shown):
     seen: tuple[JointSeen, ...]
     worth: Array
     warnings: tuple[str, ...]
+    refinement: RigRefinement | None = None
 
     @property
     def found(self) -> bool:
@@ -93,79 +96,22 @@ class RigDiscovery(Shown):
                 for each in self.seen
             ],
             "sensors": [
-                {"name": sensor.name, "worth": [float(w) if np.isfinite(w) else None for w in column]}
+                {"name": sensor.name, "worth": list(map(finite, column))}
                 for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
             ],
-            "structure": []
-            if update is None
-            else [
-                {"name": name, "stated": stated, "change": change, "standard_error": error}
-                for name, stated, change, error in zip(
-                    update.names, update.prior.tolist(), update.change.tolist(), update.standard_error.tolist(),
-                    strict=True,
-                )
-            ],
-            "misfit": self.misfit if np.isfinite(self.misfit) else None,
+            "structure": [] if update is None else update.to_list(),
+            "misfit": finite(self.misfit),
+            "refinement": None if self.refinement is None else self.refinement.to_dict(),
             "warnings": list(self.warnings),
         }  # fmt: skip
-
-
-def discover_rig(
-    rig: RigTest | str | Path,
-    library: Any = "extended",
-    *,
-    progress: Callable[[str], None] | None = None,
-    **options: Any,
-) -> RigDiscovery:
-    """Find the law of the joints in an assembled structure from its sensors.
-
-    Parameters
-    ----------
-    rig : RigTest, str or Path
-        Or a ``rig.toml`` with sensors and runs.
-    library
-        Candidate terms, as for :func:`~sindyjoint.discover`.
-    progress : callable, optional
-    **options
-        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
-
-    Returns
-    -------
-    RigDiscovery
-
-    Raises
-    ------
-    InputError
-        For a file that cannot be used, too few sensors, or runs that are too short.
-    """
-    say = progress or (lambda stage: None)
-    test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
-    runs = test.identification_runs
-    if not runs:
-        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
-    say("recovering angles and moments of the joints")
-    recoveries = tuple(recover(test, run) for run in runs)
-    update = update_structure(test, recoveries)
-    if update is not None:
-        say("updating the structure's numbers")
-        test = with_numbers(test, update.change)
-        recoveries = tuple(recover(test, each.run, each.spectra) for each in recoveries)
-    laws = find_laws(test, recoveries, say, library=library, **options)
-    if update is not None:
-        say("what the structure's numbers leave uncertain")
-        laws = tuple(with_uncertain_structure(law, test, update) for law in laws)
-    seen = joints_seen(test, recoveries)
-    words = [each.words for each in seen if each.words]
-    differ = [law.alike for law in laws if "differ" in law.alike]
-    warnings = (*_warnings(recoveries), *words, *differ)
-    return RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
 
 
 # Weighted squares per degree of freedom beyond which sensors and structure disagree: noise alone makes 1.
 DISAGREES = 2.0
 
 
-def _warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
+def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
+    """Say where sensors and structure disagree, or that nothing shows whether they do."""
     misfit, degrees = sum(r.misfit for r in recoveries), sum(r.degrees for r in recoveries)
     if not degrees:
         return (
@@ -177,3 +123,29 @@ def _warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
         f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
         "the one described; state how uncertain its stiffness and mass are, so that they are updated",
     )
+
+
+def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
+    """Return a discovery in a structure with refined laws, and the structure's numbers as the refinement has them."""
+    if not result.refined:
+        return replace(found, refinement=result)
+    test, recoveries = found.test, found.recoveries
+    if result.update is not None:
+        test = with_numbers(described(found), result.update.change)
+        recoveries = tuple(recover(test, each.run, each.spectra) for each in recoveries)
+    laws = tuple(_with_model(law, result.models[law.kind], result.notes) for law in found.laws)
+    return replace(
+        found, test=test, recoveries=recoveries, laws=laws, update=result.update, refinement=result
+    )
+
+
+def described(found: RigDiscovery) -> RigTest:
+    """Return the test with the structure as its file describes it, before any update of its numbers."""
+    return found.test if found.update is None else with_numbers(found.test, -found.update.change)
+
+
+def _with_model(law: JointLaw, model: JointModel, notes: Sequence[str]) -> JointLaw:
+    assert law.discovery is not None
+    warnings = (*law.discovery.warnings, *notes)
+    # What was taken out of the coefficients of the regression says nothing of these.
+    return replace(law, discovery=replace(law.discovery, model=model, warnings=warnings, bias=None))

@@ -6,12 +6,14 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.designs import PLANNED
 from sindyjoint.diagnosis.campaign.hidden import hidden_law
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects, select_effects
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Step
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SindyJointError
@@ -25,7 +27,6 @@ from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import model_law
 from sindyjoint.text import list_some, percent, spelled
-from sindyjoint.workflows.diagnose import diagnose
 
 Say = Callable[[str], None]
 
@@ -93,38 +94,14 @@ class Separated:
     model: JointModel
 
 
-def after_runs(
-    campaign: Campaign | str | Path,
-    model: JointModel | None,
-    effects: Sequence[Effect],
-    actuator: Actuator,
-    duration: float,
-    say: Say,
-) -> Separated:
-    """Return the runs that would tell effects apart that a campaign does not."""
-    names = tuple(effect.id for effect in effects)
-    result = diagnose(
-        campaign, model, effects=effects, max_effects=1, actuator=actuator, random_state=0, progress=say
-    )
-    step = _step(result, names)
-    motion = result.model.joint.motion
-    if step is None:
-        words = f"the campaign shows none of them: {result.reason}"
-        return Separated((), Apart(names, float("nan"), (), words), result.model)
-    best = max(probability for _, probability in _all(step))
-    if len(step.members) < 2:
-        words = f"told apart already: {spelled(step.effect, motion)}, {percent(step.probability)}"
-        return Separated((), Apart(names, best, (), words), result.model)
-    runs = [each for each in result.advice if each.frequency]
-    planned = tuple(planned_run(each, actuator, result.model, duration) for each in runs)
-    after = tuple(float(each.expected_confidence) for each in runs)
-    return Separated(
-        planned, Apart(names, best, after, _words(names, after, result.advice, motion)), result.model
-    )
-
-
-def _words(names: Sequence[str], after: Sequence[float], advice: Sequence[Advice], motion: str) -> str:
+def _words(
+    names: Sequence[str], after: Sequence[float], advice: Sequence[Advice], motion: str, before: float = 0.0
+) -> str:
     who = list_some([spelled(name, motion) for name in names], "effects")
+    if after and after[-1] < before + CAMPAIGN.little_confidence:
+        return (
+            f"{who}: no run that was tried separates them as they are known; along this one they differ most"
+        )
     if after:
         return f"{who}: the true one is then expected to have {percent(after[-1])}"
     said = next((each.waveform for each in advice), "the search for a run was ended before it found one")
@@ -190,48 +167,99 @@ def worlds_of(
     return worlds
 
 
-def before_runs(
-    worlds: Sequence[World],
-    effects: Sequence[Effect],
-    actuator: Actuator,
-    duration: float,
-    say: Say,
-) -> tuple[tuple[PlannedRun, ...], Apart]:
-    """Return the run that tells effects apart in virtual tests of all worlds, and what that comes to.
+@dataclass(frozen=True)
+class Separating:
+    """A search for runs that tell effects apart.
 
-    Each world asks for the run that separates best there; all of them are made in all worlds, and judged anew.
+    Parameters
+    ----------
+    effects : sequence of Effect
+    actuator : Actuator
+        What makes the runs.
+    duration : float
+        Of a run, s.
+    diagnose : callable
+        :func:`~sindyjoint.diagnose`.
+    say : callable
+        Told of each stage.
     """
-    names = tuple(effect.id for effect in effects)
-    before, asked, advice = [], list[PlannedRun](), list[Advice]()
-    motion = "rotation"
-    for number, world in enumerate(worlds, 1):
-        say(f"virtual test {number} of {len(worlds)}: {spelled(world.truth)} is true")
-        found = diagnose(world.test(), effects=effects, max_effects=1, actuator=actuator, random_state=0)
-        motion = found.model.joint.motion
-        before.append(probability_of(found, world.truth, names))
-        advice += found.advice
-        asked += [
-            planned_run(each, actuator, found.model, duration) for each in found.advice if each.frequency
-        ]
-    start = float(np.mean(before))
-    if start >= Apart.enough:
-        return (), Apart(names, start, (), f"the other runs tell them apart: {percent(start)}")
-    best, after = None, start
-    for number, run in enumerate(dict.fromkeys(asked), 1):
-        say(f"run {number} of {len(set(asked))} in every virtual test")
-        sure = float(np.mean([_again(world, run, effects) for world in worlds]))
-        if sure > after:
-            best, after = run, sure
-    if best is None:
-        return (), Apart(names, start, (), _words(names, (), [a for a in advice if not a.frequency], motion))
-    return (best,), Apart(names, start, (after,), _words(names, (after,), (), motion))
 
+    effects: Sequence[Effect]
+    actuator: Actuator
+    duration: float
+    diagnose: Callable[..., Diagnosis]
+    say: Say
 
-def _again(world: World, run: PlannedRun, effects: Sequence[Effect]) -> float:
-    names = [effect.id for effect in effects]
-    try:
-        found = diagnose(world.test(run), effects=effects, max_effects=1, advise=False, random_state=0)
-    except SindyJointError:
-        # A run that this joint does not bear.
-        return 0.0
-    return probability_of(found, world.truth, names)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Ids of the effects."""
+        return tuple(effect.id for effect in self.effects)
+
+    def after_runs(self, campaign: Campaign | str | Path, model: JointModel | None) -> Separated:
+        """Return the runs that would tell the effects apart that a campaign does not."""
+        names = self.names
+        result = self._diagnosed(campaign, model, actuator=self.actuator, progress=self.say)
+        step = _step(result, names)
+        motion = result.model.joint.motion
+        if step is None:
+            words = f"the campaign shows none of them: {result.reason}"
+            return Separated((), Apart(names, float("nan"), (), words), result.model)
+        best = max(probability for _, probability in _all(step))
+        if len(step.members) < 2:
+            words = f"told apart already: {spelled(step.effect, motion)}, {percent(step.probability)}"
+            return Separated((), Apart(names, best, (), words), result.model)
+        runs = [each for each in result.advice if each.frequency]
+        after = tuple(float(each.expected_confidence) for each in runs)
+        words = _words(names, after, result.advice, motion, best)
+        return Separated(self._planned(result), Apart(names, best, after, words), result.model)
+
+    def before_runs(self, worlds: Sequence[World]) -> tuple[tuple[PlannedRun, ...], Apart]:
+        """Return the run that tells the effects apart in virtual tests of all worlds, and what that comes to.
+
+        Each world asks for the run that separates best there; all of them are made in all worlds, and judged anew.
+        """
+        names = self.names
+        before, asked, advice = [], list[PlannedRun](), list[Advice]()
+        motion = "rotation"
+        for number, world in enumerate(worlds, 1):
+            self.say(f"virtual test {number} of {len(worlds)}: {spelled(world.truth)} is true")
+            found = self._diagnosed(world.test(), actuator=self.actuator)
+            motion = found.model.joint.motion
+            before.append(probability_of(found, world.truth, names))
+            advice += found.advice
+            asked += self._planned(found)
+        start = float(np.mean(before))
+        if start >= Apart.enough:
+            return (), Apart(names, start, (), f"the other runs tell them apart: {percent(start)}")
+        best, after = None, start
+        for number, run in enumerate(dict.fromkeys(asked), 1):
+            self.say(f"run {number} of {len(set(asked))} in every virtual test")
+            sure = float(np.mean([self._again(world, run) for world in worlds]))
+            if sure > after:
+                best, after = run, sure
+        if best is None:
+            words = _words(names, (), [each for each in advice if not each.frequency], motion)
+            return (), Apart(names, start, (), words)
+        return (best,), Apart(names, start, (after,), _words(names, (after,), (), motion))
+
+    def _again(self, world: World, run: PlannedRun) -> float:
+        """Return how sure a world's effect is with one run more."""
+        try:
+            found = self._diagnosed(world.test(run), advise=False)
+        except SindyJointError:
+            # A run that this joint does not bear.
+            return 0.0
+        return probability_of(found, world.truth, self.names)
+
+    def _diagnosed(
+        self, campaign: Campaign | str | Path, model: JointModel | None = None, **options: Any
+    ) -> Diagnosis:
+        return self.diagnose(campaign, model, effects=self.effects, max_effects=1, random_state=0, **options)
+
+    def _planned(self, found: Diagnosis) -> tuple[PlannedRun, ...]:
+        """Return the runs that a diagnosis advises, as a plan has them."""
+        return tuple(
+            planned_run(each, self.actuator, found.model, self.duration)
+            for each in found.advice
+            if each.frequency
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,30 +12,28 @@ from numpy.typing import NDArray
 
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.discovery.estimator import JointRegressor
-from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
-from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.equation.terms import Reference, ResolvedTerm
+from sindyjoint.judgement.discovery import Discovery, fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.second_search import campaign_model
 from sindyjoint.judgement.verdict import Verdict, judge
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.response.model_law import model_law
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.replicates import RecoveredReplicate, recovered_replicate
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
-from sindyjoint.substructure.unseen import find_slow, with_slow
+from sindyjoint.substructure.unseen import LawRows, find_slow, with_slow
 from sindyjoint.substructure.update import Update, with_numbers
-from sindyjoint.workflows.discover import fitted_to
 
 Array = NDArray[np.float64]
 
@@ -60,7 +58,7 @@ class Recovered:
     joint: int
     states: ForceStates
     mean_moment: float
-    unseen: Array | None = None
+    unseen: Array = field(default_factory=lambda: np.zeros(1))
     weight: float = 1.0
 
 
@@ -79,6 +77,8 @@ class JointLaw:
         Why nothing was sought; empty where it was.
     recovered : tuple of Recovered
         States of every joint in every run in which it moves.
+    errors : LawErrors or None
+        How the coefficients follow errors of what was recovered.
     """
 
     kind: str
@@ -86,6 +86,7 @@ class JointLaw:
     discovery: Discovery | None
     reason: str
     recovered: tuple[Recovered, ...]
+    errors: LawErrors | None = None
 
     @property
     def found(self) -> bool:
@@ -155,7 +156,7 @@ def _recovered(test: RigTest, recovery: Recovery, joint: int) -> Recovered | Non
 
 def _find_law(
     test: RigTest, kind: str, recovered: tuple[Recovered, ...], options: dict[str, Any]
-) -> tuple[Discovery, str, tuple[Recovered, ...]]:
+) -> tuple[Discovery, str, tuple[Recovered, ...], LawErrors | None]:
     """Choose terms and the slow part of the angles in turn; return the discovery and the whole states."""
     options = {**options, "forbidden": (*options.get("forbidden", ()), UNSEEN)}
     states = tuple(each.states for each in recovered)
@@ -167,18 +168,36 @@ def _find_law(
         regressor = JointRegressor(**options)
         reference = Reference.of(*(np.concatenate([getattr(s, name) for s in states]) for name in COLUMNS))
         terms = [term for term in regressor.candidates(reference) if term.id in allowed]
-        unseen = find_slow(states, slow, terms) if terms else tuple(each.start for each in slow)
+        unseen = find_slow(states, slow, terms, weights).unknowns if terms else [each.start for each in slow]
         centred = tuple(map(with_slow, states, slow, unseen))
-        rows = regression_rows(centred, 0.0).fit_arguments()
-        regressor.fit(**rows, sample_weight=np.repeat(weights, [np.count_nonzero(s.moving) for s in centred]))
+        arguments = regression_rows(centred, 0.0).fit_arguments()
+        regressor.fit(
+            **arguments, sample_weight=np.repeat(weights, [np.count_nonzero(s.moving) for s in centred])
+        )
         if allowed.issuperset(regressor.selected_):
             break
         allowed = {*PAPER_TERMS, *regressor.selected_}
+    found = _terms_of(regressor)
+    rows = find_slow(states, slow, found, weights) if found else None
+    if rows is not None:
+        unseen = rows.unknowns
+        centred = tuple(map(with_slow, states, slow, unseen))
     recovered = tuple(
         replace(each, states=state, unseen=values, weight=float(weight))
         for each, state, values, weight in zip(recovered, centred, unseen, weights, strict=True)
     )
-    return _judged(test, kind, recovered, regressor), "", recovered
+    errors = None if rows is None else law_errors(rows, [_source(each) for each in recovered], slow)
+    return _judged(test, kind, recovered, regressor, rows, errors), "", recovered, errors
+
+
+def _terms_of(regressor: JointRegressor) -> list[ResolvedTerm]:
+    """Return the terms that were found, in the order of the model."""
+    resolved = {term.id: term for term in regressor.terms_}
+    return [resolved[term.id] for term in regressor.model_.terms]
+
+
+def _source(each: Recovered) -> Source:
+    return Source(each.recovery, each.joint, each.states)
 
 
 def run_weights(states: Sequence[ForceStates]) -> Array:
@@ -203,14 +222,22 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
 
 
 def _judged(
-    test: RigTest, kind: str, recovered: tuple[Recovered, ...], regressor: JointRegressor
+    test: RigTest,
+    kind: str,
+    recovered: tuple[Recovered, ...],
+    regressor: JointRegressor,
+    rows: LawRows | None,
+    errors: LawErrors | None,
 ) -> Discovery:
     """Return what was found as a discovery, the bias of the recovery's noise taken out."""
     states = tuple(each.states for each in recovered)
     campaign = recovered_campaign(test, kind, states)
     counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
     model = campaign_model(regressor, campaign, states, counts)
-    verdict = within_the_states(judge(regressor, model), states)
+    verdict = judge(regressor, model)
+    if rows is not None and errors is not None:
+        verdict = within_the_states(verdict, errors.angle_share)
+        model = model.with_numbers(rows.coefficients, errors.covariance)
 
     def replicated(known: JointModel) -> list[RecoveredReplicate]:
         law = model_law(known)
@@ -219,7 +246,7 @@ def _judged(
             for each in recovered
         ]
 
-    terms = [term for term in regressor.terms_ if term.id in model]
+    terms = _terms_of(regressor)
     fixed = corrected_model(model, terms, campaign, states, replicated=replicated)
     return Discovery(
         model=fitted_to(fixed.model, campaign),
@@ -235,13 +262,12 @@ def _judged(
     )
 
 
-def within_the_states(verdict: Verdict, states: Sequence[ForceStates]) -> Verdict:
+def within_the_states(verdict: Verdict, share: float) -> Verdict:
     """Return a verdict that is no surer than the states: undecided where their angle is known less well than a term.
 
     An error of the angle is one of the elastic moment of the same share: beyond the share below which a term counts as
     absent, neither absence nor presence follows from what fits best.
     """
-    share = float(np.sqrt(np.mean([(s.noise.angle / np.std(s.angle)) ** 2 for s in states])))
     if share <= POLICY.negligible_share or verdict.verdict == "undecided":
         return verdict
     reason = (
@@ -265,66 +291,48 @@ def recovered_campaign(test: RigTest, kind: str, states: Sequence[ForceStates]) 
 def with_uncertain_structure(law: JointLaw, test: RigTest, update: Update) -> JointLaw:
     """Return a law whose covariance holds what the uncertainty of the structure's numbers makes of its coefficients.
 
-    The terms' coefficients are fitted once more with each number moved by its standard error.
+    Each number is moved by its standard error, and the coefficients follow what is then recovered.
     """
     if law.discovery is None or not law.discovery.found:
         return law
+    assert law.errors is not None
     model = law.discovery.model
-    terms = [term for term in law.discovery.regressor.terms_ if term.id in model]
-    at_rest = _fit_again(law, test, terms)
-    errors = update.standard_error
-    slopes = np.column_stack(
-        [
-            (_fit_again(law, with_numbers(test, error * unit), terms) - at_rest) / error
-            for unit, error in zip(np.eye(errors.size), errors, strict=True)
-        ]
-    )
+    columns = []
+    for error, unit in zip(update.standard_error, np.eye(update.prior.size), strict=True):
+        moved = with_numbers(test, error * unit)
+        made: dict[int, Recovery] = {}
+        for each in law.recovered:
+            old = each.recovery
+            made.setdefault(id(old), recover(moved, old.run, old.spectra))
+        columns.append(law.errors.change([made[id(each.recovery)] for each in law.recovered]) / error)
+    slopes = np.column_stack(columns)
     return replace(
         law, discovery=replace(law.discovery, model=widened(model, slopes @ update.covariance @ slopes.T))
     )
 
 
-def _fit_again(law: JointLaw, test: RigTest, terms: Sequence[ResolvedTerm]) -> Array:
-    """Return the coefficients of some terms on the states that another structure gives, shape (k,)."""
-    columns, targets, weights = [], [], []
-    made: dict[int, Recovery] = {}
-    for each in law.recovered:
-        old = each.recovery
-        new = made.setdefault(id(old), recover(test, old.run, old.spectra))
-        state = joint_states(new, each.joint, each.states.run, each.mean_moment)
-        if each.unseen is not None:
-            state = with_slow(state, slow_part(old, each.joint), each.unseen)
-        keep = each.states.moving
-        columns.append(term_columns(terms, state.angle[keep], state.rate[keep], state.acceleration[keep]))
-        targets.append(state.moment[keep])
-        weights.append(np.full(np.count_nonzero(keep), np.sqrt(each.weight)))
-    root = np.concatenate(weights)
-    return scaled_least_squares(np.vstack(columns) * root[:, None], np.concatenate(targets) * root)
-
-
 # Level at which joints that are declared alike are said to differ.
 DIFFER = 0.01
+# Degrees of freedom of noise that is known.
+KNOWN = 1e6
 
 
 def _test_alike(law: JointLaw) -> str:
     """Say whether the joints of one kind have the same coefficients."""
     assert law.discovery is not None
-    evidence, model = law.discovery.regressor.evidence_, law.discovery.model
-    columns = [evidence.ids.index(term.id) for term in model.terms if term.id in evidence.ids]
-    numbers: dict[int, set[str]] = {}
-    for each in law.recovered:
-        numbers.setdefault(each.joint, set()).add(each.states.run)
+    terms = _terms_of(law.discovery.regressor)
     fits = []
-    for runs in numbers.values():
-        own = replace(evidence, runs=tuple(run for run in evidence.runs if run.name in runs))
-        fits.append(fit_columns(own, columns))
-    least = 1.0
-    for index in range(len(columns)):
-        values = np.array([fit.coefficients[index] for fit in fits])
-        errors = np.sqrt([fit.covariance[index, index] for fit in fits])
-        degrees = np.array([max(fit.degrees, 1) for fit in fits], dtype=float)
-        least = min(least, heterogeneity(values, errors, degrees)[1])
-    p = min(1.0, least * len(columns))
+    for joint in dict.fromkeys(each.joint for each in law.recovered):
+        own = [each for each in law.recovered if each.joint == joint]
+        slow = [slow_part(each.recovery, each.joint) for each in own]
+        bare = [with_slow(e.states, s, -e.unseen) for e, s in zip(own, slow, strict=True)]
+        rows = find_slow(bare, slow, terms, np.array([each.weight for each in own]))
+        errors = law_errors(rows, [_source(each) for each in own], slow)
+        fits.append((rows.coefficients, np.sqrt(np.diag(errors.covariance))))
+    values, spread = (np.array(part) for part in zip(*fits, strict=True))
+    degrees = np.full(len(fits), KNOWN)
+    least = min(heterogeneity(v, e, degrees)[1] for v, e in zip(values.T, spread.T, strict=True))
+    p = min(1.0, least * len(terms))
     joints = " and ".join(law.joints)
     if p < DIFFER:
         return f"{joints} are declared alike and differ (p = {p:.1g}): give them kinds of their own"

@@ -1,0 +1,117 @@
+"""The joints of one kind in a structure: their model, and its numbers as a fit moves them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
+from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.structure.result import assemble_model
+from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.response.model_law import model_law
+
+Array = NDArray[np.float64]
+
+# No positive number of an element falls below this share of it.
+LEAST = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class JointKind:
+    """The joints of one kind.
+
+    Parameters
+    ----------
+    name : str
+    places : tuple of int
+        Numbers of the joints in the structure.
+    model : JointModel
+    laws : JointLaws
+    root : ndarray, shape (k, k)
+        Numbers are those of the model and L·u, u being what a fit moves.
+    """
+
+    name: str
+    places: tuple[int, ...]
+    model: JointModel
+    laws: JointLaws
+    root: Array
+
+    @classmethod
+    def of(cls, name: str, places: tuple[int, ...], model: JointModel, least: float) -> JointKind:
+        """Return joints whose numbers move by their covariance, each by `least` of itself at least."""
+        laws = JointLaws(model, getattr(model_law(model), "softening_limit", (-np.inf, np.inf)))
+        kept = kept_numbers(model)
+        values, covariance = model.numbers[kept], model.covariance_matrix[np.ix_(kept, kept)]
+        return cls(name, places, model, laws, root_of(covariance + np.diag((least * values) ** 2)))
+
+    @property
+    def size(self) -> int:
+        """How many numbers a fit moves."""
+        return self.root.shape[1]
+
+    def setup(self, u: Array) -> Setup:
+        """Return the law's numbers as the setup of such a joint."""
+        own = self.laws.numbers()
+        numbers = {}
+        for (name, value), shift in zip(own.items(), self.root @ u, strict=True):
+            moved = value + float(shift)
+            if name == place_of(FRICTION) and value >= 0:
+                moved = max(moved, 0.0)
+            elif name in self.laws.fixed and value > 0:
+                moved = max(moved, LEAST * value)
+            numbers[name] = moved
+        return Setup((), 0.0, numbers)
+
+    def with_numbers(self, u: Array, covariance: Array) -> JointModel:
+        """Return the model with its numbers moved by L·u, and the covariance of u as theirs."""
+        kept = kept_numbers(self.model)
+        numbers, whole = self.model.numbers.copy(), np.zeros((self.model.numbers.size,) * 2)
+        numbers[kept] = list(self.setup(u).numbers.values())
+        whole[np.ix_(kept, kept)] = self.root @ covariance @ self.root.T
+        return self.model.with_numbers(numbers, (whole + whole.T) / 2)
+
+    def change(self, change: Change, several: bool) -> Change:
+        """Return a change of the law as one of the joints of this kind; its numbers bear the kind's name."""
+
+        def apply(setup: Setup, x: Array) -> Setup:
+            return replace(setup, kinds={**setup.kinds, self.name: change.apply(setup.kinds[self.name], x)})
+
+        def named(name: str) -> str:
+            return f"{name} of {self.name}" if several else name
+
+        def report(x: Array) -> dict[str, float]:
+            return {named(name): value for name, value in change.report(x).items()}
+
+        units = {named(name): unit for name, unit in change.units.items()}
+        return replace(
+            change, way=f"{self.name}: {change.way}", apply=apply, report=report, units=units, kind=self.name
+        )
+
+    def whole(self, numbers: Mapping[str, float], after: JointModel, found: Sequence[Change]) -> JointModel:
+        """Return the model with what the changes of such joints have added, of the law's numbers of a setup."""
+        own = [
+            replace(change, way=change.way.removeprefix(f"{self.name}: "))
+            for change in found
+            if change.kind == self.name
+        ]
+        return assemble_model(numbers, self.laws, after, own)
+
+
+def kept_numbers(model: JointModel) -> NDArray[np.intp]:
+    """Return the places of a model's numbers without the inertia."""
+    terms = [place for place, term in enumerate(model.terms) if term.id != INERTIA]
+    return np.array([*terms, *range(len(model.terms), model.numbers.size)], dtype=np.intp)
+
+
+def root_of(covariance: Array) -> Array:
+    """Return L with L·Lᵀ a covariance of numbers of any sizes."""
+    errors = np.sqrt(np.diag(covariance))
+    errors[errors == 0] = 1e-12
+    matrix = covariance / np.outer(errors, errors)
+    size, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    return np.asarray(errors[:, None] * (vectors * np.sqrt(np.maximum(size, 0.0))))

@@ -1,0 +1,356 @@
+"""The runs of a structure as an output-error problem: laws of its joints, its own numbers, effects added so far.
+
+Each run's steady motion is that of harmonic balance; derivatives follow from the balance itself, without a further
+simulation. Unknown are the laws' numbers, the structure's uncertain numbers under the priors that its file states, and
+the numbers of effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.structure.kinds import JointKind
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.structure import Structure
+from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
+from sindyjoint.substructure.simulated.steady import Steady
+from sindyjoint.substructure.update import Update, with_numbers
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Step of the differences, in the scaled numbers of the fit.
+STEP = 1e-3
+# Laws' numbers without a prior may move by so many of their standard errors.
+FREE = 300.0
+KEPT = 200
+
+
+@dataclass(frozen=True, eq=False)
+class RunsProblem:
+    """Runs of a structure, models in its joints, and the effects named so far.
+
+    Parameters
+    ----------
+    test : RigTest
+        As it is described.
+    kinds : tuple of JointKind
+    runs : tuple of SteadyRun
+    known : bool
+        Whether the laws' numbers keep to their covariance, as where they come from another test.
+    whitening : tuple of ndarray
+        Of each run's residuals; empty for none.
+    found : tuple of Change
+    policy : DiagnosisPolicy
+    """
+
+    test: RigTest
+    kinds: tuple[JointKind, ...]
+    runs: tuple[SteadyRun, ...]
+    known: bool = False
+    whitening: tuple[Array, ...] = ()
+    found: tuple[Change, ...] = ()
+    policy: DiagnosisPolicy = STRUCTURE
+    _kept: dict[object, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        test: RigTest,
+        recoveries: Sequence[Recovery],
+        models: Mapping[str, JointModel],
+        known: bool = False,
+        policy: DiagnosisPolicy = STRUCTURE,
+    ) -> RunsProblem:
+        """Return the problem of a test with a model for each kind of its joints.
+
+        Raises
+        ------
+        InputError
+            Where a kind has no model, or the runs cannot be simulated with the models.
+        """
+        missing = sorted(set(test.kinds) - models.keys())
+        if missing:
+            raise InputError(
+                f"no model of {missing[0]!r}; every kind of joint needs one: {', '.join(sorted(set(test.kinds)))}"
+            )
+        kinds = tuple(
+            JointKind.of(name, tuple(np.flatnonzero([k == name for k in test.kinds]).tolist()), models[name],
+                         policy.model_error)
+            for name in dict.fromkeys(test.kinds)
+        )  # fmt: skip
+        problem = cls(test, kinds, tuple(SteadyRun.of(test, r) for r in recoveries), known, policy=policy)
+        return problem.whitened(problem.start())
+
+    @property
+    def duration(self) -> float:
+        """No horizon: a steady state is compared as a whole."""
+        return 0.0
+
+    def rows(self, duration: float | None = None) -> float:
+        """Return the number of residuals."""
+        return float(sum(run.rows for run in self.runs))
+
+    @property
+    def numbers(self) -> int:
+        """How many uncertain numbers the structure has."""
+        return len(self.test.uncertain)
+
+    @property
+    def priors(self) -> int:
+        """Numbers of structure and laws, which come first."""
+        return self.numbers + sum(kind.size for kind in self.kinds)
+
+    @property
+    def base_size(self) -> int:
+        """Numbers of the base."""
+        return self.priors + sum(change.size for change in self.found)
+
+    def start(self) -> Array:
+        """Return the base without anything added."""
+        return np.concatenate([np.zeros(self.priors), *(change.start for change in self.found)])
+
+    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
+        """Return lower and upper bounds of the numbers."""
+        changes = (*self.found, *((extra,) if extra is not None else ()))
+        free = np.full(self.priors, 8.0)
+        if not self.known:
+            free[self.numbers :] = FREE
+        return np.concatenate([-free, *(c.low for c in changes)]), np.concatenate(
+            [free, *(c.high for c in changes)]
+        )
+
+    def parts(self, x: Array) -> dict[str, Array]:
+        """Return the numbers of each kind among those of the base."""
+        ends = np.cumsum([self.numbers, *(kind.size for kind in self.kinds)])
+        return {k.name: x[a:b] for k, a, b in zip(self.kinds, ends[:-1], ends[1:], strict=True)}
+
+    def changes(self, x: Array) -> Array:
+        """Return the relative changes of the structure's uncertain numbers."""
+        return x[: self.numbers] * np.array([number.uncertainty for number in self.test.uncertain])
+
+    def setup(self, x: Array, extra: Change | None = None) -> Setup:
+        """Return the setup of some numbers."""
+        own = self.parts(x)
+        chain = self.test.chain
+        setup = Setup(
+            chain.items if chain else (), 1 / chain.clamp_stiffness if chain else 0.0, {},
+            kinds={kind.name: kind.setup(own[kind.name]) for kind in self.kinds},
+        )  # fmt: skip
+        at = self.priors
+        for change in (*self.found, *((extra,) if extra is not None else ())):
+            setup = change.apply(setup, x[at : at + change.size])
+            at += change.size
+        return setup
+
+    def structure(self, setup: Setup, x: Array) -> Structure:
+        """Return the structure of a setup."""
+        chain, test = self.test.chain, self.test
+        if chain and (setup.items != chain.items or setup.compliance != 1 / chain.clamp_stiffness):
+            clamp = np.inf if setup.compliance <= 0 else 1 / setup.compliance
+            test = replace(
+                test, structure=replace(chain, items=setup.items, clamp_stiffness=clamp).assembled()
+            )
+        return with_numbers(test, self.changes(x)).structure if self.numbers else test.structure
+
+    def laws(self, setup: Setup) -> tuple[Any, ...]:
+        """Return the law of every joint."""
+        by_place = {
+            place: law
+            for kind in self.kinds
+            for law in (kind.laws.law(setup.kinds[kind.name]),)
+            for place in kind.places
+        }
+        return tuple(by_place[place] for place in range(self.test.structure.n_joints))
+
+    def balance(self, run: SteadyRun, x: Array, extra: Change | None = None) -> tuple[Steady, Setup]:
+        """Return the balance of a run, and the setup that it is of."""
+        setup = self.setup(x, extra)
+        if not all(np.isfinite(value) for own in setup.kinds.values() for value in own.numbers.values()):
+            raise InputError("a number of the law is not finite")
+        balance = run.balance(self.structure(setup, x), self.laws(setup))
+        return (balance if setup.pulse == 1 else balance.with_drive(setup.pulse * run.drive)), setup
+
+    def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
+        """Return the motion of a run and what its sensors record; None where there is none."""
+        key = place, x.tobytes(), id(extra), tuple(map(id, self.found))
+        if key not in self._kept:
+            run = self.runs[place]
+            try:
+                balance, setup = self.balance(run, x, extra)
+                answer = run.answer(balance)
+                found = answer, recorded(run, answer.shown, setup)
+            except (SimulationError, InputError, np.linalg.LinAlgError):
+                found = None
+            if len(self._kept) > KEPT:
+                self._kept.clear()
+            self._kept[key] = found
+        return self._kept[key]
+
+    def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
+        """Return simulated less measured in units of noise, run by run, then the prior rows; None without a motion."""
+        parts = []
+        for place, run in enumerate(self.runs):
+            found = self.answer(place, x, extra)
+            if found is None:
+                return None
+            parts.append(self._white(place, run.residual(found[1])))
+        return np.concatenate([*parts, x[self._with_prior]])
+
+    @property
+    def _with_prior(self) -> slice:
+        return slice(0, self.priors if self.known else self.numbers)
+
+    def _white(self, place: int, values: Array) -> Array:
+        if not self.whitening:
+            return values
+        from scipy.linalg import solve_triangular
+
+        return np.asarray(solve_triangular(self.whitening[place], values, lower=True, check_finite=False))
+
+    def derivatives(
+        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
+    ) -> Array:
+        """Return the columns of the Jacobian at some places, from the balance itself, shape (rows, len(places))."""
+        _, high = self.bounds(extra)
+        columns = np.zeros((residual.size, len(places)))
+        first = 0
+        for number, run in enumerate(self.runs):
+            found = self.answer(number, x, extra)
+            assert found is not None
+            rows = slice(first, first + run.rows)
+            first = rows.stop
+            for column, place in enumerate(places):
+                step = STEP if x[place] + STEP <= high[place] else -STEP
+                moved = x.copy()
+                moved[place] += step
+                try:
+                    other, setup = self.balance(run, moved, extra)
+                    shown = recorded(run, run.moved(found[0], other, extra is None), setup)
+                except (SimulationError, InputError):
+                    continue
+                columns[rows, column] = (
+                    self._white(number, run.residual(shown) - run.residual(found[1])) / step
+                )
+        prior = np.arange(x.size)[self._with_prior]
+        for row, place in enumerate(prior, first):
+            columns[row] = np.equal(places, place)
+        return columns
+
+    def covariance(self, x: Array) -> Array:
+        """Return the covariance of the base's numbers, (JᵀJ)⁻¹, larger by χ² per degree of freedom above one."""
+        residual = self.residuals(x)
+        assert residual is not None
+        jacobian = self.derivatives(x, residual, 0.0, range(x.size))
+        normal = jacobian.T @ jacobian
+        scale = np.sqrt(np.diag(normal))
+        scale[scale == 0] = 1.0
+        inverse = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+        return np.asarray(inverse * max(1.0, float(residual @ residual) / max(self.rows() - x.size, 1.0)))
+
+    def models(self, x: Array, covariance: Array) -> dict[str, JointModel]:
+        """Return the model of each kind with the numbers of the base, whose covariance is given."""
+        places = self.parts(np.arange(x.size))
+        return {
+            kind.name: kind.with_numbers(x[own], covariance[np.ix_(own, own)])
+            for kind, own in zip(self.kinds, places.values(), strict=True)
+        }
+
+    def update(self, x: Array, covariance: Array) -> Update | None:
+        """Return the structure's uncertain numbers; None where it has none."""
+        if not self.numbers:
+            return None
+        prior = np.array([number.uncertainty for number in self.test.uncertain])
+        own = covariance[: self.numbers, : self.numbers] * np.outer(prior, prior)
+        return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
+
+    def near(self, x: Array) -> RunsProblem:
+        """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look."""
+        answers = tuple(self.answer(place, x) for place in range(len(self.runs)))
+        known = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "_kept"}
+        return NearRuns(**known, answers=answers)
+
+    def prepared(self, x: Array) -> RunsProblem:
+        """Return the problem for a search from some numbers; it is weighed as before, so that gains compare."""
+        return self
+
+    def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
+        """Return the problem with residuals whitened at some numbers, and motions sought near those there.
+
+        Raises
+        ------
+        InputError
+            Where a run has no steady motion there.
+        """
+        runs, factors = [], []
+        structure = self.structure(self.setup(x, extra), x)
+        for place, run in enumerate(self.runs):
+            found = self.answer(place, x, extra)
+            if found is None:
+                raise InputError(
+                    f"run {run.name!r}: no steady motion is found with the model near the one that was recovered"
+                )
+            runs.append(run.begun_at(found[0]))
+            factors.append(run.whitening(found[0], structure))
+        return replace(self, runs=tuple(runs), whitening=tuple(factors), _kept={})
+
+
+@dataclass(frozen=True, eq=False)
+class NearRuns(RunsProblem):
+    """Runs whose motions are moved to first order from known ones.
+
+    Parameters
+    ----------
+    answers : tuple
+        Of each run; None where there is none.
+    """
+
+    answers: tuple[tuple[Answer, Complex] | None, ...] = ()
+
+    def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
+        """Return the motion of a run, moved from the known one, and what its sensors record."""
+        known, run = self.answers[place], self.runs[place]
+        if known is None:
+            return None
+        try:
+            balance, setup = self.balance(run, x, extra)
+            out, _ = balance.residual(known[0].angles, slopes=False)
+        except (SimulationError, InputError):
+            return None
+        angles = known[0].angles + known[0].moved(out)
+        shown = run.seen(balance.shown(angles))
+        return Answer(balance, angles, shown), recorded(run, shown, setup)
+
+    def derivatives(
+        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
+    ) -> Array:
+        """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
+        _, high = self.bounds(extra)
+        here = self.residuals(x, duration, extra)
+        columns = np.zeros((residual.size, len(places)))
+        for column, place in enumerate(places):
+            step = STEP if x[place] + STEP <= high[place] else -STEP
+            moved = x.copy()
+            moved[place] += step
+            ahead = self.residuals(moved, duration, extra)
+            if here is not None and ahead is not None:
+                columns[:, column] = (ahead - here) / step
+        return columns
+
+
+def recorded(run: SteadyRun, shown: Complex, setup: Setup) -> Complex:
+    """Return what sensors with a gain and a delay record."""
+    if setup.gain == 1 and not setup.delay:
+        return shown
+    orders = np.arange(1, shown.shape[1] + 1)
+    return np.asarray(setup.gain * shown * np.exp(-1j * orders * run.omega * setup.delay))

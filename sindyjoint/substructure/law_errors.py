@@ -1,0 +1,167 @@
+"""What the noise of the sensors makes of the coefficients of a law, the slow parts of its angles being free.
+
+Coefficients c and unknowns u of the slow parts solve one weighted least squares of rows A·(c, u) ≈ M. An error of the
+recovered amplitudes, δθ of the angle and δM of the moment at each harmonic, is an error of the rows,
+e(t) = Re Σ (δM − (∂M/∂θ + iω·∂M/∂θ̇)·δθ)·exp(iωt), and of the coefficients, δc = (AᵀA)⁻¹Aᵀ·e, of which the first
+entries. With the covariance of the amplitudes known, that of the coefficients follows: the slow parts are marginalised,
+and noise that angle and moment share is in it (propagation of errors through least squares whose weights are not those
+of the noise: the sandwich of Huber, Proc. 5th Berkeley Symposium 1, 1967).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.states.record import ForceStates
+from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.states import kept_of, slow_orders
+from sindyjoint.substructure.unseen import LawRows, Slow
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+class Source(NamedTuple):
+    """What the rows of a joint in a run were made of."""
+
+    recovery: Recovery
+    joint: int
+    states: ForceStates
+
+
+@dataclass(frozen=True, eq=False)
+class LawErrors:
+    """How the coefficients of a law, and the slow parts found with it, follow errors of what was recovered.
+
+    Parameters
+    ----------
+    size : int
+        Number of coefficients, k.
+    sources : tuple of Source
+    slopes : tuple of ndarray of complex, each of shape (k + u, h, 2)
+        δ(c, u) = Re Σ slopes·(δθ, δM) over the harmonics of each joint in each run.
+    angle_error : ndarray, shape (runs,)
+        RMS of the error of the angle: of the slow part by the covariance, of the rest as the sensors have it; rad.
+    excess : float
+        Mean square of what is left of the rows, of what noise makes of it.
+    """
+
+    size: int
+    sources: tuple[Source, ...]
+    slopes: tuple[Complex, ...]
+    angle_error: Array
+    excess: float
+
+    @property
+    def covariance(self) -> Array:
+        """Of the coefficients, shape (k, k); larger by the excess of what is left of the rows.
+
+        Harmonics beyond the band of the sensors are missing from both sides of the law: what they leave in the rows
+        is not noise, and errs alike in all runs.
+        """
+        noise = _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
+        return noise * max(1.0, self.excess)
+
+    @property
+    def angle_share(self) -> float:
+        """RMS error of the angles, of themselves."""
+        shares = [e / np.std(s.states.angle) for e, s in zip(self.angle_error, self.sources, strict=True)]
+        return float(np.sqrt(np.mean(np.square(shares))))
+
+    def change(self, others: Sequence[Recovery]) -> Array:
+        """Return by how much the coefficients change where the same runs are recovered otherwise, shape (k,)."""
+        total = np.zeros(self.size)
+        for source, slope, other in zip(self.sources, self.slopes, others, strict=True):
+            difference = (other.values - source.recovery.values)[_rows(source.recovery, source.joint)]
+            total += np.tensordot(slope[: self.size], difference.T, 2).real
+        return total
+
+
+def _covariance(sources: Sequence[Source], slopes: Sequence[Complex]) -> Array:
+    """Return the covariance of what follows the amplitudes; joints of one run share its sensors and their errors."""
+    k = len(slopes[0])
+    total = np.zeros((k, k))
+    for recovery in {id(s.recovery): s.recovery for s in sources}.values():
+        joints = recovery.transfer.angles.shape[1]
+        gathered = np.zeros((k, recovery.values.shape[1], 2 * joints), dtype=complex)
+        for source, slope in zip(sources, slopes, strict=True):
+            if source.recovery is recovery:
+                gathered[:, :, _rows(recovery, source.joint)] += slope
+        spread = (gathered.swapaxes(0, 1) @ recovery.covariance).swapaxes(0, 1)
+        total += (spread.reshape(k, -1) @ gathered.reshape(k, -1).conj().T).real
+    return total
+
+
+def law_errors(rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow]) -> LawErrors:
+    """Return how the coefficients of a law follow errors of the recovered amplitudes.
+
+    Parameters
+    ----------
+    rows : LawRows
+        Of the law.
+    sources : sequence of Source
+        Of its runs, in their order.
+    slow : sequence of Slow
+        Of each run.
+    """
+    k = rows.coefficients.size
+    counts = np.concatenate([np.zeros(k), rows.said])
+    scale = np.sqrt(np.sum(rows.columns**2, axis=0) + counts**2)
+    scale[scale == 0] = 1.0
+    scaled = rows.columns / scale
+    inverse = np.linalg.pinv(scaled.T @ scaled + np.diag((counts / scale) ** 2), rcond=1e-14, hermitian=True)
+    inverse = inverse / scale[:, None] / scale
+    starts = np.cumsum([0, *(kept.size for kept in rows.kept)])
+    unknowns = k + np.cumsum([0, *(values.size for values in rows.unknowns)])
+    slopes, expected, left = [], 0.0, 0.0
+    for index, (source, weight) in enumerate(zip(sources, rows.weights, strict=True)):
+        of_rows = inverse @ rows.columns[starts[index] : starts[index + 1]].T * np.sqrt(weight)
+        errors = _row_errors(source, rows.kept[index], rows.slopes[index])
+        slope = (of_rows @ errors.reshape(len(errors), -1)).reshape(len(inverse), *errors.shape[1:])
+        orders = slow[index].orders - 1
+        # Behind the mean stand cosines and sines of the slow harmonics, as the sensors show them.
+        place = unknowns[index] + 1 + np.arange(orders.size)
+        said = inverse * counts**2
+        slope[:, orders, 0] += said[:, place] + 1j * said[:, place + orders.size]
+        slopes.append(slope)
+        expected += weight * _expected(source, errors)
+        left += weight * float(np.sum(rows.residual[index] ** 2))
+    covariance = _covariance(sources, slopes)
+    angle = []
+    for index, (source, part) in enumerate(zip(sources, slow, strict=True)):
+        place = slice(unknowns[index], unknowns[index + 1])
+        basis = part.basis(source.states, rows.kept[index])[0]
+        of_slow = np.mean(np.sum((basis @ covariance[place, place]) * basis, axis=1))
+        seen = kept_of(source.recovery, source.joint)[0]
+        seen[part.orders - 1] = False
+        angle.append(np.sqrt(of_slow + np.sum(source.recovery.standard_error[source.joint, seen] ** 2)))
+    return LawErrors(k, tuple(sources), tuple(slopes), np.array(angle), left / expected)
+
+
+def _rows(recovery: Recovery, joint: int) -> list[int]:
+    return [joint, recovery.transfer.angles.shape[1] + joint]
+
+
+def _row_errors(source: Source, kept: NDArray[np.intp], slopes: tuple[Array, Array]) -> Complex:
+    """Return the error of each row by errors of angle and moment at each harmonic, shape (n, h, 2)."""
+    state, recovery = source.states, source.recovery
+    angular = recovery.spectra.angular
+    spin = np.exp(1j * np.outer((state.time - state.time[0])[kept], angular))
+    of_angle, of_moment = kept_of(recovery, source.joint)
+    of_angle = of_angle & ~slow_orders(recovery, source.joint)
+    by_angle = -(slopes[0][:, None] + 1j * angular * slopes[1][:, None]) * spin * of_angle
+    return np.stack([by_angle, spin * of_moment], axis=-1)
+
+
+def _expected(source: Source, errors: Complex) -> float:
+    """Return the sum of squares of the rows that the noise makes; the moment is that of single blocks."""
+    pair = _rows(source.recovery, source.joint)
+    covariance = source.recovery.covariance[:, pair][:, :, pair].copy()
+    covariance[:, 1, 1] *= source.states.block[-1] + 1
+    moments = np.einsum("nhi,nhj->hij", errors, errors.conj(), optimize=True)
+    return float(np.sum(moments * covariance).real)

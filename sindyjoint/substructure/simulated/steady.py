@@ -1,0 +1,247 @@
+"""Steady response of a structure with joints to a drive that repeats: harmonic balance of all joints, exact sticking.
+
+M·q̈ + C·q̇ + K·q + m(θ, θ̇, z) = b·f with the joint angles θ among the coordinates. At every harmonic of the drive the
+coordinates between the joints are condensed, S_h·θ_h + m_h = g_h·f_h, S_h being the dynamic stiffness at the joints; no
+mode is left out. Where the structure can move freely with its joints open S_0 vanishes: the law alone then tells the
+mean angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.errors import SimulationError
+from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
+from sindyjoint.mechanics.structure import Structure
+from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
+from sindyjoint.substructure.harmonics import analysis, rates, real_blocks, synthesis
+from sindyjoint.substructure.period import period_moment
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Factors = tuple[Array, NDArray[np.int32]]
+
+STEPS = 40
+SAMPLES = 8  # per harmonic
+# Of the largest moment: what may be out of balance.
+BALANCED = 1e-7
+# Steps with the derivatives of a balance nearby, each of which leaves less than this share of the one before.
+CHORDS, LEADS_ON = 30, 0.6
+# Halvings of a Newton step that makes the balance worse, before it is taken nevertheless.
+HALVINGS = 3
+
+
+class Condensed(NamedTuple):
+    """A structure at the harmonics 0 to H of a drive, its joint angles held.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape (H + 1, joints, joints)
+        S_h.
+    load : ndarray, shape (H + 1, joints)
+        g_h.
+    from_drive : ndarray, shape (H + 1, sensors)
+        What each sensor answers to the drive.
+    from_angles : ndarray, shape (H + 1, sensors, joints)
+        What each sensor answers to the angles.
+    """
+
+    stiffness: Complex
+    load: Complex
+    from_drive: Complex
+    from_angles: Complex
+
+
+def condense(structure: Structure, at: str, sensors: Sequence[Sensor], omega: float, count: int) -> Condensed:
+    """Return a structure at the harmonics 0 to `count` of `omega`, rad/s, of a drive `at` a point or the base."""
+    j, rows, load = structure.n_joints, sensor_rows(structure, sensors), load_row(structure, at)
+    w = omega * np.arange(count + 1)[:, None, None]
+    dynamic = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
+    right = np.concatenate(
+        [np.broadcast_to(load[j:, None], (count + 1, load.size - j, 1)), -dynamic[:, j:, :j]], axis=2
+    )
+    inner = np.linalg.solve(dynamic[:, j:, j:], right)
+    condensed = dynamic[:, :j, :j] + dynamic[:, :j, j:] @ inner[:, :, 1:]
+    carried = load[:j] - (dynamic[:, :j, j:] @ inner[:, :, :1])[..., 0]
+    of_drive = (rows[:, j:] @ inner[:, :, :1])[..., 0]
+    of_angles = rows[:, :j] + rows[:, j:] @ inner[:, :, 1:]
+    powers = np.array([ORDER[sensor.quantity] for sensor in sensors])
+    turned = (1j * w[:, 0]) ** powers
+    of_drive = of_drive * turned
+    if at == BASE:
+        # Sensors are on what the base carries: they show its motion, too; the drive is its acceleration.
+        assert structure.base is not None
+        carried_rows = rows @ structure.base
+        with np.errstate(divide="ignore", invalid="ignore"):
+            of_base = carried_rows * np.where(w[:, 0] > 0, turned / -(w[:, 0] ** 2), powers == 2)
+        of_drive = of_drive + of_base
+    return Condensed(condensed, carried, of_drive, of_angles * turned[:, :, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Steady:
+    """The balance of a structure's joints under one periodic drive.
+
+    Parameters
+    ----------
+    condensed : Condensed
+    laws : tuple of Law
+    omega : float
+        rad/s.
+    drive : ndarray of complex, shape (H + 1,)
+        Amplitudes of the drive, the mean first.
+    hold : ndarray, shape (joints,)
+        ε of the projection of friction, N·m/rad; see :mod:`sindyjoint.substructure.harmonic_balance`.
+    """
+
+    condensed: Condensed
+    laws: tuple[Any, ...]
+    omega: float
+    drive: Complex
+    hold: Array
+
+    @property
+    def harmonics(self) -> int:
+        """H."""
+        return self.drive.size - 1
+
+    def with_drive(self, drive: Complex) -> Steady:
+        """Return the same structure under another drive."""
+        return replace(self, drive=drive)
+
+    def with_structure(self, condensed: Condensed) -> Steady:
+        """Return the same joints in another structure."""
+        return replace(self, condensed=condensed)
+
+    @cached_property
+    def linear(self) -> Array:
+        """The condensed structure on the coefficients of all angles, shape (size, size)."""
+        stiffness, width = self.condensed.stiffness, 2 * self.harmonics + 1
+        rows = np.arange(len(self.laws)) * width
+        matrix = np.zeros((rows.size * width,) * 2)
+        matrix[np.ix_(rows, rows)] = stiffness[0].real
+        for order in range(1, self.harmonics + 1):
+            pairs = np.ravel(rows[:, None] + [2 * order - 1, 2 * order])
+            matrix[np.ix_(pairs, pairs)] = real_blocks(stiffness[order])
+        return matrix
+
+    def load(self, drive: Complex) -> Array:
+        """Return the loads of a drive on the joints as coefficients, shape (size,)."""
+        return np.ravel(coefficients(self.condensed.load.T * drive))
+
+    def residual(self, angles: Array, slopes: bool = True) -> tuple[Array, Array]:
+        """Return what is out of balance, N·m, and its derivatives by the coefficients of the angles, shape (size,)."""
+        width, samples = 2 * self.harmonics + 1, SAMPLES * (self.harmonics + 1)
+        to_time = synthesis(self.harmonics, samples)
+        by_phase = rates(self.harmonics, samples)
+        to_rate = self.omega * by_phase if slopes else by_phase
+        moments = [
+            period_moment(law, (to_time @ own, self.omega * (by_phase @ own)), (to_time, to_rate) if slopes else None,
+                          2 * np.pi / self.omega)
+            for law, own in zip(self.laws, angles.reshape(-1, width), strict=True)
+        ]  # fmt: skip
+        jacobian = self.linear.copy() if slopes else self.linear
+        out = self.linear @ angles - self.load(self.drive)
+        matrices = to_time, analysis(self.harmonics, samples), by_phase
+        add_joint_moments(out, jacobian, angles, moments, self.hold, matrices, slopes)
+        return out, jacobian
+
+    def solve(self, start: Array, factors: Factors | None = None) -> Array:
+        """Return the coefficients of the angles in balance.
+
+        With the factors of a balance nearby steps are taken with these as long as they lead on, which needs no further
+        derivatives; else by Newton's method. A step that makes the balance worse is halved a few times.
+
+        Raises
+        ------
+        SimulationError
+            Where no balance is found from the start.
+        """
+        size = BALANCED * (float(np.abs(self.load(self.drive)).max()) + 1e-300)
+        angles, balanced = (start, False) if factors is None else self._by_chords(start, factors, size)
+        if balanced:
+            return angles
+        out, jacobian = self.residual(angles)
+        for _ in range(STEPS):
+            worst = float(np.abs(out).max())
+            if not np.isfinite(worst):
+                break
+            if worst <= size:
+                return angles
+            step = -np.linalg.solve(jacobian, out)
+            for halving in range(HALVINGS + 1):
+                trial = angles + step / 2**halving
+                found = self.residual(trial)
+                if float(np.linalg.norm(found[0])) < float(np.linalg.norm(out)):
+                    break
+            angles, (out, jacobian) = trial, found
+        raise SimulationError(
+            "no periodic motion of the joints is found near the one that was recovered", time=0.0
+        )
+
+    def _by_chords(self, angles: Array, factors: Factors, size: float) -> tuple[Array, bool]:
+        """Return angles nearer to the balance, and whether they are in it."""
+        from scipy.linalg import lu_solve
+
+        before = np.inf
+        for _ in range(CHORDS):
+            out, _ = self.residual(angles, slopes=False)
+            worst = float(np.abs(out).max())
+            if worst <= size:
+                return angles, True
+            if not worst < LEADS_ON * before:
+                break
+            before, angles = worst, angles - lu_solve(factors, out, check_finite=False)
+        return angles, False
+
+    def shown(self, angles: Array, drive: Complex | None = None) -> Complex:
+        """Return what every sensor shows at the harmonics 1 to H, shape (sensors, H)."""
+        drive = self.drive if drive is None else drive
+        amplitudes = complex_amplitudes(angles, len(self.laws))
+        whole = self.condensed.from_drive * drive[:, None] + np.einsum(
+            "hsj,jh->hs", self.condensed.from_angles, amplitudes
+        )
+        return whole[1:].T
+
+
+def steady(
+    structure: Structure,
+    laws: Sequence[Any],
+    at: str,
+    sensors: Sequence[Sensor],
+    omega: float,
+    drive: Complex,
+) -> Steady:
+    """Return the balance of a structure with laws in its joints under a drive of amplitudes 0 to H."""
+    joints = np.arange(structure.n_joints)
+    condensed = condense(structure, at, sensors, omega, drive.size - 1)
+    tangents = np.array([_tangent(law) for law in laws])
+    main = int(np.argmax(np.abs(drive[1:]))) + 1
+    hold = HOLD * (np.abs(tangents) + (main * omega) ** 2 * structure.mass[joints, joints])
+    return Steady(condensed, tuple(laws), omega, drive, hold)
+
+
+def _tangent(law: Any) -> float:
+    step, still = 1e-7, np.zeros(2)
+    low, high = law.moment(np.array([-step, step]), still, still, np.zeros((law.n_states, 2)))
+    return float(high - low) / (2 * step)
+
+
+def coefficients(amplitudes: Complex) -> Array:
+    """Return complex amplitudes of orders 0 to H as real coefficients, shape (n, H + 1) → (n, 2H + 1)."""
+    values = np.empty((amplitudes.shape[0], 2 * amplitudes.shape[1] - 1))
+    values[:, 0] = amplitudes[:, 0].real
+    values[:, 1::2], values[:, 2::2] = amplitudes[:, 1:].real, -amplitudes[:, 1:].imag
+    return values
+
+
+def complex_amplitudes(values: Array, count: int) -> Complex:
+    """Return real coefficients of some signals as complex amplitudes of orders 0 to H, shape (count, H + 1)."""
+    rows = values.reshape(count, -1)
+    return np.concatenate([rows[:, :1].astype(complex), rows[:, 1::2] - 1j * rows[:, 2::2]], axis=1)

@@ -1,0 +1,129 @@
+"""Laws of joints inside a structure fitted to the simulated response; data by SciPy's integrator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
+from sindyjoint.judgement.rig_refinement import refine_rig
+from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics.rig_test import UncertainNumber
+from sindyjoint.record import Joint
+from sindyjoint.substructure.recovery import recover
+from sindyjoint.substructure.simulated.steady import coefficients, complex_amplitudes, steady
+
+from .two_masses import integrated_run, rig_test, structure
+
+K, K3, C = 900.0, 4e6, 12.0
+FORMULAS = {
+    "linear_stiffness": "theta",
+    "cubic_stiffness": "theta**3",
+    "linear_damping": "omega",
+    "coulomb_friction": "sign(omega)",
+}
+
+
+def model(*values):
+    """A model whose numbers are known to 2 %."""
+    terms = tuple(
+        ModelTerm(id, id, id, "", formula, (), "", v, 0.02 * abs(v), (v, v), 1.0)
+        for (id, formula), v in zip(FORMULAS.items(), values, strict=False)
+    )
+    covariance = np.diag([(0.02 * v) ** 2 for v in values])
+    fitted = Fitted(1, 0, 0, 1, 100, 1, 6e-3, 0.1)
+    return JointModel(Joint(motion="translation"), terms, tuple(map(tuple, covariance.tolist())), fitted)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    drives = [(1.5, 5.0), (2.5, 6.0), (4.0, 12.0)]
+    return [
+        integrated_run(f"{f:g} Hz", f, a, lambda d, v: K * d + K3 * d**3 + C * v, noise=0.005, seed=i)
+        for i, (f, a) in enumerate(drives)
+    ]
+
+
+@pytest.fixture(autouse=True)
+def few_harmonics(monkeypatch):
+    """An elastic joint needs few: friction is what needs the others."""
+    monkeypatch.setattr("sindyjoint.substructure.simulated.runs.BALANCED", 23)
+    monkeypatch.setattr("sindyjoint.substructure.simulated.runs.BALANCED_ABOVE", 3)
+
+
+def refined(test, given, **options):
+    return refine_rig(test, [recover(test, run) for run in test.runs], {"joint": given}, **options)
+
+
+def test_numbers_two_per_cent_off_come_back(runs):
+    result = refined(rig_test(runs), model(1.03 * K, 0.97 * K3, 1.05 * C))
+    assert result.refined and result.before > 5
+    assert result.after == pytest.approx(1.0, abs=0.2)
+    for term, true in zip(result.models["joint"].terms, (K, K3, C), strict=True):
+        assert abs(term.coefficient - true) < 4 * term.standard_error
+        assert term.standard_error < 0.01 * true
+    assert len(result.ends) == 3 and max(result.ends) - min(result.ends) < 1
+
+
+def test_numbers_of_the_structure_are_fitted_under_their_prior(runs):
+    """The ground spring is 2 % softer in the file: with a prior of 2 % it comes back, and without one the law pays."""
+    soft = structure(0.98 * 4000.0)
+    zero = np.zeros((2, 2))
+    stated = (UncertainNumber("stiffness", 0.02, zero, soft.stiffness, zero),)
+    known = refined(rig_test(runs, structure=soft, uncertain=stated), model(K, K3, C), starts=1)
+    assert known.update.change[0] == pytest.approx(1 / 0.98 - 1, abs=4 * known.update.standard_error[0])
+    assert known.update.standard_error[0] < 0.005
+    taken = refined(rig_test(runs, structure=soft), model(K, K3, C), starts=1)
+    assert known.after < 1.2 and taken.after > 2
+
+
+def test_a_law_that_does_not_explain_the_response_is_said_not_to(runs):
+    result = refined(rig_test(runs), model(-50 * K, K3, C), starts=1)
+    assert result.after > 100 and "lack something" in result.notes[-1]
+
+
+def test_without_a_steady_motion_nothing_is_refined(runs):
+    given = model(K, K3, C, -2.0)  # friction that pushes: nothing can stick
+    result = refined(rig_test(runs), given)
+    assert not result.refined and "no steady motion" in result.reason
+    assert "not refined" in result.notes[0] and result.models["joint"] is given
+
+
+@pytest.mark.parametrize("law", [PaperLaw(k1=K, k2=2e4, k3=K3, c1=C), PaperLaw(k1=K, c1=C, M_F=1.5)])
+def test_the_steady_motion_balances_at_every_instant(law):
+    """Put back into the equation of motion, the answer leaves nothing: checked by another way than it was found."""
+    drive = np.zeros(41, dtype=complex)
+    drive[1] = 6.0
+    omega = 2 * np.pi * 2.5
+    test = rig_test([])
+    balance = steady(test.structure, (law,), test.at, test.sensors, omega, drive)
+    angles = balance.solve(np.zeros(81))
+    x = complex_amplitudes(angles, 1)[0]
+    assert coefficients(x[None]).ravel() == pytest.approx(angles)
+    first, second = balance.shown(angles) / -((omega * np.arange(1, 41)) ** 2)
+    assert second - first == pytest.approx(x[1:], abs=1e-7 * abs(x[1]))
+    orders = np.arange(1, 41)
+    # Force in the joint by the second mass: m2·x2″ = F − f.
+    force = drive[1:] - 2.0 * -((omega * orders) ** 2) * second
+    time = np.linspace(0, 2 * np.pi / omega, 400, endpoint=False)
+    wave = np.exp(1j * omega * np.outer(time, orders))
+    d, v = (wave @ x[1:]).real + x[0].real, (wave @ (1j * omega * orders * x[1:])).real
+    moving = np.abs(v) > 0.3 * np.abs(v).max()
+    expected = law.moment(d, v, np.sign(v), np.zeros((0, d.size)))
+    shown = (wave @ force).real
+    scale = np.abs(expected).max()
+    assert np.abs(shown - expected)[moving].max() < (1e-6 if not law.M_F else 0.05) * scale
+
+
+def test_the_residuals_hold_the_noise_of_the_drive(runs):
+    """A drive measured badly makes the laws less sure, not wrong."""
+    noisy = [
+        replace(run, drive=run.drive + 0.2 * np.std(run.drive) * np.random.default_rng(i).normal(size=run.drive.size))
+        for i, run in enumerate(runs)
+    ]  # fmt: skip
+    clear, rough = (refined(rig_test(each), model(K, K3, C), starts=1) for each in (runs, noisy))
+    assert rough.after < 1.3
+    ratio = rough.models["joint"].number_errors / clear.models["joint"].number_errors
+    assert np.all(ratio > 1.2)
+    for term, true in zip(rough.models["joint"].terms, (K, K3, C), strict=True):
+        assert abs(term.coefficient - true) < 4 * term.standard_error
