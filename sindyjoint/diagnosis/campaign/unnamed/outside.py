@@ -72,8 +72,8 @@ def series_probability(
 ) -> float:
     """Return the probability that effects and terms that explain a gap together stand in for one other law.
 
-    By their number alone, less terms ``known`` before that come back: no residual is left that tells. They explain what was left out of the fit, and so it is
-    never above ``policy.outside``, where they would be no answer.
+    By their number alone, less terms ``known`` before that come back: no residual is left that tells. They explain what
+    was left out of the fit, and so it is never above ``policy.outside``, where they would be no answer.
     """
     laws = terms + sum(f.effect.family != "measurement" and f.name not in known for f in found)
     return float(min(1 / (1 + np.exp(-_odds(laws, policy))), policy.outside))
