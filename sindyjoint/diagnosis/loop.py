@@ -218,8 +218,8 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     return Progress(problem, after, told, rankings)
 
 
-def other_members(here: Progress[P]) -> Iterator[Progress[P]]:
-    """Yield the progress with one effect replaced by another member of its class."""
+def other_members(here: Progress[P]) -> Iterator[tuple[int, Any, P]]:
+    """Yield the places of steps, another member of the class of each, and the problem with that in its place."""
     for place, step in enumerate(here.steps):
         ranking = here.rankings.get(step.effect)
         for member in ranking.members if ranking else ():
@@ -227,10 +227,10 @@ def other_members(here: Progress[P]) -> Iterator[Progress[P]]:
                 continue
             problem = here.problem.replaced(step.effect, member)
             if problem is not None and not problem.complaint():
-                yield _led_by(here, place, member, problem)
+                yield place, member, problem
 
 
-def _led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P]:
+def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P]:
     """Return the progress with another member of its class at the place of a step; later gaps are told anew."""
     step = here.steps[place]
     ranking = here.rankings[step.effect]

@@ -11,6 +11,7 @@ from sindyjoint.diagnosis.loop import (
     Outcome,
     Progress,
     add_effects,
+    led_by,
     other_members,
     try_effect,
     without_needless_delay,
@@ -336,7 +337,7 @@ def test_a_law_found_first_may_give_its_place_to_another_of_its_class_and_later_
     one = try_effect(Progress(problem, problem.gap), frozenset(), 2, say).progress
     two = try_effect(one, frozenset({"alike"}), 2, say).progress
     assert [s.effect for s in two.steps] == ["first", "last"]
-    (other,) = other_members(two)
+    (other,) = (led_by(two, *each) for each in other_members(two))
     assert [s.effect for s in other.steps] == ["alike", "last"]
     assert other.steps[1].gap_before == other.steps[0].gap_after and other.steps[0].gap_before == problem.gap
 
@@ -387,7 +388,7 @@ def test_the_members_of_the_last_class_are_tried_in_its_place():
     problem = Made(candidates=(first, alike), impossible=("none",))
     here = try_effect(Progress(problem, problem.gap), frozenset(), 1, lambda words: None).progress
     assert set(here.steps[-1].members) == {"first", "alike"}
-    (other,) = other_members(here)
+    (other,) = (led_by(here, *each) for each in other_members(here))
     assert other.steps[-1].effect == "alike" and other.steps[-1].members == ("alike", "first")
     assert other.gap.moment == other.steps[-1].gap_after.moment == 0.3
     assert other.steps[-1].probability < 0.5 and set(other.rankings) == {"alike"}
