@@ -24,6 +24,7 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
@@ -32,6 +33,7 @@ from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.text import spelled
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
@@ -206,7 +208,10 @@ class _Tested:
         """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
         whole = None if result.whole is None else self._fitted(result.whole)
         test = self.nuisances(result.test or TestNuisances(""))
-        warnings = (*self.checked.warnings, *result.warnings, *lag_notes(self.lags))
+        elements = () if result.whole is None else result.whole.elements
+        named = [spelled(each.effect, self.campaign.joint.motion) for each in elements]
+        notes = (*lag_notes(self.lags), *fixed_notes(self.campaign.inputs, named))
+        warnings = (*self.checked.warnings, *result.warnings, *notes)
         result = replace(
             result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
             warnings=warnings, hidden=self.hidden,
