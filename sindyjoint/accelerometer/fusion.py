@@ -98,7 +98,7 @@ def fuse(
 def _with_measured_noise(
     fusion: Fusion, angle: Array, path: Array, sample_rate: float, declared: SensorNoise
 ) -> Fusion:
-    noise, angle_noise, drift = sensor_noise(angle, fusion.acceleration, path, sample_rate)
+    noise, angle_noise, drift = sensor_noise(angle, path, sample_rate)
     least = LEAST_NOISE * float(np.std(fusion.acceleration))
     return replace(
         fusion,

@@ -252,7 +252,7 @@ def median_spread(deviation: Array, errors: Array) -> float:
     With errors of zero this is 1.4826 times the median absolute deviation.
     """
     squares, variances = deviation**2, errors**2
-    return _find_root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation, errors)
+    return _find_root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation)
 
 
 def _median(values: Array) -> float:
@@ -268,14 +268,14 @@ def random_effects(y: Array, s: Array) -> tuple[float, float, float]:
         w = 1 / (t + s**2)
         return float(w @ (y - w @ y / w.sum()) ** 2) - (y.size - 1)
 
-    tau = _find_root(excess, y - np.mean(y), s)
+    tau = _find_root(excess, y - np.mean(y))
     # Equal estimates without errors: any equal weights will do.
     variance = np.maximum(tau**2 + s**2, 1e-60)
     w = 1 / variance
     return float(w @ y / w.sum()), float(w.sum() ** -0.5), tau
 
 
-def _find_root(excess: Callable[[float], float], deviation: Array, errors: Array) -> float:
+def _find_root(excess: Callable[[float], float], deviation: Array) -> float:
     """Return the root of the τ² at which a falling function is zero; zero where it is not positive anywhere."""
     from scipy.optimize import brentq
 

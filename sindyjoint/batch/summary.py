@@ -17,6 +17,7 @@ from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
 
@@ -113,7 +114,7 @@ class Batch(Shown):
                     "joint": record.joint,
                     "terms": list(record.terms),
                     "common_coefficients": {
-                        term: {"value": _number(self.values[term][i]), "standard_error": _number(self.errors[term][i])}
+                        term: {"value": finite(self.values[term][i]), "standard_error": finite(self.errors[term][i])}
                         for term in self.common
                     },
                 }
@@ -127,13 +128,13 @@ class Batch(Shown):
             "scatter": [
                 {
                     "term": s.coefficient,
-                    "mean": _number(s.mean),
-                    "mean_error": _number(s.mean_error),
-                    "spread": _number(s.spread),
+                    "mean": finite(s.mean),
+                    "mean_error": finite(s.mean_error),
+                    "spread": finite(s.spread),
                     "next_joint95": None if (ahead := next_joint(s)) is None else list(ahead.interval95),
                     "about_trend_with": s.covariate,
                     "outliers": [
-                        {"id": self.records[i].id, "score": _number(s.scores[i]), "p": _number(s.p_adjusted[i])}
+                        {"id": self.records[i].id, "score": finite(s.scores[i]), "p": finite(s.p_adjusted[i])}
                         for i in s.outliers
                     ],
                 }
@@ -143,11 +144,11 @@ class Batch(Shown):
                 {
                     "term": t.coefficient,
                     "covariate": t.covariate,
-                    "slope": _number(t.slope),
-                    "standard_error": _number(t.slope_error),
-                    "relative_change": _number(t.change),
-                    "p": _number(t.p_value),
-                    "p_adjusted": _number(t.p_adjusted),
+                    "slope": finite(t.slope),
+                    "standard_error": finite(t.slope_error),
+                    "relative_change": finite(t.change),
+                    "p": finite(t.p_value),
+                    "p_adjusted": finite(t.p_adjusted),
                     "significant": t.significant,
                     "joints": t.joints,
                 }
@@ -373,7 +374,3 @@ def _list_notes(
 
 def _spell_terms(terms: Sequence[str], record: CampaignRecord) -> str:
     return ", ".join(spelled(term, record.joint["motion"]) for term in terms)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

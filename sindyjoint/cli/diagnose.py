@@ -134,10 +134,12 @@ def _diagnosed(
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, or of a structure."""
     from sindyjoint.equation.model_file import read_model
+    from sindyjoint.mechanics.rig_test_file import has_measured_runs
     from sindyjoint.workflows.verify import is_structure
 
-    start = None if model is None else read_model(model)
-    if campaign is None or not is_structure(campaign):
+    recorded = campaign is not None and has_measured_runs(campaign)
+    start = None if model is None or recorded else read_model(model)
+    if campaign is None or not (recorded or is_structure(campaign)):
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
         return of_campaign(campaign, start, **given(base=base), **options)
@@ -153,6 +155,15 @@ def _diagnosed(
         raise InputError(
             f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"
         )
+    if recorded:
+        if options.pop("hold_out"):
+            raise InputError(
+                f"--hold-out: mark runs of {campaign} use = 'validate' to keep them out of the fit"
+            )
+        from sindyjoint.cli.structure import models_of
+        from sindyjoint.workflows.diagnose import diagnose_rig
+
+        return diagnose_rig(campaign, None if model is None else models_of(campaign, model), **options)
     from sindyjoint.workflows.diagnose import diagnose_structure as of_structure
 
     return of_structure(campaign, start, **options)

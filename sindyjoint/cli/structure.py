@@ -11,6 +11,7 @@ from sindyjoint.cli.answer import answer
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
+    from sindyjoint.equation.model import JointModel
     from sindyjoint.judgement.rig_discovery import RigDiscovery
 
 # Of the options of a search those that belong to the channels of a joint's own test.
@@ -51,6 +52,19 @@ def discover_structure(
                 command = ["sindyjoint", *sys.argv[1:]]
                 write_results(law.discovery, out / place_of_law(law), command, seed, force=force)
     return result.found
+
+
+def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
+    """Return the model of a file for every joint, or those by kind in a folder that ``discover RIG --out`` wrote."""
+    from sindyjoint.equation.model_file import read_model
+    from sindyjoint.mechanics.rig_test_file import load_rig_test
+    from sindyjoint.reporting.results.structure_joints import place_of_kind
+
+    kinds = dict.fromkeys(load_rig_test(rig).kinds)
+    folders = {kind: given / place_of_kind(kind) for kind in kinds}
+    if all((folder / "model.json").is_file() for folder in folders.values()):
+        return {kind: read_model(folder) for kind, folder in folders.items()}
+    return read_model(given)
 
 
 def simulate_structure(

@@ -16,6 +16,7 @@ from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
+from sindyjoint.substructure.update import Update
 
 Array = NDArray[np.float64]
 
@@ -156,6 +157,8 @@ class RecordGap:
         Time from which the record was kept out of the fit of `after`, s.
     gap_before, gap_after, noise_floor : float
         Relative RMS over what was held out.
+    quantity, unit : str
+        What was measured, and the SI unit.
     """
 
     name: str
@@ -168,6 +171,46 @@ class RecordGap:
     gap_before: float
     gap_after: float
     noise_floor: float
+    quantity: str = "displacement"
+    unit: str = "m"
+
+
+@dataclass(frozen=True, eq=False)
+class InPlace:
+    """What a diagnosis from the runs of a structure says of its joints and of itself.
+
+    Parameters
+    ----------
+    lead : str
+        The kind of joint whose model the diagnosis leads with.
+    models : dict of str to JointModel
+        By kind of joint, effects among them.
+    update : Update or None
+        Of the structure's uncertain numbers.
+    """
+
+    lead: str
+    models: dict[str, JointModel]
+    update: Update | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "lead": self.lead,
+            "kinds": {
+                name: {
+                    "terms": {term.id: [term.coefficient, term.standard_error] for term in model.terms},
+                    "elements": {
+                        each.id: {
+                            number.name: [number.value, number.standard_error] for number in each.numbers
+                        }
+                        for each in model.elements
+                    },
+                }
+                for name, model in self.models.items()
+            },
+            "structure": [] if self.update is None else self.update.to_list(),
+        }
 
 
 NOT_SOUGHT, NOT_NEEDED, COMPLETE, STOPPED = "not_sought", "not_needed", "complete", "stopped"
@@ -249,6 +292,8 @@ class Diagnosis(Shown):
     uncertainty : Gap
         What noise leaves of the numbers of the law, and of its drive, and the processing of its motion, beside the
         floor; zero where not asked for.
+    in_place : InPlace, optional
+        Models of all kinds of joints and the structure's numbers, of a diagnosis from the runs of a structure.
     """
 
     verdict: str
@@ -275,6 +320,7 @@ class Diagnosis(Shown):
     stopped: Check | None = field(default=None, repr=False)
     search: AdviceSearch = AdviceSearch()
     uncertainty: Gap = Gap(0.0, 0.0)
+    in_place: InPlace | None = field(default=None, repr=False)
 
     @property
     def level_unit(self) -> str:
@@ -365,6 +411,7 @@ class Diagnosis(Shown):
             },
             "warnings": list(self.warnings),
             **({} if self.soundness is None else {"soundness": summarize(self.soundness)}),
+            **({} if self.in_place is None else {"in_place": self.in_place.to_dict()}),
         }
 
 

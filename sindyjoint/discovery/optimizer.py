@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pysindy.optimizers.base import BaseOptimizer
 from sklearn.utils.validation import check_array, check_consistent_length
 
@@ -23,7 +23,6 @@ from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, row_weigh
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.errors import InputError, UnknownNameError
 
-Array = NDArray[np.float64]
 Column = int | str
 
 

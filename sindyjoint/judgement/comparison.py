@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.documents import plain
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.shown import Shown
@@ -254,7 +255,7 @@ class Comparison(Shown):
         from dataclasses import fields
 
         names = [f.name for f in fields(self) if f.name not in ("discovery", "soundness")]
-        data = {name: _to_plain(getattr(self, name)) for name in names}
+        data = {name: plain(getattr(self, name)) for name in names}
         return {
             "schema": SCHEMA,
             "kind": "Comparison",
@@ -262,17 +263,3 @@ class Comparison(Shown):
             **data,
             "soundness": summarize(self.soundness),
         }
-
-
-def _to_plain(value: Any) -> Any:
-    from dataclasses import fields, is_dataclass
-
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _to_plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): _to_plain(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_to_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if value == value and abs(value) != float("inf") else None
-    return value

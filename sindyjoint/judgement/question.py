@@ -214,7 +214,8 @@ def by_library(
 
 def hold_out_groups(question: Question) -> dict[str, CrossValidation]:
     """Leave out frequencies, levels, and levels of each input, where there are several; of a single run its parts."""
-    found, evidence, result = question.found, question.evidence, {}
+    found, evidence = question.found, question.evidence
+    result: dict[str, CrossValidation] = {}
     if len(evidence.groups) > 1:
         kind = parts_of(found) if len(found.states) > 1 else "time"
         result[kind] = question.left_out(evidence)

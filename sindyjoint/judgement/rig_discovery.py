@@ -13,6 +13,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_refinement import RigRefinement
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.recovery import Recovery, recover
@@ -95,19 +96,11 @@ class RigDiscovery(Shown):
                 for each in self.seen
             ],
             "sensors": [
-                {"name": sensor.name, "worth": [float(w) if np.isfinite(w) else None for w in column]}
+                {"name": sensor.name, "worth": list(map(finite, column))}
                 for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
             ],
-            "structure": []
-            if update is None
-            else [
-                {"name": name, "stated": stated, "change": change, "standard_error": error}
-                for name, stated, change, error in zip(
-                    update.names, update.prior.tolist(), update.change.tolist(), update.standard_error.tolist(),
-                    strict=True,
-                )
-            ],
-            "misfit": self.misfit if np.isfinite(self.misfit) else None,
+            "structure": [] if update is None else update.to_list(),
+            "misfit": finite(self.misfit),
             "refinement": None if self.refinement is None else self.refinement.to_dict(),
             "warnings": list(self.warnings),
         }  # fmt: skip

@@ -77,6 +77,15 @@ def is_rig_test(path: str | Path) -> bool:
     return "chain" in read or "matrices" in read
 
 
+def has_measured_runs(path: str | Path) -> bool:
+    """Return whether a file is a rig with runs that were recorded."""
+    path = rig_path(path)
+    if not is_rig_test(path):
+        return False
+    runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
+    return any(isinstance(run, dict) and "file" in run for run in runs)
+
+
 def rig_path(rig: str | Path) -> Path:
     """Return the file of a rig: of one that ships with the package, in a folder, or itself."""
     if str(rig) in shipped_rigs():

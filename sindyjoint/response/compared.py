@@ -34,8 +34,9 @@ def compared_states(campaign: Campaign, runs: Sequence[Run], timed: bool) -> tup
 
 def compare_run(law_of: LawOf, run: Run, states: ForceStates, window: float = WINDOW) -> SimulatedRun:
     """Simulate the law of a run, by the motion where that was the drive."""
-    drive: Drive | None = "motion" if prescribed(states) else None
-    return simulate_run(law_of(states), run, states, drive=drive, window=window)
+    law = law_of(states)
+    drive: Drive | None = "motion" if prescribed(states, inertia=law.inertia) else None
+    return simulate_run(law, run, states, drive=drive, window=window)
 
 
 def pooled_errors(runs: Sequence[SimulatedRun]) -> tuple[float, float]:

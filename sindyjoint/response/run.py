@@ -13,12 +13,13 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import brought_from_zero, simulate, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.model_law import elastic_moment
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
+from sindyjoint.states.policy import POLICY as STATES
 
 Array = NDArray[np.float64]
 Drive = Literal["moment", "windows", "motion", "free run"]
@@ -103,10 +104,14 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
-        if self.states.method == "path":
-            # At a reversal a mean over both branches is no moment of either.
+        if self.states.method == "path" or self._prescribed_once:
+            # At a reversal a mean over both branches is no moment of either; friction jumps there, and noise says when.
             return self.moment_nrmse
         return rms(simulated - self.measured_response) / self.response_scale
+
+    @property
+    def _prescribed_once(self) -> bool:
+        return self.drive == "motion" and self.states.method == "broadband" and self.inertia > 0
 
     @property
     def moment_nrmse(self) -> float:
@@ -183,15 +188,19 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     )
 
 
-def prescribed(states: ForceStates, spurious: bool = False) -> bool:
+def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0) -> bool:
     """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment; or a path.
 
     A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness. Of dozens of
     harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
-    They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone.
+    They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone. A motion
+    that does not repeat was the drive where a joint of that ``inertia`` shows no answer to what the moment holds beyond
+    the band of the angle.
     """
     if states.method == "path":
         return True
+    if states.method == "broadband" and not states.repeated:
+        return unanswered(states, inertia) > POLICY.unanswered
     if states.method != "periodic" or states.frequency is None:
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
@@ -201,6 +210,30 @@ def prescribed(states: ForceStates, spurious: bool = False) -> bool:
     residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
     floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
     return bool(np.std(residual) > POLICY.pure * floor)
+
+
+def unanswered(states: ForceStates, inertia: float) -> float:
+    """Return the angle that the moment would make above the angle's band, over its noise there: a ratio of powers.
+
+    A moment that drives moves the joint by M/(k + Jω²) at least, k the secant stiffness; above its band the angle
+    shows no such motion. Friction's steps in the moment of a prescribed motion move nothing. Zero without an inertia.
+    """
+    from scipy.signal import welch
+
+    if not inertia > 0 or not np.ptp(states.moment) > 0:
+        return 0.0
+    segment = int(min(states.n_samples, max(256, states.n_samples // 8)))
+    frequency, density = welch(
+        states.moment, states.sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+    )
+    unit_noise = 2 / states.sample_rate  # one-sided density of white noise of variance one
+    floor = unit_noise * states.noise.moment**2
+    beyond = (frequency > states.bandwidth) & (density > STATES.signal_to_noise * floor)
+    frequency, density = frequency[beyond], density[beyond]
+    stiffness = float(np.std(states.moment)) / max(float(np.std(states.angle)), 1e-300)
+    answer = density / (stiffness + inertia * (2 * np.pi * frequency) ** 2) ** 2
+    noise = unit_noise * states.white_noise(frequency) ** 2
+    return float(np.sum(answer) / np.sum(noise)) if np.any(noise) else 0.0
 
 
 def _sinusoidal(states: ForceStates) -> bool:
@@ -259,10 +292,10 @@ def simulate_run(
     compared = cut_states(states, skip)
     angle = rate = None
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
-    # Internal states that settle in a period that is not compared begin anywhere.
-    settles = states.method == "periodic" or states.repeated
     try:
-        if not (response_only and drive == "moment" and settles):
+        if response_only and drive == "moment" and (states.method == "periodic" or states.repeated):
+            inner = brought_from_zero(law, states.angle, states.rate)[:, None]
+        else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
             if isinstance(law, LawInRun):
                 moment = moment + law.added
@@ -270,7 +303,8 @@ def simulate_run(
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif not settles:
+            elif not states.repeated:
+                # Many settle in a period that is not compared; a slider that never yields keeps where it began.
                 options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]

@@ -210,11 +210,6 @@ def band_of(responses: Sequence[Array | None]) -> Band | None:
     return Band(middle - 1.96 * spread, middle + 1.96 * spread, len(responses), len(responses) - len(good))
 
 
-def finite(value: float) -> float | None:
-    """Return a number that JSON can hold, or ``None``."""
-    return float(value) if np.isfinite(value) else None
-
-
 def _pool_runs(values: Sequence[float | None], mean: Callable[[Array], Any]) -> float | None:
     known = np.array([value for value in values if value is not None], dtype=float)
     return float(mean(known)) if known.size else None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import finite
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import compare_run, compared_states
 from sindyjoint.response.free_run import free_run_states, simulate_free
@@ -24,7 +25,6 @@ from sindyjoint.response.verification import (
     Settings,
     Verification,
     band_of,
-    finite,
     judged,
 )
 from sindyjoint.states import ForceStates

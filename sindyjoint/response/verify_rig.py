@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -86,6 +86,49 @@ def _simulate_tip(response: Callable[[Law], Any], draw: JointModel, point: str, 
         return response(model_law(draw)).displacement[point][:n]
     except SimulationError:
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedModels:
+    """A rig whose joints have their laws, and the model of each joint where it has one."""
+
+    rig: Rig
+    models: tuple[JointModel | None, ...]
+
+    @property
+    def tested(self) -> Array:
+        """Tested angle of each joint, rad; infinite without a model."""
+        return np.array([np.inf if m is None else m.fitted.angle for m in self.models])
+
+    @classmethod
+    def in_rig(cls, rig: Rig, models: Sequence[JointModel]) -> PlacedModels:
+        """Put models in the place of the joints of a rig that they stand for; none may be left without a law.
+
+        Raises
+        ------
+        InputError
+        """
+        standing: dict[str, JointModel] = {}
+        for model in models:
+            if model.joint.motion != "rotation":
+                raise InputError("the model is of a joint in translation; the joints of a rig rotate")
+            for name in find_model_joints(rig, model):
+                if name in standing:
+                    raise InputError(
+                        f"two models stand for joint {name!r} of the rig {rig.name!r}; expected one"
+                    )
+                standing[name] = model
+        left = [h.name for h in hinges(rig) if h.law is MODEL_PLACEHOLDER and h.name not in standing]
+        if left:
+            raise InputError(
+                f"the rig {rig.name!r} has a joint whose law is 'model', and no model was given; give --model "
+                f"(joint {left[0]})"
+            )
+        laws = {id(model): model_law(model) for model in models}
+        placed = with_laws(
+            rig, lambda hinge: laws[id(standing[hinge.name])] if hinge.name in standing else hinge.law
+        )
+        return cls(placed, tuple(standing.get(hinge.name) for hinge in hinges(rig)))
 
 
 def find_model_joints(rig: Rig, model: JointModel) -> set[str]:

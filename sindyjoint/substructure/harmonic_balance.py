@@ -229,7 +229,7 @@ class Balance:
         out[-2] -= force
         moments = self.moments(unknowns, omega, slopes)
         add_joint_moments(
-            out, jacobian, unknowns, moments, self.hold, (to_time, to_coefficients, derive), slopes
+            out, jacobian, unknowns, moments, self.hold, (to_time, to_coefficients, to_time @ derive), slopes
         )
         return out, jacobian
 
@@ -256,7 +256,7 @@ def add_joint_moments(
     hold : ndarray, shape (joints,)
         ε of the projection, N·m/rad.
     matrices : tuple of three ndarray
-        Synthesis, analysis and d/dτ.
+        From coefficients to samples, from samples to coefficients, and from coefficients to samples of d/dτ.
     slopes : bool
         Whether the derivatives are wanted.
 
@@ -265,9 +265,8 @@ def add_joint_moments(
     InputError
         For negative friction.
     """
-    to_time, to_coefficients, derive = matrices
-    width = len(derive)
-    shift = to_time @ (derive + CENTRING * np.eye(width))
+    to_time, to_coefficients, to_rate = matrices
+    width = len(to_coefficients)
     for j, moment in enumerate(moments):
         own = slice(j * width, (j + 1) * width)
         out[own] += to_coefficients @ moment.middle
@@ -277,7 +276,8 @@ def add_joint_moments(
                 "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
             )
         # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
-        moved = to_time @ -out[own] + hold[j] * (shift @ unknowns[own])
+        shift = to_rate @ unknowns[own] + CENTRING * (to_time @ unknowns[own])
+        moved = to_time @ -out[own] + hold[j] * shift
         sticks = np.abs(moved) < moment.friction
         out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
         if not slopes:
@@ -285,7 +285,7 @@ def add_joint_moments(
         weighted = to_coefficients * sticks
         jacobian[own] -= weighted @ to_time @ jacobian[own]
         slides = to_coefficients * (np.sign(moved) * ~sticks)
-        jacobian[own, own] += hold[j] * weighted @ shift + slides @ moment.d_friction
+        jacobian[own, own] += hold[j] * weighted @ (to_rate + CENTRING * to_time) + slides @ moment.d_friction
 
 
 def _condensed(dynamic: Complex, kept: slice, inner: slice) -> Complex:

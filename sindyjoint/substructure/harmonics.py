@@ -43,6 +43,14 @@ def differentiation(harmonics: int) -> Array:
     return matrix
 
 
+@lru_cache(maxsize=16)
+def rates(harmonics: int, samples: int) -> Array:
+    """Return the matrix that gives samples of dx/dτ, shape (samples, 2H + 1)."""
+    matrix = synthesis(harmonics, samples) @ differentiation(harmonics)
+    matrix.flags.writeable = False
+    return matrix
+
+
 def real_blocks(factor: NDArray[np.complex128]) -> Array:
     """Return complex factors of one harmonic as factors of its (cos, sin) coefficients.
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,16 @@ class Update:
     def standard_error(self) -> Array:
         """Shape (k,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Return the numbers as ``--json`` prints them."""
+        rows = zip(
+            self.names, self.prior.tolist(), self.change.tolist(), self.standard_error.tolist(), strict=True
+        )
+        return [
+            {"name": name, "stated": stated, "change": change, "standard_error": error}
+            for name, stated, change, error in rows
+        ]
 
 
 def with_numbers(test: RigTest, change: Array) -> RigTest:

@@ -5,7 +5,7 @@ Of a joint tested alone, or of one that is simulated in a structure: the verbs o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.mechanics.actuator import Actuator
+    from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rigs import Rig
 
 
@@ -332,6 +333,88 @@ def diagnose_structure(
     known = _known_effects(library, effects, max_effects)
     with spread(jobs, workers, cluster):
         problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
+        return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
+
+
+@checks_options()
+@single_threaded()
+def diagnose_rig(
+    rig: RigTest | str | Path,
+    models: JointModel | Mapping[str, JointModel] | None = None,
+    *,
+    library: Sequence[str | Path] = (),
+    effects: Sequence[Effect] | None = None,
+    max_effects: int = STRUCTURE.most_effects,
+    advise: bool = True,
+    before_advice: Callable[[Diagnosis], None] | None = None,
+    random_state: int | np.random.Generator | None = None,
+    progress: Callable[[str], None] | None = None,
+    jobs: int = 1,
+    workers: int | None = None,
+    cluster: str | None = None,
+    policy: DiagnosisPolicy = STRUCTURE,
+) -> Diagnosis:
+    """Find what the laws of the joints in a structure lack, against what the structure lacks, from its sensors.
+
+    The candidates are those of :func:`diagnose_structure`, without zero and drift of a sensor: effects of each kind of
+    joint, and beams, masses, clamp, drive and sensors. Each is fitted on the simulated steady motion of every run
+    beside the laws' numbers and the structure's uncertain ones, which keep to the priors of the file.
+
+    Parameters
+    ----------
+    rig : RigTest or path of a rig.toml
+        With sensors and recorded runs that repeat. The gaps are told on runs that no fit sees: those marked
+        ``use = "validate"``, or every third one.
+    models : JointModel or mapping of str to JointModel, optional
+        For every joint, or by kind of joint: from tests of the joint alone; numbers keep to their covariance. Default:
+        the laws that :func:`~sindyjoint.discover_rig` finds in the same runs, with free numbers.
+    library, effects, max_effects, advise, before_advice, random_state, progress, jobs, workers, cluster, policy
+        As in :func:`diagnose_structure`; runs are not advised.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        For runs that cannot be used, or joints in which no law is found.
+    """
+    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis
+    from sindyjoint.diagnosis.structure.runs import RunsProblem
+    from sindyjoint.judgement.rig_discovery import described
+    from sindyjoint.mechanics.rig_test import RigTest
+    from sindyjoint.mechanics.rig_test_file import load_rig_test
+    from sindyjoint.substructure.recovery import recover
+    from sindyjoint.workflows.discover import discover_rig
+
+    say = progress or (lambda stage: None)
+    known_effects = _known_effects(library, effects, max_effects)
+    test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
+    given = models is not None
+    if models is None:
+        found = discover_rig(test, random_state=random_state, progress=say)
+        lacking = [law for law in found.laws if not law.found]
+        if lacking:
+            raise InputError(
+                f"no law was found of {lacking[0].kind}: give a model, or see what discover says"
+            )
+        test = described(found)
+        models = {law.kind: law.discovery.model for law in found.laws if law.discovery is not None}
+    elif isinstance(models, JointModel):
+        models = dict.fromkeys(test.kinds, models)
+    say("the steady motion with the models")
+    recoveries = {run: recover(test, run) for run in test.runs}
+    fitted, kept = (
+        RunsProblem.of(test, own, models, given, policy) if own else None
+        for own in (
+            [r for run, r in recoveries.items() if run.use == use] for use in ("identify", "validate")
+        )
+    )
+    if fitted is None:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    with spread(jobs, workers, cluster):
+        problem = RunsDiagnosis.of(fitted, kept, known_effects)
         return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.actuator import SINE, TONES, Actuator
@@ -150,7 +150,7 @@ def plan(
     Sensors(**stated)  # refused before anything is worked on
     separating = Separating(rivals, actuator, duration, diagnosed, say)
     if rivals and campaign is not None:
-        law = None if model is None else _opened(model)
+        law = None if model is None else as_model(model)
         found = separating.after_runs(campaign, law)
         if len(goals) == 1:
             return _only_apart(found, actuator, Sensors(**stated))
@@ -266,11 +266,6 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
     return run_time or time / count, count
 
 
-def _opened(model: JointModel | str | Path) -> JointModel:
-    """Return a model, or that of a file."""
-    return model if isinstance(model, JointModel) else read_model(model)
-
-
 def _what_is_known(
     like: str | None,
     model: JointModel | str | Path | None,
@@ -284,7 +279,7 @@ def _what_is_known(
         raise InputError("a model and a joint that it is like were given; expected one of them")
     before = None
     if model is not None:
-        before = like_model(_opened(model))
+        before = like_model(as_model(model))
     elif like is not None or campaign is None:
         law = named_joint(like or LIKE)
         assert isinstance(law, PaperLaw)

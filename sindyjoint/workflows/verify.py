@@ -12,7 +12,7 @@ import numpy as np
 from sindyjoint.discovery.delay import align_channels
 from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.model_file import as_model, read_model
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.judgement.comparison import GivenModel
@@ -210,7 +210,7 @@ def is_structure(path: str | Path) -> bool:
 def given_model(model: JointModel | str | Path, campaign: Campaign, accept: Sequence[str]) -> GivenModel:
     """Return how a whole model does on the runs of a campaign, for a comparison."""
     checked = verify(model, campaign, accept=accept, draws=0)
-    known = model if isinstance(model, JointModel) else read_model(model)
+    known = as_model(model)
     return GivenModel(
         known.ids,
         tuple(element.id for element in known.elements),

@@ -69,6 +69,18 @@ class Made:
         found = (*(f for f in self.found if f.name not in again), best)
         return Added(replace(self, found=found, gap=best.gap), again)
 
+    def zero_errors(self, refused):
+        return None
+
+    def without_delay(self):
+        return None
+
+    def ranked_again(self, name, members):
+        return None
+
+    def gap_without(self, names):
+        return self.gap
+
     def units(self, fitted):
         return {}
 

@@ -73,7 +73,7 @@ def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:
     """Return the noise of what answers, pooled as responses are: of the moment where the motion was the drive."""
     floors = []
     for s in states:
-        if inertia > 0 and not prescribed(s):
+        if inertia > 0 and not prescribed(s, inertia=inertia):
             scale = float(np.std(s.angle))
             floors.append(("angle", s.noise.angle / scale, scale))
         else:

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
+from sindyjoint.diagnosis.campaign import anew
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
 from sindyjoint.diagnosis.campaign.admissible import (
     law_complaint,
@@ -18,7 +19,13 @@ from sindyjoint.diagnosis.campaign.admissible import (
     yield_complaint,
 )
 from sindyjoint.diagnosis.campaign.candidates import fit_effects
-from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
+from sindyjoint.diagnosis.campaign.drift import (
+    ChannelDrift,
+    drift_step,
+    find_drift,
+    with_kept_runs,
+    without_drift,
+)
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
@@ -41,7 +48,7 @@ from sindyjoint.diagnosis.campaign.start import (
     first_model,
     is_free,
 )
-from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget
+from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget, unexplained_once
 from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -53,7 +60,6 @@ from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
-from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
 from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
@@ -152,6 +158,16 @@ class CampaignProblem(Problem):
         """Whether repetition has measured the noise of every row."""
         return self.regression.repeats
 
+    @property
+    def is_noise(self) -> bool:
+        """Whether what runs left out keep is within their floor: where nothing repeats no more can be told."""
+        return not self.noise_measured and not is_free(self.work.campaign) and self.within_floor(self.gap)
+
+    def within_floor(self, gap: Gap) -> bool:
+        """Return whether a gap is noise: the moment within its floor, the response not clearly above its own."""
+        floor = self.noise_floor
+        return gap.moment <= floor.moment and not gap.response > self.policy.within_floors * floor.response
+
     @cached_property
     def regression(self) -> GapRegression:
         """The rows on model and effects."""
@@ -201,11 +217,11 @@ class CampaignProblem(Problem):
         runs = tuple(without_drift(run, drift) for run in work.runs)
         campaign = work.campaign.with_runs(tuple(without_drift(run, drift) for run in work.campaign.runs))
         states = campaign_states(campaign, rate_share=self.policy.rate_share)
-        rows = gap_runs(states, work.model, work.groups, self.policy)
-        repaired = refit(rows, work.model, self.found, self.policy)
+        own = gap_runs(states, work.model, work.groups, self.policy)
+        repaired = refit(own, work.model, self.found, self.policy)
         later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
         straight = replace(self, work=later, repaired=repaired, drift=drift)
-        return straight, (_drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
+        return straight, (drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability, a clearly better pair before the best single effect.
@@ -257,6 +273,18 @@ class CampaignProblem(Problem):
         work, repaired, _ = add_effect(self.work, others, other, ())
         return replace(self, work=work, repaired=repaired)
 
+    zero_errors = anew.zero_errors
+    ranked_again = anew.ranked_again
+
+    def without_delay(self) -> tuple[Self, str] | None:
+        """Return the problem with the channels in their own time, and what its delay is called; None without one."""
+        found = anew.without_delay(self.work, self.repaired)
+        return None if found is None else (replace(self, work=found[0], repaired=found[1]), found[2])
+
+    def gap_without(self, names: Collection[str]) -> Gap:
+        """Return the gap without some of the effects, the others fitted anew."""
+        return anew.gap_without(self.work, self.found, names) if names else self.gap
+
     def units(self, fitted: FittedEffect) -> dict[str, str]:
         """Return the units of an effect's parameters."""
         return fitted.variant.units(self.work.campaign.joint.motion)
@@ -266,12 +294,11 @@ class CampaignProblem(Problem):
 
         The coefficients of free motion are refined on the simulated response instead.
         """
-        if not is_free(self.work.campaign):
-            unbiased, notes = without_bias(self.work, self.repaired)
-            return self if unbiased is self.repaired else replace(self, repaired=unbiased, notes=notes)
-        return replace(
-            self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
-        )
+        work = self.work
+        if is_free(work.campaign):
+            return replace(self, repaired=refined(work.campaign, work.states, work.rows, self.repaired))
+        unbiased, notes = without_bias(work, self.repaired)
+        return self if unbiased is self.repaired else replace(self, repaired=unbiased, notes=notes)
 
     @cached_property
     def whole(self) -> JointModel:
@@ -312,6 +339,7 @@ class CampaignProblem(Problem):
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
         first, last, policy = straight.regression, self.regression, self.policy
+        noise = float(np.nan_to_num(straight.noise_floor.moment))
         # Free motion has measured its noise from half-cycle to half-cycle.
         measured = all(run.folded or run.half_cycles is not None for run in first.runs)
         outside = 0.0
@@ -321,21 +349,9 @@ class CampaignProblem(Problem):
         if self.drift is not None:
             return Residual(0.0, most, outside)
         if measured:
-            share = share_beyond_noise(
-                (first.chi_square, first.degrees), (last.chi_square, last.degrees), policy
-            )
-            return Residual(share, most, outside)
-        return Residual(self._unexplained_once(straight), most, outside)
-
-    def _unexplained_once(self, first: Self) -> float:
-        """Return the same share where nothing repeats: what a law without memory could still win, cross-validated."""
-        # Where no noise is known none is subtracted: what a law could win is then not booked as noise.
-        noise, initial = float(np.nan_to_num(first.noise_floor.moment)), first.gap.moment
-        beyond = initial**2 - noise**2
-        if beyond <= 0 or self.gap.moment <= self.policy.significant_gap * noise:
-            return 0.0
-        could = explained_by_state(self.regression) * (self.gap.moment**2 - noise**2)
-        return float(np.clip(could / beyond, 0.0, 1.0))
+            ends = ((first.chi_square, first.degrees), (last.chi_square, last.degrees))
+            return Residual(share_beyond_noise(*ends, policy), most, outside)
+        return Residual(unexplained_once(straight.gap.moment, self.gap.moment, noise, last), most, outside)
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""
@@ -381,12 +397,3 @@ class CampaignProblem(Problem):
             if found["steps"]
             else (),
         )
-
-
-def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
-    slope = float(np.median(list(drift.slopes.values())))
-    # A slope of so many standard errors, tempered as likelihoods of effects are.
-    belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2 / policy.temper)))
-    unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
-    units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
-    return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": slope}, (), before, after, units)

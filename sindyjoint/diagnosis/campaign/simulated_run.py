@@ -34,7 +34,7 @@ def simulated(
     """
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
-    motion = prescribed(states, spurious)
+    motion = prescribed(states, spurious, inertia=model.inertia)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)

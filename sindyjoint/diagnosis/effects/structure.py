@@ -129,6 +129,8 @@ class Change:
         Whether it is tried only where no other variant explains the gap.
     units : dict of str to str
         Of the reported numbers.
+    kind : str
+        Of the joints in which it acts, where a structure has such kinds.
     """
 
     effect: str
@@ -145,6 +147,7 @@ class Change:
     memory: bool = False
     fallback: bool = False
     units: dict[str, str] = field(default_factory=dict)
+    kind: str = ""
 
     @property
     def size(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.structure.result import assemble_model
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.response.model_law import model_law
 
@@ -86,7 +88,18 @@ class JointKind:
             return {named(name): value for name, value in change.report(x).items()}
 
         units = {named(name): unit for name, unit in change.units.items()}
-        return replace(change, way=f"{self.name}: {change.way}", apply=apply, report=report, units=units)
+        return replace(
+            change, way=f"{self.name}: {change.way}", apply=apply, report=report, units=units, kind=self.name
+        )
+
+    def whole(self, numbers: Mapping[str, float], after: JointModel, found: Sequence[Change]) -> JointModel:
+        """Return the model with what the changes of such joints have added, of the law's numbers of a setup."""
+        own = [
+            replace(change, way=change.way.removeprefix(f"{self.name}: "))
+            for change in found
+            if change.kind == self.name
+        ]
+        return assemble_model(numbers, self.laws, after, own)
 
 
 def kept_numbers(model: JointModel) -> NDArray[np.intp]:

@@ -252,6 +252,19 @@ class PulseProblem:
                 columns[:, column] = (ahead - residual) / step
         return columns
 
+    def near(self, x: Array) -> PulseProblem:
+        """Return the problem for a first look round some numbers: itself."""
+        return self
+
+    def prepared(self, x: Array) -> PulseProblem:
+        """Return the problem with what the time step does to the response, by Richardson's rule for order two."""
+        setup = self.setup(x)
+        whole = self.simulate(setup, self.duration)
+        half = self.simulate(setup, self.duration, 0.5 * self.rig.step)
+        if whole is None or half is None:
+            return replace(self, step_error=())
+        return replace(self, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
+
 
 def prior_root(model: JointModel, least: float) -> Array:
     """Return L with L·Lᵀ the covariance of a model's coefficients (inertia left out), each ``least`` of itself more."""

@@ -31,7 +31,6 @@ from sindyjoint.diagnosis.structure.start import (
     open_rig,
     other_pulse,
     pulse_problem,
-    with_step_error,
 )
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
@@ -153,7 +152,7 @@ class StructureProblem(Problem):
     def add(self, best: FittedChange) -> Added[Self] | None:
         """Return the problem with an effect more; earlier ones that it makes needless go."""
         pulse = replace(self.pulse, found=(*self.pulse.found, best.change))
-        pulse = with_step_error(pulse, best.x)
+        pulse = pulse.prepared(best.x)
         found = fit(pulse, best.x, pulse.duration, iterations=4)
         if found is None:
             return None

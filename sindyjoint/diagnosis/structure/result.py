@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.joint import FRICTION, place_of
+from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.parts import parts_of_law
 from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.result import RecordGap
@@ -44,22 +44,32 @@ def whole_model(problem: PulseProblem, best: Fit) -> JointModel:
     after = model_after(problem, best)
     if not changes:
         return after
-    whole = _assembled(problem, after, changes, best.x)
-    slopes = np.empty((whole.numbers.size, best.x.size))
-    low, high = problem.bounds()
-    for place in range(best.x.size):
-        step = np.zeros(best.x.size)
-        step[place] = STEP if best.x[place] + STEP <= high[place] else -STEP
-        moved = _assembled(problem, after, changes, best.x + step)
-        slopes[:, place] = (moved.numbers - whole.numbers) / step[place]
-    covariance = slopes @ _inverse(best) @ slopes.T
-    return whole.with_numbers(whole.numbers, (covariance + covariance.T) / 2)
+
+    def assembled(x: Array) -> JointModel:
+        return assemble_model(problem.setup(x).numbers, problem.laws, after, changes)
+
+    return with_slopes(assembled, best.x, problem.bounds()[1], _inverse(best))
 
 
-def _assembled(problem: PulseProblem, after: JointModel, changes: Sequence[Change], x: Array) -> JointModel:
-    """Return the whole model of some numbers of the fit; its errors are not yet known."""
-    numbers = problem.setup(x).numbers
-    additions = [(change, problem.laws.additions.get(change.way)) for change in changes]
+def with_slopes(
+    assembled: Callable[[Array], JointModel], x: Array, high: Array, covariance: Array
+) -> JointModel:
+    """Return the model of some numbers of a fit with the covariance that follows from theirs, by linearisation."""
+    whole = assembled(x)
+    slopes = np.empty((whole.numbers.size, x.size))
+    for place in range(x.size):
+        step = np.zeros(x.size)
+        step[place] = STEP if x[place] + STEP <= high[place] else -STEP
+        slopes[:, place] = (assembled(x + step).numbers - whole.numbers) / step[place]
+    spread = slopes @ covariance @ slopes.T
+    return whole.with_numbers(whole.numbers, (spread + spread.T) / 2)
+
+
+def assemble_model(
+    numbers: Mapping[str, float], laws: JointLaws, after: JointModel, changes: Sequence[Change]
+) -> JointModel:
+    """Return the whole model of a law's numbers with what changes have added; its errors are not yet known."""
+    additions = [(change, laws.additions.get(change.way)) for change in changes]
     replacing = [each for _, each in additions if each is not None and each.replaces]
     terms, elements = [], list(after.elements)
     for term in after.terms:

@@ -8,7 +8,7 @@ the numbers of effects.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -183,7 +183,7 @@ class RunsProblem:
 
     def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
         """Return the motion of a run and what its sensors record; None where there is none."""
-        key = place, x.tobytes(), id(extra)
+        key = place, x.tobytes(), id(extra), tuple(map(id, self.found))
         if key not in self._kept:
             run = self.runs[place]
             try:
@@ -236,7 +236,7 @@ class RunsProblem:
                 moved[place] += step
                 try:
                     other, setup = self.balance(run, moved, extra)
-                    shown = recorded(run, run.moved(found[0], other), setup)
+                    shown = recorded(run, run.moved(found[0], other, extra is None), setup)
                 except (SimulationError, InputError):
                     continue
                 columns[rows, column] = (
@@ -274,6 +274,16 @@ class RunsProblem:
         own = covariance[: self.numbers, : self.numbers] * np.outer(prior, prior)
         return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
 
+    def near(self, x: Array) -> RunsProblem:
+        """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look."""
+        answers = tuple(self.answer(place, x) for place in range(len(self.runs)))
+        known = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "_kept"}
+        return NearRuns(**known, answers=answers)
+
+    def prepared(self, x: Array) -> RunsProblem:
+        """Return the problem for a search from some numbers; it is weighed as before, so that gains compare."""
+        return self
+
     def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
         """Return the problem with residuals whitened at some numbers, and motions sought near those there.
 
@@ -293,6 +303,49 @@ class RunsProblem:
             runs.append(run.begun_at(found[0]))
             factors.append(run.whitening(found[0], structure))
         return replace(self, runs=tuple(runs), whitening=tuple(factors), _kept={})
+
+
+@dataclass(frozen=True, eq=False)
+class NearRuns(RunsProblem):
+    """Runs whose motions are moved to first order from known ones.
+
+    Parameters
+    ----------
+    answers : tuple
+        Of each run; None where there is none.
+    """
+
+    answers: tuple[tuple[Answer, Complex] | None, ...] = ()
+
+    def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
+        """Return the motion of a run, moved from the known one, and what its sensors record."""
+        known, run = self.answers[place], self.runs[place]
+        if known is None:
+            return None
+        try:
+            balance, setup = self.balance(run, x, extra)
+            out, _ = balance.residual(known[0].angles, slopes=False)
+        except (SimulationError, InputError):
+            return None
+        angles = known[0].angles + known[0].moved(out)
+        shown = run.seen(balance.shown(angles))
+        return Answer(balance, angles, shown), recorded(run, shown, setup)
+
+    def derivatives(
+        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
+    ) -> Array:
+        """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
+        _, high = self.bounds(extra)
+        here = self.residuals(x, duration, extra)
+        columns = np.zeros((residual.size, len(places)))
+        for column, place in enumerate(places):
+            step = STEP if x[place] + STEP <= high[place] else -STEP
+            moved = x.copy()
+            moved[place] += step
+            ahead = self.residuals(moved, duration, extra)
+            if here is not None and ahead is not None:
+                columns[:, column] = (ahead - here) / step
+        return columns
 
 
 def recorded(run: SteadyRun, shown: Complex, setup: Setup) -> Complex:

@@ -148,6 +148,7 @@ def _begin(
     problem: PulseProblem, start: Array, changes: Sequence[Change], horizon: float
 ) -> list[tuple[Change, Array]]:
     """Return for each candidate the point of its grid, and the linear estimate there, that promise most."""
+    problem = problem.near(start)
     residual = problem.residuals(start, horizon)
     if residual is None:
         return [(change, np.concatenate([start, change.start])) for change in changes]
@@ -261,20 +262,20 @@ def _linearised(
     duration = problem.duration
     residual = problem.residuals(base.x, duration)
     assert residual is not None
-    columns = base.jacobian
+    columns, near = base.jacobian, problem.near(base.x)
 
     def score(change: Change, x: Array) -> float:
         places = [base.x.size + i for i in change.linear]
         if places:
             at = x.copy()
             at[places] = 0.0
-            own = problem.derivatives(at, residual, duration, places, change)
+            own = near.derivatives(at, residual, duration, places, change)
             promised, numbers = _linear(np.hstack([columns, own]), residual)
             number = numbers[base.x.size :]
             if np.any((number < change.low[: len(places)]) | (number > change.high[: len(places)])):
                 return 0.0
             return base.cost - promised
-        there = problem.residuals(x, duration, change)
+        there = near.residuals(x, duration, change)
         return 0.0 if there is None else base.cost - _linear(columns, there)[0]
 
     gains = _parallel(score, tried)

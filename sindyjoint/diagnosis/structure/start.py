@@ -82,21 +82,11 @@ def pulse_problem(
         raise InputError(f"the rig {rig.name!r} cannot be simulated with the model: {error}") from error
     rows = [i for i, hinge in enumerate(hinges(rig)) if hinge.name in places]
     angle, rate, moment = (float(np.abs(x[rows]).max()) for x in (motion.angle, motion.rate, motion.moment))
-    problem = with_step_error(problem, problem.start())
+    problem = problem.prepared(problem.start())
     period = 1 / main_frequency(records[0].displacement, records[0].sample_rate)
     scales = Scales(period, float(np.std(records[0].displacement)), problem.duration)
     outside = structure_changes(load_structure_effects(), problem.setup(problem.start()), scales)
     return problem, (*outside, *joint_changes(laws, effects, Reference(angle, rate), moment)), period
-
-
-def with_step_error(problem: PulseProblem, x: np.ndarray) -> PulseProblem:
-    """Return the problem with what the time step does to the response, by Richardson's rule for order two."""
-    setup = problem.setup(x)
-    whole = problem.simulate(setup, problem.duration)
-    half = problem.simulate(setup, problem.duration, 0.5 * problem.rig.step)
-    if whole is None or half is None:
-        return replace(problem, step_error=())
-    return replace(problem, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
 
 
 def _measured(

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.accumulate import FactorSum, Tiles
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
@@ -30,7 +29,6 @@ from sindyjoint.parallel import executor, ordered_map
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
 
-Array = NDArray[np.float64]
 
 # Rows read at once: a few megabytes.
 READ = 1 << 17

@@ -46,7 +46,7 @@ def _curves(record: RecordGap) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
 
 def overlay(record: RecordGap, ax: Axes) -> Axes:
     """Draw the measured displacement and, over it, the residuals before and after."""
-    factor, unit = prefixed(float(np.abs(record.measured).max()), "m")
+    factor, unit = prefixed(float(np.abs(record.measured).max()), record.unit)
     looks: list[tuple[str, np.ndarray | None, dict[str, Any]]] = [
         ("measured", record.measured, {"color": PALETTE[0], "lw": 0.5, "alpha": 0.35}),
         ("residual of the model alone", _residual(record, record.before), {"color": PALETTE[1], "lw": 0.7}),
@@ -56,7 +56,7 @@ def overlay(record: RecordGap, ax: Axes) -> Axes:
         if signal is not None:
             ax.plot(record.time, signal * factor, label=label, rasterized=signal.size > 4000, **look)
     ax.set_xlabel("Time (s)")
-    ax.set_ylabel(f"Displacement ({unit})")
+    ax.set_ylabel(f"{record.quantity.capitalize()} ({unit})")
     ax.set_title(plain(shortened(record.name)))
     if record.held_from:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
@@ -72,12 +72,12 @@ def _residual(record: RecordGap, simulated: np.ndarray | None) -> np.ndarray | N
 
 def cycles(record: RecordGap, ax: Axes) -> Axes:
     """Draw a few cycles of what the fit did not see, measured and simulated."""
-    factor, unit = prefixed(float(np.abs(record.measured).max()), "m")
+    factor, unit = prefixed(float(np.abs(record.measured).max()), record.unit)
     kept = _middle_cycles(record)
     for label, signal, look in _curves(record):
         ax.plot(record.time[kept], signal[kept] * factor, label=label, **look)
     ax.set_xlabel("Time (s)")
-    ax.set_ylabel(f"Displacement at {plain(shortened(record.name, 24))} ({unit})")
+    ax.set_ylabel(f"{record.quantity.capitalize()}: {plain(shortened(record.name, 24))} ({unit})")
     legend_above(ax, 3, columns=2)
     return ax
 
@@ -119,7 +119,7 @@ def _middle_cycles(record: RecordGap) -> slice:
 def envelope(record: RecordGap, ax: Axes) -> Axes:
     """Draw the envelopes by Hilbert's transform, on a logarithmic scale, with the noise."""
     rate = 1 / (record.time[1] - record.time[0])
-    factor, unit = prefixed(float(np.abs(record.measured).max()), "m")
+    factor, unit = prefixed(float(np.abs(record.measured).max()), record.unit)
     cut = int(rate / main_frequency(record.measured, rate))
     for label, signal, look in _curves(record):
         if np.ptp(signal) > 0:

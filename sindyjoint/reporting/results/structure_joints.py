@@ -132,7 +132,12 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
 
 def place_of_law(law: JointLaw) -> str:
     """Return the folder within the results in which the discovery of a kind of joint stands."""
-    return "".join(c if c.isalnum() else "-" for c in law.kind).strip("-") or "joint"
+    return place_of_kind(law.kind)
+
+
+def place_of_kind(kind: str) -> str:
+    """Return the folder within the results of a kind of joint."""
+    return "".join(c if c.isalnum() else "-" for c in kind).strip("-") or "joint"
 
 
 def law_words(law: JointLaw) -> str:
@@ -166,10 +171,6 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             name = result.test.structure.hinges[joint].name
             run = state.run.removesuffix(f" · {name}")
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
 
 
 def _amount(value: float) -> str:

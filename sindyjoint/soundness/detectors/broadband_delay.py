@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from sindyjoint.discovery.delay import estimate_delay, reference_of, shifted
-from sindyjoint.equation.catalogue import load_catalogue, term_columns
+from sindyjoint.discovery.delay import estimate_delay, law_of_channels, reference_of, shifted
+from sindyjoint.equation.catalogue import term_columns
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import scaled_least_squares
@@ -63,10 +63,7 @@ def find_broadband_delay(campaign: Campaign, runs: Sequence[Run], words: Words) 
 def _measure(runs: Sequence[Run], inertia: float | None) -> tuple[float, float] | None:
     """Return a delay that stands out and its standard error, s, or None."""
     states = [force_states(run) for run in runs]
-    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
-    if inertia is None:
-        law = law.union(load_catalogue("inertia"))
-    terms = law.resolve(reference_of(states))
+    terms = law_of_channels(inertia).resolve(reference_of(states))
     delay = estimate_delay(states, terms, inertia)
     size, contrast = abs(delay.time), abs(delay.time) / max(delay.standard_error, 1e-300)
     if not (POLICY.least_delay < size < POLICY.longest_broadband and contrast > POLICY.broadband_contrast):

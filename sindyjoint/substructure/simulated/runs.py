@@ -160,13 +160,17 @@ class SteadyRun:
         """Return simulated less measured in standard errors of the sensors, shape (rows,)."""
         return in_parts((shown - self.measured) / self.sigma)
 
-    def moved(self, answer: Answer, other: Steady) -> Complex:
+    def moved(self, answer: Answer, other: Steady, exactly: bool = True) -> Complex:
         """Return what the sensors show of another structure nearby, to first order, shape (sensors, R).
 
-        The balance of the other one is out by r at the angles of this one, which move by −J⁻¹·r.
+        The balance of the other one is out by r at the angles of this one, which move by −J⁻¹·r; J is that of a motion
+        nearby where it need not be exact.
         """
         out, _ = other.residual(answer.angles, slopes=False)
-        return self.seen(other.shown(answer.angles + answer.moved(out)))
+        of = answer if exactly or self.nearby is None else self.nearby
+        if not exactly:
+            out = out - answer.balance.residual(answer.angles, slopes=False)[0]
+        return self.seen(other.shown(answer.angles + of.moved(out)))
 
     def whitening(self, answer: Answer, structure: Structure) -> Array:
         """Return the Cholesky factor of the residuals' covariance, shape (rows, rows).

@@ -20,7 +20,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
-from sindyjoint.substructure.harmonics import analysis, differentiation, real_blocks, synthesis
+from sindyjoint.substructure.harmonics import analysis, rates, real_blocks, synthesis
 from sindyjoint.substructure.period import period_moment
 
 Array = NDArray[np.float64]
@@ -139,15 +139,16 @@ class Steady:
         """Return what is out of balance, N·m, and its derivatives by the coefficients of the angles, shape (size,)."""
         width, samples = 2 * self.harmonics + 1, SAMPLES * (self.harmonics + 1)
         to_time = synthesis(self.harmonics, samples)
-        to_rate = self.omega * to_time @ differentiation(self.harmonics)
+        by_phase = rates(self.harmonics, samples)
+        to_rate = self.omega * by_phase if slopes else by_phase
         moments = [
-            period_moment(law, (to_time @ own, to_rate @ own), (to_time, to_rate) if slopes else None,
+            period_moment(law, (to_time @ own, self.omega * (by_phase @ own)), (to_time, to_rate) if slopes else None,
                           2 * np.pi / self.omega)
             for law, own in zip(self.laws, angles.reshape(-1, width), strict=True)
         ]  # fmt: skip
         jacobian = self.linear.copy() if slopes else self.linear
         out = self.linear @ angles - self.load(self.drive)
-        matrices = to_time, analysis(self.harmonics, samples), differentiation(self.harmonics)
+        matrices = to_time, analysis(self.harmonics, samples), by_phase
         add_joint_moments(out, jacobian, angles, moments, self.hold, matrices, slopes)
         return out, jacobian
 

@@ -124,9 +124,9 @@ def simulated_gap(model: JointModel, campaign: Campaign, test: TestNuisances) ->
     runs = {run.name: run for run in campaign.validation_runs or campaign.runs}
     errors = []
     for states in one_after_another(campaign, [force_states(run) for run in runs.values()]):
-        motion = prescribed(states)
-        run = simulate_run(
-            test.law(model, states), runs[states.run], states, drive="motion" if motion else None
-        )
+        law = test.law(model, states)
+        motion = prescribed(states, inertia=law.inertia)
+        drive = "motion" if motion else None
+        run = simulate_run(law, runs[states.run], states, drive=drive, response_only=True)
         errors.append(("moment" if motion else "angle", run.response_nrmse, run.response_scale))
     return pooled_nrmse(errors)

@@ -18,7 +18,7 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.record import Run
-from sindyjoint.response.run import SimulatedRun, prescribed
+from sindyjoint.response.run import SimulatedRun, prescribed, span_of
 from sindyjoint.states import ForceStates
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics, replicate_states
@@ -74,7 +74,7 @@ class Replicates:
         return cls(work, repaired, tuple(made), tuple(map(kept_harmonics, work.states)))
 
     def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...]:
-        """Return their rows, at the phases and with the weights of the measurement's, noise of moment and angle added."""
+        """Return their rows, noise of moment and angle added; phases and weights are the measurement's."""
         work, rows = self.work, []
         for place, (run, state) in enumerate(zip(self.runs, work.states, strict=True)):
             moment, angle = (0.0, 0.0) if noise is None else noise[place]
@@ -95,8 +95,7 @@ class Replicates:
 
 def _as_measured(run: Run, state: ForceStates, result: SimulatedRun) -> Run:
     """Return a run with the response of its simulation; what precedes that is the period after it."""
-    first = round(state.time[0] * run.sample_rate)
-    span = slice(first, first + state.n_samples)
+    span = span_of(run, state)
     skipped = state.n_samples - result.time.size
     response = result.simulated_response
     assert response is not None and state.frequency is not None

@@ -47,7 +47,6 @@ def gap_runs(
     model: JointModel,
     groups: Sequence[str],
     policy: DiagnosisPolicy = CAMPAIGN,
-    phases: int = PHASES,
     errors: Sequence[float] | None = None,
     free: bool = False,
 ) -> tuple[GapRun, ...]:
@@ -61,8 +60,6 @@ def gap_runs(
     groups : sequence of str
         What is held out together, one label per run.
     policy : DiagnosisPolicy
-    phases : int
-        Samples of the mean period.
     errors : sequence of float, optional
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     free : bool
@@ -72,7 +69,7 @@ def gap_runs(
     # The processing itself errs (truncated series, folded phases); below that nothing is claimed.
     least = policy.processing_error * model.fitted.moment_rms
     return tuple(
-        _folded(s, model, g, phases, least)
+        _folded(s, model, g, least)
         if s.method == "periodic"
         else (free and _free_decay(s, model, g, policy))
         or _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples)
@@ -80,10 +77,10 @@ def gap_runs(
     )
 
 
-def _folded(states: ForceStates, model: JointModel, group: str, phases: int, error: float) -> GapRun:
+def _folded(states: ForceStates, model: JointModel, group: str, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
     assert states.frequency is not None
-    motion, moment, count = _mean_period(states, model, phases)
+    motion, moment, count = _mean_period(states, model, PHASES)
     keep, size = motion.keep, motion.angle.size
     sigma = np.sqrt(states.noise.moment**2 / np.maximum(count, 1)[keep] + error**2)
     factor = folded_whitener(states, model, motion, sigma, np.arange(size)[keep] / size)
@@ -91,7 +88,9 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, err
     return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
 
 
-def _mean_period(states: ForceStates, model: JointModel, phases: int) -> tuple[MeasuredMotion, Array, Array]:
+def _mean_period(
+    states: ForceStates, model: JointModel, phases: int
+) -> tuple[MeasuredMotion, Array, NDArray[np.intp]]:
     """Return motion and moment of the mean period of a run, and how many samples each phase has."""
     assert states.frequency is not None
     # An internal state has not settled in the first period: what is averaged over periods is what repeats.

@@ -1,0 +1,269 @@
+"""A diagnosis from the runs of a structure: what the laws of its joints lack against what the structure lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.diagnosis.budget import Budget, divide_gap
+from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.joint import joint_changes
+from sindyjoint.diagnosis.effects.structure import (
+    Change,
+    Scales,
+    load_structure_effects,
+    structure_changes,
+)
+from sindyjoint.diagnosis.effort import Effort
+from sindyjoint.diagnosis.localisation import Place, Regions, most_telling
+from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
+from sindyjoint.diagnosis.structure.output_error import fit
+from sindyjoint.diagnosis.structure.problem import StructureProblem
+from sindyjoint.diagnosis.structure.result import with_slopes
+from sindyjoint.diagnosis.structure.runs import RunsProblem
+from sindyjoint.diagnosis.structure.search import FittedChange
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.terms import Reference
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.substructure.simulated.runs import SteadyRun
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Accelerometers see neither; the others act on what every sensor shows.
+UNSEEN = ("sensor zero", "sensor drift")
+OF_CHAINS = ("loss factor", "bending stiffness", "mass per length", "point mass", "clamp compliance")
+# Periods and samples of each in the pictures.
+SHOWN, SAMPLES = 8, 64
+FEW = 4  # runs, of which none is kept out unless it is marked
+
+
+@dataclass(frozen=True, eq=False)
+class RunsDiagnosis(StructureProblem):
+    """The runs of a structure, with the effects added so far.
+
+    Parameters
+    ----------
+    pulse : RunsProblem
+    kept : RunsProblem or None
+        Runs that no fit sees.
+    """
+
+    pulse: RunsProblem  # type: ignore[assignment]
+    kept: RunsProblem | None = None
+
+    @classmethod
+    def of(cls, problem: RunsProblem, kept: RunsProblem | None, effects: Sequence[Effect]) -> RunsDiagnosis:
+        """Return the diagnosis of a problem, whose numbers are fitted first.
+
+        Raises
+        ------
+        InputError
+            Where the runs cannot be simulated.
+        """
+        best = fit(problem, problem.start(), problem.duration)
+        if best is None:
+            raise InputError("the runs cannot be simulated with the models and their uncertainty")
+        if not problem.known:
+            # Laws that were found in the same runs: weighed, and searched from, where they fit best.
+            problem = problem.whitened(best.x)
+            best = fit(problem, best.x, problem.duration) or best
+        return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept)
+
+    @cached_property
+    def records(self) -> tuple[RecordGap, ...]:
+        """Every sensor of every run beside the simulations; of those that were kept out, where there are any."""
+        shown = self.kept or self.pulse
+        given = replace(shown, found=())
+        after = replace(shown, found=self.pulse.found)
+        found = []
+        for place, run in enumerate(shown.runs):
+            old, new = given.answer(place, given.start()), after.answer(place, self.best.x)
+            pair = [None if each is None else each[1] for each in (old, new)]
+            found += [_record(run, number, pair) for number in range(len(shown.test.sensors))]
+        return tuple(
+            sorted(found, key=lambda each: -each.gap_after if each.gap_after == each.gap_after else 0.0)
+        )
+
+    @property
+    def initial_gap(self) -> Gap:
+        """Relative RMS of what the sensors show, of the models as they were given."""
+        return self._pooled("gap_before")
+
+    @property
+    def gap(self) -> Gap:
+        """The same, fitted."""
+        return self._pooled("gap_after")
+
+    @property
+    def noise_floor(self) -> Gap:
+        """Noise of the sensors relative to what they show."""
+        return self._pooled("noise_floor")
+
+    def _pooled(self, name: str) -> Gap:
+        """Return the RMS of gaps that are relative to each record, each record counting as its own square."""
+        size = np.array([float(np.sum(record.measured**2)) for record in self.records])
+        values = np.array([getattr(record, name) for record in self.records])
+        alike = len({record.unit for record in self.records}) == 1
+        weight = size / size.sum() if alike else np.full(size.size, 1 / size.size)
+        return Gap(float("nan"), float(np.sqrt(weight @ values**2)))
+
+    def budget(self, first: RunsDiagnosis, last: RunsDiagnosis) -> Budget:  # type: ignore[override]
+        """Return what the mean square gap is made of, relative to what the sensors show."""
+        problem = first.pulse
+        start = problem.residuals(problem.start())
+        total = first.best.cost if start is None else float(start @ start)
+        noise = min(problem.rows(), total)
+        parts = {"state": max(total - first.best.cost, 0.0), "history": 0.0, "run": 0.0}
+        for kind, drop in last.drops:
+            parts[kind] += max(drop, 0.0)
+        parts["run"] += max(last.best.cost - noise, 0.0)
+        whole = max(sum(parts.values()), 1e-300)
+        own = sum(float(np.sum(np.abs(run.measured / run.sigma) ** 2)) for run in problem.runs)
+        shares = {kind: part / whole for kind, part in parts.items()}
+        return divide_gap(total / own, noise / own, 0.0, lambda _: shares)
+
+    def places(self) -> tuple[Place, ...]:
+        """Return in which run, at which sensor and at which harmonic the gap of the given models lies."""
+        names, square = [], []
+        for place, run in enumerate(self.pulse.runs):
+            found = self.pulse.answer(place, self.pulse.start())
+            if found is not None:
+                names.append(run.name)
+                square.append(np.maximum(np.abs((found[1] - run.measured) / run.sigma) ** 2 - 2, 0.0))
+        if not square or not any(each.any() for each in square):
+            return ()
+        count = min(each.shape[1] for each in square)
+        excess = np.array([each[:, :count] for each in square])
+        regions = Regions(excess.ravel(), "harmonics", self.policy)
+        axes = (("run", "in run", names), ("sensor", "at sensor", [s.name for s in self.pulse.test.sensors]),
+                ("harmonic", "at harmonic", [str(order) for order in range(1, count + 1)]))  # fmt: skip
+        for axis, (name, words, labels) in enumerate(axes):
+            for number, label in enumerate(labels):
+                mask = np.zeros(excess.shape, dtype=bool)
+                mask[(slice(None),) * axis + (number,)] = True
+                regions.add(name, label, f"{words} {label}", mask.ravel())
+        return most_telling(regions.found, self.policy, one_per_axis=True)
+
+    def separating_runs(
+        self, step: Step, ranking: Ranking[FittedChange], effort: Effort
+    ) -> tuple[Advice, ...]:
+        """Return none: further runs of a structure are not searched for."""
+        return ()
+
+    def diagnosis(self, first: RunsDiagnosis, found: Mapping[str, Any]) -> Diagnosis:  # type: ignore[override]
+        """Return the result: the model of each kind of joint, and the structure's numbers."""
+        problem, x = self.pulse, self.best.x
+        covariance = problem.covariance(x)
+        models, changed = {}, [change.kind for change in problem.found if change.inside]
+        for kind in problem.kinds:
+
+            def assembled(values: Array, kind: Any = kind) -> JointModel:
+                setup = problem.setup(values)
+                return kind.whole(setup.kinds[kind.name].numbers, kind.model, problem.found)
+
+            models[kind.name] = with_slopes(assembled, x, problem.bounds()[1], covariance)
+        lead = changed[0] if changed else problem.kinds[0].name
+        notes = () if self.kept else (
+            "no run was kept out of the fit: the gaps are those of the fitted runs; mark one use = 'validate'",
+        )  # fmt: skip
+        return Diagnosis(
+            **found,
+            warnings=notes,
+            model=models[lead],
+            whole=models[lead],
+            source="structure",
+            rig=problem.test.name,
+            records=self.records,
+            in_place=InPlace(lead, models, problem.update(x, covariance)),
+        )
+
+
+def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
+    """Return the runs that are fitted and those that are kept out: as they are marked, or every third one.
+
+    Raises
+    ------
+    InputError
+        Without a run for identification.
+    """
+    runs = list(test.identification_runs)
+    if not runs:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    marked = [run for run in test.runs if run.use == "validate"]
+    if marked or len(runs) < FEW:
+        return runs, marked
+    return [run for i, run in enumerate(runs) if i % 3 != 1], runs[1::3]
+
+
+def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tuple[Change, ...]:
+    """Return the ways in which the structure, and each kind of joint, may differ from what is described."""
+    chain = problem.test.chain
+    setup = problem.setup(x)
+    main = min(run.omega * (1 + int(np.argmax(np.abs(run.drive[1:])))) for run in problem.runs)
+    known = [
+        effect
+        for effect in load_structure_effects()
+        if effect.acts_on not in UNSEEN and (chain is not None or effect.acts_on not in OF_CHAINS)
+    ]
+    changes = list(structure_changes(known, setup, Scales(2 * np.pi / main, 1.0, 1.0)))
+    laws = problem.laws(setup)
+    motions = [
+        (run, run.angles(found[0]))
+        for place, run in enumerate(problem.runs)
+        if (found := problem.answer(place, x))
+    ]
+    for kind in problem.kinds:
+        angle = rate = moment = 0.0
+        for run, amplitudes in motions:
+            for place in kind.places:
+                d, v = _motion(amplitudes[place], run.omega)
+                law = laws[place]
+                own = law.moment(d, v, np.sign(v), np.zeros((law.n_states, d.size)))
+                angle, rate, moment = (
+                    max(old, float(np.abs(new).max())) for old, new in ((angle, d), (rate, v), (moment, own))
+                )
+        for change in joint_changes(kind.laws, effects, Reference(angle, rate), moment):
+            changes.append(kind.change(change, len(problem.kinds) > 1))
+    return tuple(changes)
+
+
+def _motion(amplitudes: Complex, omega: float) -> tuple[Array, Array]:
+    orders = np.arange(amplitudes.size)
+    wave = np.exp(1j * np.outer(np.linspace(0, 2 * np.pi, 8 * amplitudes.size), orders))
+    return (wave @ amplitudes).real, (wave @ (1j * omega * orders * amplitudes)).real
+
+
+def _record(run: SteadyRun, sensor: int, pair: Sequence[Complex | None]) -> RecordGap:
+    """Return a sensor of a run over some periods beside its simulations, by the harmonics that are compared."""
+    orders = np.arange(1, run.measured.shape[1] + 1)
+    time = np.arange(SHOWN * SAMPLES) / SAMPLES * 2 * np.pi / run.omega
+    wave = np.exp(1j * run.omega * np.outer(time, orders))
+    size = float(np.linalg.norm(run.measured[sensor]))
+
+    def signal(amplitudes: Complex | None) -> Array | None:
+        return None if amplitudes is None else np.asarray((wave @ amplitudes[sensor]).real)
+
+    def gap(amplitudes: Complex | None) -> float:
+        if amplitudes is None:
+            return float("nan")
+        return float(np.linalg.norm(amplitudes[sensor] - run.measured[sensor])) / size
+
+    measured = signal(run.measured)
+    assert measured is not None
+    channel = run.test.sensors[sensor]
+    noise = float(np.sqrt(2 * np.sum(run.sigma[sensor] ** 2)))
+    return RecordGap(
+        f"{channel.name}, {run.name}", time, measured, signal(pair[0]), signal(pair[1]), noise / np.sqrt(2), 0.0,
+        gap(pair[0]), gap(pair[1]), noise / size, channel.quantity, UNITS[channel.quantity],
+    )  # fmt: skip
+
+
+UNITS = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
