@@ -375,8 +375,7 @@ class CampaignProblem(Problem):
         self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
     ) -> tuple[Advice, ...]:
         """Return the runs that would tell the members of a class apart."""
-        rivals = [f.effect for f in ranking.members[1:]]
-        return separating_runs(self.work, self.found, step, rivals, effort, self.actuator)
+        return separating_runs(self.work, self.found, step, ranking.members[1:], effort, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
