@@ -63,11 +63,11 @@ class Condensed:
     def linear(self) -> Array:
         """S_h on the real coefficients of all angles, shape (size, size)."""
         joints, width = self.stiffness.shape[1], 2 * len(self.stiffness) - 1
-        rows = np.arange(joints) * width
+        rows: NDArray[np.intp] = np.arange(joints) * width
         matrix = np.zeros((joints * width,) * 2)
         matrix[np.ix_(rows, rows)] = self.stiffness[0].real
         for order in range(1, len(self.stiffness)):
-            pairs = np.ravel(rows[:, None] + [2 * order - 1, 2 * order])
+            pairs: NDArray[np.intp] = np.ravel(rows[:, None] + np.array([2 * order - 1, 2 * order]))
             matrix[np.ix_(pairs, pairs)] = real_blocks(self.stiffness[order])
         return matrix
 
