@@ -13,12 +13,14 @@ from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.text import spelled
 
 
 def followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
@@ -57,7 +59,10 @@ class Tested:
         """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
         whole = None if result.whole is None else self._fitted(result.whole)
         test = self.nuisances(result.test or TestNuisances(""))
-        warnings = (*self.checked.warnings, *result.warnings, *lag_notes(self.lags))
+        elements = () if result.whole is None else result.whole.elements
+        named = [spelled(each.effect, self.campaign.joint.motion) for each in elements]
+        notes = (*lag_notes(self.lags), *fixed_notes(self.campaign.inputs, named))
+        warnings = (*self.checked.warnings, *result.warnings, *notes)
         result = replace(
             result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
             warnings=warnings, hidden=self.hidden,

@@ -84,6 +84,9 @@ class RunsProblem:
             raise InputError(
                 f"no model of {missing[0]!r}; every kind of joint needs one: {', '.join(sorted(set(test.kinds)))}"
             )
+        recoveries = [each for each in recoveries if each.spectra.repeats]
+        if not recoveries:
+            raise InputError("no run repeats; the steady response is simulated of runs whose drive does")
         kinds = tuple(
             JointKind.of(name, tuple(np.flatnonzero([k == name for k in test.kinds]).tolist()), models[name],
                          policy.model_error)

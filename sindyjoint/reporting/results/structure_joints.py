@@ -123,10 +123,10 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
         """Yield what each run recovered."""
         for recovery in result.recoveries:
             spectra = recovery.spectra
+            repeats = f"{spectra.edges.size - 1} blocks" if spectra.repeats else "the whole record"
             yield (
-                f"{recovery.run.name}: {spectra.frequency:.6g} Hz, {spectra.angular.size} harmonics, "
-                f"{spectra.edges.size - 1} blocks, left of the sensors "
-                f"{np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} of their noise"
+                f"{recovery.run.name}: {spectra.frequency:.6g} Hz, {spectra.angular.size} harmonics, {repeats}, "
+                f"left of the sensors {np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} of their noise"
             )
 
 
