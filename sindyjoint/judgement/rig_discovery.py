@@ -16,6 +16,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.observability import JointSeen
+from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.update import Update, with_numbers
 
@@ -106,10 +107,6 @@ class RigDiscovery(Shown):
         }  # fmt: skip
 
 
-# Weighted squares per degree of freedom beyond which sensors and structure disagree: noise alone makes 1.
-DISAGREES = 2.0
-
-
 def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
     """Say where sensors and structure disagree, or that nothing shows whether they do."""
     misfit, degrees = sum(r.misfit for r in recoveries), sum(r.degrees for r in recoveries)
@@ -117,7 +114,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
         return (
             "there are as many sensors as joints: nothing shows whether the structure is the one described",
         )
-    if misfit <= DISAGREES * degrees:
+    if misfit <= LIMITS.disagrees * degrees:
         return ()
     return (
         f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "

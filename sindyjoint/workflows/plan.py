@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError
@@ -72,7 +73,8 @@ def plan(
         A joint of the paper that the joint resembles: each coefficient within 20 % of its own. Default: the first,
         where neither a model nor a campaign says more.
     model : JointModel or path, optional
-        A model of the joint instead: each coefficient within three standard errors.
+        A model of the joint instead: each coefficient within three standard errors. Its elements with a memory are in
+        every simulation, with the numbers that they have.
     campaign : Campaign or path, optional
         Runs that were made: a model is discovered from them, and what they tell is added. The terms of ``like`` or
         ``model``, where one is given, are then kept in that model, and their ranges hold as well.
@@ -95,11 +97,13 @@ def plan(
         Steps in which ``"moment"`` (N·m) and ``"angle"`` (rad) are read.
     waveforms : sequence of str
         Among which is chosen: ``"sine"``, ``"two-tone-3"`` (a second tone of three times the frequency and 0.8 of the
-        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics).
+        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics), ``"multisine"`` (five equal
+        tones), ``"sweep"`` (a sine from the frequency at which it repeats to five times that, and back).
     time : float
         Duration of all runs that are still to be made, s.
     run_time : float, optional
-        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take.
+        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take; where
+        nothing but telling effects apart is the goal, half of the time.
     goal : {"widths", "frequency", "paper", "tell-apart"} or mapping of these to weights
         Make the widest relative interval small; or the widest relative change over the band that could be overlooked;
         or decide which terms the joint has: what the weakest term lacks of being taken by a discovery; or tell effects
@@ -151,7 +155,10 @@ def plan(
     separating = Separating(rivals, actuator, duration, diagnosed, say)
     if rivals and campaign is not None:
         law = None if model is None else as_model(model)
-        found = separating.after_runs(campaign, law)
+        # Beside no other goal its runs, two at most, have all of the time.
+        longer = duration if len(goals) > 1 or run_time is not None else time / CAMPAIGN.most_runs
+        with_time = replace(separating, actuator=replace(actuator, duration=longer), duration=longer)
+        found = with_time.after_runs(campaign, law)
         if len(goals) == 1:
             return _only_apart(found, actuator, Sensors(**stated))
     known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)

@@ -66,7 +66,7 @@ def refit(
             break
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
-        model = _without(model, int(least))
+        model = without(model, int(least))
     model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
     later, k = [], size
     for each in effects:
@@ -169,7 +169,8 @@ def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
     return np.sqrt(np.mean(columns**2, axis=0))
 
 
-def _without(model: JointModel, index: int) -> JointModel:
+def without(model: JointModel, index: int) -> JointModel:
+    """Return a model without one of its terms."""
     terms = tuple(t for i, t in enumerate(model.terms) if i != index)
     keep = [i for i in range(len(model.terms)) if i != index]
     covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()

@@ -122,7 +122,7 @@ def _search(
         if jacobian is None:
             jacobian = _base_jacobian(problem, (start, None), horizon)
         if index == 0 and len(alive) > SCREENED:
-            alive = _screened(problem, alive, horizon, jacobian)
+            alive = _screened(problem.near(start), alive, horizon, jacobian)
         fits = _fits(problem, alive, horizon, jacobian, 6)
         if not fits:
             return []
