@@ -11,6 +11,8 @@ from sindyjoint.files.writers import ENCODERS
 from sindyjoint.judgement.joint_laws import within_the_states
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.record_exports import StructureRecord
+from sindyjoint.substructure.states import joint_states, slow_part
+from sindyjoint.substructure.unseen import find_slow
 from sindyjoint.workflows.discover import discover_rig
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test
@@ -45,6 +47,34 @@ def test_the_law_of_an_elastic_joint_has_no_friction(found):
         assert term.coefficient == pytest.approx(true, rel=0.02)
         assert abs(term.coefficient - true) < 4 * term.standard_error
     assert found.misfit == pytest.approx(1.0, abs=0.2) and found.found
+
+
+def test_coefficients_follow_what_was_recovered_as_their_errors_say(found):
+    """Refitted with other amplitudes, mean angles free, the coefficients change as the linear map says."""
+    (law,) = found.laws
+    terms = [t for name in law.discovery.model.ids for t in law.discovery.regressor.terms_ if t.id == name]
+    weights, generator = np.array([each.weight for each in law.recovered]), np.random.default_rng(4)
+
+    def fitted(recoveries):
+        states = [
+            joint_states(r, 0, r.run.name, e.mean_moment)
+            for r, e in zip(recoveries, law.recovered, strict=True)
+        ]
+        slow = [slow_part(r, 0) for r in recoveries]
+        return find_slow(states, slow, terms, weights).coefficients
+
+    def moved(recovery):
+        spectra = recovery.spectra
+        more = 0.3 * np.sqrt(spectra.variance) * generator.normal(size=spectra.variance.shape)
+        changed = replace(spectra, amplitudes=spectra.amplitudes + more, blocks=spectra.blocks + more)
+        return replace(recovery, spectra=changed)
+
+    before = [each.recovery for each in law.recovered]
+    after = [moved(recovery) for recovery in before]
+    errors = np.sqrt(np.diag(law.errors.covariance))
+    change, said = (fitted(after) - fitted(before)) / errors, law.errors.change(after) / errors
+    assert np.abs(said).max() > 0.02
+    assert change == pytest.approx(said, abs=0.1 * np.abs(said).max())
 
 
 def test_a_verdict_is_no_surer_than_the_angles(found):
