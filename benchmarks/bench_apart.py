@@ -1,106 +1,186 @@
 """Pairs of effects that a usual campaign leaves ambiguous, and the run that `plan` says would tell them apart.
 
-    python -m benchmarks.bench_apart [SEEDS] [FIRST SEED]
+    python -m benchmarks.bench_apart run --out apart.jsonl --seeds 4000 4040 [--names dahl_friction/lugre_friction]
+    python -m benchmarks.bench_apart show apart.jsonl
 
-One effect of a pair is hidden, by the simulator alone, in a random joint. Where the campaign leaves both in one class,
-the planned run (or two) is made on that joint, and all is judged again: told apart is the true one alone.
+One effect of a pair is hidden, by the simulator alone, in a random joint under a prescribed angle: three frequencies,
+two levels, four seconds each. Where that leaves both in one class, the planned run (or two) is made on that joint, and
+all is judged again: told apart is the true one alone. Where it is not, single runs all over the actuator's range are
+made, the truth known, until one tells them apart with two draws of the noise; without any the pair counts as one that
+no run can separate.
+
+What comes after an effect is named (its numbers freed of what the processing does to them) is left out: it names
+nothing. A campaign takes seconds; what is done already is not done again.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import os
 import time
+from collections import Counter
+from dataclasses import replace
+from itertools import product
 
-import numpy as np
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
 
-from sindyjoint import plan
-from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, PLANNED
-from sindyjoint.errors import SindyJointError
-from sindyjoint.planning.runs import PlannedRun
-from sindyjoint.planning.tell_apart import chosen_effects
-from sindyjoint.record import Campaign
-from sindyjoint.workflows.diagnose import diagnose
-from tests.diagnosis.further_runs import one_more
-from tests.diagnosis.hidden_effects import CHANNELS, Hidden, hide
-from tests.diagnosis.hidden_laws import LAWS
+import numpy as np  # noqa: E402
+
+from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from sindyjoint import plan  # noqa: E402
+from sindyjoint.diagnosis.campaign.designs import PLANNED  # noqa: E402
+from sindyjoint.diagnosis.campaign.problem import CampaignProblem  # noqa: E402
+from sindyjoint.errors import SindyJointError  # noqa: E402
+from sindyjoint.planning.tell_apart import chosen_effects  # noqa: E402
+from sindyjoint.record import Run  # noqa: E402
+from sindyjoint.workflows.diagnose import diagnose  # noqa: E402
+from tests.diagnosis.further_runs import one_more  # noqa: E402
+from tests.diagnosis.hidden_effects import CHANNELS, Hidden, hide  # noqa: E402
+from tests.diagnosis.hidden_laws import LAWS  # noqa: E402
 
 PAIRS = (
     ("dahl_friction", "lugre_friction"),
     ("dahl_friction", "bouc_wen_hysteresis"),
     ("lugre_friction", "bouc_wen_hysteresis"),
+    ("jenkins_element", "bouc_wen_hysteresis"),
+    ("dahl_friction", "jenkins_element"),
+    ("jenkins_element", "backlash_play"),
     ("maxwell_branch", "fractional_damping"),
     ("maxwell_branch", "dahl_friction"),
     ("inertia_error", "frequency_dependent_stiffness"),
     ("amplitude_dependent_damping", "position_dependent_friction"),
     ("quadratic_damping", "cubic_damping"),
+    ("quadratic_damping", "stribeck_friction"),
+    ("quintic_stiffness", "dead_zone"),
 )
-NOISE, SIZE = 0.02, 0.04  # of each channel; of the moment, that the effect adds
+# Of the moment, that the effect adds; noise of each channel.
+CASES = ((0.04, 0.02), (0.03, 0.05))
+USUAL = dict(drive="displacement", levels=(0.85, 0.6), sample_rate=500.0, duration=4.0)
+FREQUENCIES = ((3.0, 4.5, 6.0), (4.0, 5.0, 6.0))
 FACTOR = 4.0  # by which the actuator's band is wider than the campaign's
+REACH = 1.2  # by which its angle is larger
+WORDS = {name: text for text, name in PLANNED.items()}
+TIME = 40.0  # s, for two runs
+WIDE = 5  # frequencies of the search with the truth known
+KEYS = ("pair", "truth", "seed", "size", "noise")
 
 
-def made(hidden: Hidden, run: PlannedRun, index: int):
-    """Return a planned run of a hidden joint; one by a moment as the angle that it is meant to reach."""
-    words = {name: text for text, name in PLANNED.items()}
-    if run.drive == "angle":
-        return one_more(hidden, run.frequency, run.level, words[run.waveform], NOISE, index)
-    raise ValueError(BY_MOMENT)
+def further(
+    hidden: Hidden, noise: float, index: int, frequency: float, level: float, waveform: str, duration: float
+) -> Run:
+    """Return a further run of a hidden joint under an angle."""
+    longer = replace(hidden, plan=replace(hidden.plan, duration=duration))
+    return one_more(longer, frequency, level, WORDS[waveform], noise, index)
 
 
-def one(pair: tuple[str, str], truth: str, seed: int) -> dict:
+def answer_of(campaign, effects) -> tuple[str, ...]:
+    """Return the names that are given to the gap."""
+    found = diagnose(campaign, effects=effects, max_effects=1, advise=False, random_state=0)
+    return next((step.members for step in found.steps), ())
+
+
+def one(pair: tuple[str, str], truth: str, seed: int, size: float, noise: float) -> dict:
     """Return what a pair comes to on a joint in which one of it is true."""
-    # Even and odd seeds are driven by a moment and by an angle; the planned runs prescribe the angle.
-    hidden = hide(truth, seed, SIZE, NOISE)
-    effects, policy = chosen_effects(pair), dict(max_effects=1, advise=False, random_state=0)
-    first = diagnose(hidden.campaign, effects=effects, **policy)
-    members = next((s.members for s in first.steps), ())
-    if len(members) < 2:
-        return {
-            "answer": "clear before" if members == (truth,) else "none" if not members else "wrong before"
-        }
+    hidden = hide(truth, seed, size, noise, frequencies=FREQUENCIES[seed % 2], **USUAL)
+    effects = chosen_effects(pair)
     tested = [run.frequency for run in hidden.campaign.runs]
     largest = max(float(np.abs(run.angle).max()) for run in hidden.campaign.runs)
-    began = time.process_time()
+    limits, band = {"angle": REACH * largest}, (min(tested) / FACTOR, max(tested) * FACTOR)
     planned = plan(
-        campaign=hidden.campaign, goal="tell-apart", effects=pair, drive="angle", limits={"angle": 1.2 * largest},
-        band=(min(tested) / FACTOR, max(tested) * FACTOR), time=100.0,
+        campaign=hidden.campaign, goal="tell-apart", effects=pair, drive="angle", limits=limits, band=band, time=TIME,
     )  # fmt: skip
-    seconds = time.process_time() - began
-    if not planned.runs:
-        return {"answer": "no run", "seconds": seconds, "words": planned.stop}
-    campaign: Campaign = hidden.campaign
+    apart = planned.apart
+    record = {"words": apart.words, "before": apart.before, "said": list(apart.after), "runs": []}
+    if apart.words.startswith(("told apart already", "the campaign shows none")):
+        return {**record, "answer": "clear before"}
+    campaign, after = hidden.campaign, pair
     for index, run in enumerate(planned.runs):
-        campaign = campaign.with_runs((*campaign.runs, made(hidden, run, index)))
-        again = diagnose(campaign, effects=effects, **policy)
-        after = next((s.members for s in again.steps), ())
+        campaign = campaign.with_runs(
+            (
+                *campaign.runs,
+                further(hidden, noise, index, run.frequency, run.level, run.waveform, run.duration),
+            )
+        )
+        record["runs"].append(f"{run.waveform} {run.frequency:g} Hz {run.level:.3g}")
+        after = answer_of(campaign, effects)
+        record["after"] = list(after)
         if after == (truth,):
-            break
-    said = planned.apart.after[-1]
-    answer = "told apart" if after == (truth,) else "wrong" if truth not in after else "together"
-    runs = ", ".join(f"{r.waveform} {r.frequency:g} Hz {r.level:.3g}" for r in planned.runs)
-    return {"answer": answer, "said": said, "seconds": seconds, "words": runs}
+            return {**record, "answer": "told apart"}
+    answer = "no run" if not planned.runs else "together" if truth in after else "wrong"
+    return {
+        **record,
+        "answer": answer,
+        "separated by": separated_by(hidden, effects, truth, noise, band, limits["angle"]),
+    }
 
 
-def main(seeds: int = 2, first: int = 4000) -> None:
-    """Print a line for each pair and truth, and the shares."""
-    found = []
-    for seed in range(first, first + seeds):
-        for pair in PAIRS:
-            for truth in (name for name in pair if name in (*LAWS, *CHANNELS)):
-                try:
-                    record = one(pair, truth, seed)
-                except SindyJointError as error:
-                    record = {"answer": "error", "words": str(error)}
-                found.append(record)
-                detail = f"said {record.get('said', 0):.2f} {record.get('seconds', 0):.0f} s {record.get('words', '')}"
-                print(f"{seed} {'/'.join(pair)} truth {truth}: {record['answer']}; {detail}", flush=True)
-    for answer in sorted({r["answer"] for r in found}):
-        print(f"{answer}: {sum(r['answer'] == answer for r in found)}")
-    asked = [r for r in found if r["answer"] in ("told apart", "wrong", "together")]
-    sure = [r for r in asked if r["said"] >= 0.9]
-    for name, some in (("a run was planned", asked), ("and said to separate (0.9)", sure)):
-        share = np.mean([r["answer"] == "told apart" for r in some]) if some else float("nan")
-        print(f"{name}: {len(some)}, told apart {share:.0%}")
+def separated_by(hidden: Hidden, effects, truth: str, noise: float, band, angle: float) -> str:
+    """Return a single run that tells the truth apart, the truth known; empty where none of a wide grid does."""
+    every = np.geomspace(*band, WIDE)
+    grid = product(("sine", "triangle"), (0.9 * angle, 0.3 * angle), [*every[::2], *every[1::2]])
+    for index, (waveform, level, frequency) in enumerate(grid):
+        if waveform != "sine" and 9 * frequency > band[1]:
+            continue
+        tries = (
+            further(hidden, noise, 100 + 2 * index + again, frequency, level, waveform, TIME / 2)
+            for again in (0, 1)
+        )
+        try:
+            # With either of two draws of the noise: by one alone some run of many does by chance.
+            if all(
+                answer_of(hidden.campaign.with_runs((*hidden.campaign.runs, run)), effects) == (truth,)
+                for run in tries
+            ):
+                return f"{waveform} {frequency:.3g} Hz {level:.3g}"
+        except SindyJointError:
+            continue
+    return ""
+
+
+def run(args: argparse.Namespace) -> None:
+    """Append a record for each pair, truth, size and seed."""
+    CampaignProblem.finished = lambda problem: problem  # type: ignore[method-assign]
+    done = done_in(args.out, KEYS)
+    names = args.names or ["/".join(pair) for pair in PAIRS]
+    for seed, (size, noise), name in product(range(*args.seeds), CASES, names):
+        pair = tuple(name.split("/"))
+        for truth in (each for each in pair if each in (*LAWS, *CHANNELS)):
+            key = (name, truth, seed, size, noise)
+            if key in done:
+                continue
+            began = time.process_time()
+            try:
+                record = one(pair, truth, seed, size, noise)
+            except SindyJointError as error:
+                record = {"answer": "error", "words": str(error)}
+            record = {**dict(zip(KEYS, key, strict=True)), **record, "seconds": time.process_time() - began}
+            append(args.out, record)
+            print(
+                f"{seed} {size:g}/{noise:g} {name} truth {truth}: {record['answer']} {record.get('said', '')} "
+                f"{record.get('runs', '')} {record.get('separated by', '')} {record['seconds']:.1f} s",
+                flush=True,
+            )
+
+
+def show(args: argparse.Namespace) -> None:
+    """Print the shares."""
+    records = records_in(args.paths)
+    print(dict(Counter(r["answer"] for r in records)))
+    asked = [r for r in records if r["answer"] in ("told apart", "together", "wrong", "no run")]
+    none = [r for r in asked if r["answer"] != "told apart" and not r["separated by"]]
+    able = [r for r in asked if r not in none]
+    print(f"left ambiguous: {len(asked)}; of these no run separates {len(none)}")
+    sure = [r for r in able if r["said"] and r["said"][-1] >= 0.9]
+    for title, some in (("that a run can separate", able), ("and that the plan said to (0.9)", sure)):
+        told = sum(r["answer"] == "told apart" for r in some)
+        print(f"{title}: told apart {told} of {len(some)}, {told / max(len(some), 1):.0%}")
+    for name in sorted({r["pair"] for r in asked}):
+        mine = [r for r in able if r["pair"] == name]
+        told = sum(r["answer"] == "told apart" for r in mine)
+        print(f"  {name}: {told} of {len(mine)}; none separates {sum(r['pair'] == name for r in none)}")
 
 
 if __name__ == "__main__":
-    main(*(int(text) for text in sys.argv[1:3]))
+    arguments = commands(__doc__, run, show)
+    arguments.do(arguments)

@@ -15,8 +15,9 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
-from sindyjoint.documents import check_regular, read_regular
+from sindyjoint.documents import LARGEST, check_regular, parse_json, read_regular
 from sindyjoint.errors import InputError, OutputError
 
 SUMS = "SHA256SUMS"
@@ -159,6 +160,20 @@ def read_checked(path: Path, largest: int | None = None) -> bytes:
             f"--force, or, if the change is meant, put the file into another folder"
         )
     return data
+
+
+def read_json(path: Path) -> Any:
+    """Return what a JSON file of results holds; see :func:`read_checked`.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        text = read_checked(path, LARGEST["JSON"]).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
+    return parse_json(text, str(path))
 
 
 def changed_files(folder: Path) -> list[str]:

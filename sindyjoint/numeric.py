@@ -13,6 +13,23 @@ Array = NDArray[np.float64]
 EDGE = 12
 
 
+def finite(value: float) -> float | None:
+    """Return a number that JSON can hold, or None.
+
+    Examples
+    --------
+    >>> finite(0.5), finite(float("nan"))
+    (0.5, None)
+    """
+    return float(value) if np.isfinite(value) else None
+
+
+def rms(values: ArrayLike) -> float:
+    """Root mean square; infinite for what has run away."""
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
+
+
 def chunks(count: int, size: int) -> Iterator[slice]:
     """Yield slices that cut ``count`` items into runs of ``size``; the last one may be shorter.
 

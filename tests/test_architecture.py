@@ -1,6 +1,7 @@
 """The arrows of the design: layers look down only, and what makes motion never meets what explains it."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -82,11 +83,18 @@ def layer_of(module: str) -> str:
     return parts[1] if len(parts) > 1 else FRONT
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    """Return a file's syntax, parsed once for all tests."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def imports(path: Path) -> set[str]:
     """Return the dotted names inside sindyjoint that a file imports, wherever in the file and for whatever use."""
     here = ["sindyjoint", *path.relative_to(PACKAGE).with_suffix("").parts]
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -148,7 +156,7 @@ def test_the_check_sees_what_it_forbids(tmp_path, monkeypatch):
 def test_a_dependency_has_one_home(library):
     users = set()
     for path in files():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(path)):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
             if any(name.split(".")[0] == library for name in names):
@@ -158,7 +166,7 @@ def test_a_dependency_has_one_home(library):
 
 def test_nothing_evaluates_text_or_unpickles():
     for path in files():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 assert node.func.id not in {"eval", "exec", "compile", "__import__"}, path
             if isinstance(node, ast.Import | ast.ImportFrom):
@@ -166,11 +174,18 @@ def test_nothing_evaluates_text_or_unpickles():
                 assert not names & {"pickle", "dill", "cloudpickle"}, path
 
 
+@cache
+def known_modules() -> set[str]:
+    """Return the dotted names of all files."""
+    return {".".join(["sindyjoint", *p.relative_to(PACKAGE).with_suffix("").parts]) for p in files()}
+
+
+@cache
 def modules_of(path: Path) -> dict[str, set[str]]:
     """Return the modules of the package that a file imports from, each with the names that it takes."""
-    known = {".".join(["sindyjoint", *p.relative_to(PACKAGE).with_suffix("").parts]) for p in files()}
+    known = known_modules()
     found: dict[str, set[str]] = {}
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
@@ -236,7 +251,7 @@ def test_a_circle_would_be_seen():
 @pytest.mark.parametrize("path", files(), ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_private_names_stay_in_their_module(path):
     taken = {f"{module}.{name}" for module, names in modules_of(path).items() for name in names}
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in {"sklearn", "joblib"}:
             taken |= {f"{node.module}.{alias.name}" for alias in node.names}
     assert not [name for name in taken if any(p.startswith("_") and p != "__init__" and p != "__version__"
@@ -245,5 +260,5 @@ def test_private_names_stay_in_their_module(path):
 
 @pytest.mark.parametrize("folder", sorted({p.parent for p in files()}), ids=lambda folder: folder.name)
 def test_a_folder_says_in_a_sentence_what_it_holds(folder):
-    text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8")))
+    text = ast.get_docstring(tree(folder / "__init__.py"))
     assert text and text.split("\n")[0].endswith(".") and len(text.split("\n")[0].split()) > 4

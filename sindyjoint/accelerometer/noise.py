@@ -15,9 +15,7 @@ LINE = 25.0
 BANDS = 40
 
 
-def sensor_noise(
-    angle: Array, acceleration: Array, path: Array, sample_rate: float
-) -> tuple[float, float, float]:
+def sensor_noise(angle: Array, path: Array, sample_rate: float) -> tuple[float, float, float]:
     """Return the noise of an accelerometer and a displacement sensor, and the drift of the latter.
 
     Second differences of θ_m − p hold no motion. Their spectrum is σ_a² + x²σ_θ²/Δt⁴ + x·q²/Δt⁴, x = 2 − 2cos ωΔt. Its
@@ -26,7 +24,7 @@ def sensor_noise(
 
     Parameters
     ----------
-    angle, acceleration : ndarray, shape (n,)
+    angle : ndarray, shape (n,)
     path : ndarray, shape (n,)
         The acceleration integrated twice.
     sample_rate : float

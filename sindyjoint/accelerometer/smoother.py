@@ -18,6 +18,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.accelerometer.fused import Fusion
+
 Array = NDArray[np.float64]
 
 # Of the slow correction, radians of the frequency at which the sensors weigh alike, per step of its grid.
@@ -47,17 +49,7 @@ def integrated_twice(acceleration: Array, step: float) -> Array:
     return path - np.polynomial.polynomial.polyval(grid, np.polynomial.polynomial.polyfit(grid, path, 1))
 
 
-def slow_correction(
-    path: Array,
-    step: float,
-    noise: float,
-    angle: Array | None = None,
-    angle_noise: float = np.inf,
-    rate: Array | None = None,
-    rate_noise: float = np.inf,
-    drift: float = 0.0,
-    prior: float = np.inf,
-) -> Array:
+def slow_correction(path: Array, step: float, fusion: Fusion) -> Array:
     """Return what the other sensors add to a doubly integrated acceleration, shape (n,); see the module.
 
     Parameters
@@ -66,24 +58,18 @@ def slow_correction(
         The acceleration integrated twice, rad.
     step : float
         Sampling interval, s.
-    noise : float
-        Of the acceleration, rad/s².
-    angle, rate : ndarray, shape (n,), optional
-        As measured, rad and rad/s, with their noise.
-    drift : float
-        Of the angle's sensor, rad per square root of a sample.
-    prior : float
-        RMS of the angle, rad, without a sensor of its own: slower motion than that allows is noise.
+    fusion : Fusion
+        The sensors and their noise. Without a displacement sensor its ``prior`` says that slower motion is noise.
     """
     from scipy.interpolate import CubicSpline
     from scipy.sparse import block_array, csr_array, diags, eye
     from scipy.sparse.linalg import spsolve
 
-    n = path.size
-    size = min(angle_noise, prior)
+    n, noise, rate, drift = path.size, fusion.noise, fusion.rate, fusion.drift
+    size = min(fusion.angle_noise, fusion.prior)
     alike = np.sqrt(noise / size)
-    if np.isfinite(rate_noise):
-        alike = max(alike, noise / rate_noise)
+    if np.isfinite(fusion.rate_noise):
+        alike = max(alike, noise / fusion.rate_noise)
     each = int(np.clip(STEP / (alike * step), 1, max(1, n // 16)))
     edges = np.linspace(0, n, n // each + 1).astype(int)
     centre = (edges[:-1] + edges[1:] - 1) / 2
@@ -94,7 +80,7 @@ def slow_correction(
 
     first = diags([-1.0, 1.0], [0, 1], shape=(blocks - 1, blocks))
     second = diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(blocks - 2, blocks))
-    told = mean((0.0 if angle is None else angle) - path)
+    told = mean((0.0 if fusion.angle is None else fusion.angle) - path)
     weight = 1 / (noise * wide**2) ** 2
     matrix = eye(blocks) / size**2 + weight * second.T @ second
     right = told / size**2
@@ -102,7 +88,7 @@ def slow_correction(
     zero = weight * csr_array((second.T @ np.ones(blocks - 2))[:, None])
     if rate is not None:
         integral = CubicSpline(np.arange(n) * step, rate).antiderivative()(np.arange(n) * step)
-        slope = first.T @ first / (rate_noise * wide) ** 2
+        slope = first.T @ first / (fusion.rate_noise * wide) ** 2
         matrix, right = matrix + slope, right + slope @ mean(integral - path)
     if drift > 0:
         # Increments of a block's drift, and its mean known to no more than it walks over the record.

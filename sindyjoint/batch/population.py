@@ -176,7 +176,8 @@ def population(
     scatters, p_values = [], []
     for name, (y, s) in data.items():
         found = [t for t in trends if t.coefficient == name and t.significant]
-        best = min(found, key=lambda t: t.p_value, default=None)
+        # Of equally likely ones the first: rounding is no reason.
+        best = min(found, key=lambda t: float(f"{t.p_value:.4g}"), default=None)
         if best is not None:
             x = known[best.covariate]
             # A joint whose covariate is not known cannot be judged about the trend.
@@ -251,7 +252,7 @@ def median_spread(deviation: Array, errors: Array) -> float:
     With errors of zero this is 1.4826 times the median absolute deviation.
     """
     squares, variances = deviation**2, errors**2
-    return _find_root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation, errors)
+    return _find_root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation)
 
 
 def _median(values: Array) -> float:
@@ -267,14 +268,14 @@ def random_effects(y: Array, s: Array) -> tuple[float, float, float]:
         w = 1 / (t + s**2)
         return float(w @ (y - w @ y / w.sum()) ** 2) - (y.size - 1)
 
-    tau = _find_root(excess, y - np.mean(y), s)
+    tau = _find_root(excess, y - np.mean(y))
     # Equal estimates without errors: any equal weights will do.
     variance = np.maximum(tau**2 + s**2, 1e-60)
     w = 1 / variance
     return float(w @ y / w.sum()), float(w.sum() ** -0.5), tau
 
 
-def _find_root(excess: Callable[[float], float], deviation: Array, errors: Array) -> float:
+def _find_root(excess: Callable[[float], float], deviation: Array) -> float:
     """Return the root of the τ² at which a falling function is zero; zero where it is not positive anywhere."""
     from scipy.optimize import brentq
 

@@ -17,6 +17,7 @@ from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
 
@@ -65,6 +66,8 @@ class Batch(Shown):
     differences : tuple of Difference
     notes : tuple of str
         What to know before believing it.
+    covariate_units : dict of str to str
+        SI unit of each covariate that has one.
     calibration : dict of str to dict
         By how much of itself one standard uncertainty of a channel's gain moves a coefficient, by term and channel. It
         moves all joints alike, so it is no part of their scatter, but of what is known of their mean.
@@ -80,6 +83,7 @@ class Batch(Shown):
     population: Population
     differences: tuple[Difference, ...]
     notes: tuple[str, ...]
+    covariate_units: dict[str, str] = field(default_factory=dict)
     calibration: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def count(self, status: str) -> int:
@@ -110,7 +114,7 @@ class Batch(Shown):
                     "joint": record.joint,
                     "terms": list(record.terms),
                     "common_coefficients": {
-                        term: {"value": _number(self.values[term][i]), "standard_error": _number(self.errors[term][i])}
+                        term: {"value": finite(self.values[term][i]), "standard_error": finite(self.errors[term][i])}
                         for term in self.common
                     },
                 }
@@ -124,13 +128,13 @@ class Batch(Shown):
             "scatter": [
                 {
                     "term": s.coefficient,
-                    "mean": _number(s.mean),
-                    "mean_error": _number(s.mean_error),
-                    "spread": _number(s.spread),
+                    "mean": finite(s.mean),
+                    "mean_error": finite(s.mean_error),
+                    "spread": finite(s.spread),
                     "next_joint95": None if (ahead := next_joint(s)) is None else list(ahead.interval95),
                     "about_trend_with": s.covariate,
                     "outliers": [
-                        {"id": self.records[i].id, "score": _number(s.scores[i]), "p": _number(s.p_adjusted[i])}
+                        {"id": self.records[i].id, "score": finite(s.scores[i]), "p": finite(s.p_adjusted[i])}
                         for i in s.outliers
                     ],
                 }
@@ -140,11 +144,11 @@ class Batch(Shown):
                 {
                     "term": t.coefficient,
                     "covariate": t.covariate,
-                    "slope": _number(t.slope),
-                    "standard_error": _number(t.slope_error),
-                    "relative_change": _number(t.change),
-                    "p": _number(t.p_value),
-                    "p_adjusted": _number(t.p_adjusted),
+                    "slope": finite(t.slope),
+                    "standard_error": finite(t.slope_error),
+                    "relative_change": finite(t.change),
+                    "p": finite(t.p_value),
+                    "p_adjusted": finite(t.p_adjusted),
                     "significant": t.significant,
                     "joints": t.joints,
                 }
@@ -177,7 +181,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         if record.id in included:
             for term, (value, error) in _get_coefficients(record, common, folder).items():
                 values[term][i], errors[term][i] = value, error
-    covariates = _collect_covariates(records)
+    covariates = covariates_of(records)
     calibration = _calibration(compared, common)
     alone = population(values, errors, covariates)
     result = replace(alone, scatters=tuple(_with_calibration(s, calibration) for s in alone.scatters))
@@ -192,6 +196,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
         notes=tuple(_list_notes(records, found, compared)),
+        covariate_units=units_of_covariates(records),
         calibration=calibration,
     )
 
@@ -266,11 +271,10 @@ def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[floa
     return dict(zip(terms, pairs, strict=True))
 
 
-def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
+def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     """Return what the manifests declare as numbers, where at least three of them differ."""
     columns = {
         TEMPERATURE: [record.joint.get("temperature") for record in records],
-        SERIAL: _parse_serials([record.joint.get("serial") for record in records]),
     }
     inputs = list(dict.fromkeys(key for record in records for key in record.joint.get("inputs", {})))
     for name in inputs:
@@ -278,11 +282,21 @@ def _collect_covariates(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
         columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
+    # Of two that tell the same, what is declared is the reason, not the order of the joints.
+    columns[SERIAL] = _parse_serials([record.joint.get("serial") for record in records])
     arrays = {
         name: np.array([np.nan if value is None else value for value in column], dtype=float)
         for name, column in columns.items()
     }
     return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
+
+
+def units_of_covariates(records: Sequence[CampaignRecord]) -> dict[str, str]:
+    """Return the SI units of covariates that have one."""
+    units = {TEMPERATURE: "K"}
+    for record in records:
+        units |= {name.replace("_", " "): unit for name, unit in record.joint.get("input_units", {}).items()}
+    return {name: unit for name, unit in units.items() if unit != "1"}
 
 
 def _parse_serials(serials: Sequence[str | None]) -> list[float | None]:
@@ -360,7 +374,3 @@ def _list_notes(
 
 def _spell_terms(terms: Sequence[str], record: CampaignRecord) -> str:
     return ", ".join(spelled(term, record.joint["motion"]) for term in terms)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

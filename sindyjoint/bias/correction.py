@@ -10,7 +10,7 @@ bias and is omitted. Correction by simulation: Efron and Tibshirani, An Introduc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -115,57 +115,52 @@ def measure_bias(
             f"a model of {len(model.terms)} term(s) and {pairs} pair(s) given; expected at least one term and two pairs"
         )
     rng = np.random.default_rng(random_state)
-    make = replicated or _simulated_runs(campaign, states)
-    replicates = make(model)
-    held = [{name: float(np.mean(v)) for name, v in state.inputs.items()} for state in states]
-    labels = group_labels(states)
+    replicates = (replicated or _simulated_runs(campaign, states))(model)
+    given = tuple((term, model[term.id].coefficient) for term in known)
+    fits = _Fits(tuple(replicates), tuple(states), tuple(terms), campaign.joint.inertia, given)
     true = np.array([model[term.id].coefficient if term.id in model else 0.0 for term in terms])
-    given = [(term, model[term.id].coefficient) for term in known]
-    inertia = campaign.joint.inertia
     found = []
     for _ in range(pairs):
         noise = [replicate.noise(rng) for replicate in replicates]
-        found.append(
-            [
-                _fit_replicates(replicates, noise, sign, labels, terms, inertia, given, held)
-                for sign in (1.0, -1.0)
-            ]
-        )
+        found.append([fits.coefficients(noise, sign) for sign in (1.0, -1.0)])
     means = np.array(found).mean(axis=1) - true  # (pairs, 1 + groups, k)
     mean, error = means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(pairs)
     return Bias(
         ids=tuple(term.id for term in terms),
         pooled=mean[0],
         pooled_error=error[0],
-        groups=tuple(dict.fromkeys(labels)),
+        groups=tuple(dict.fromkeys(group_labels(states))),
         by_group=mean[1:],
         by_group_error=error[1:],
         driven=tuple(replicate.driven for replicate in replicates),
     )
 
 
-def _fit_replicates(
-    replicates: Sequence[Replicate],
-    noise: Sequence[Any],
-    sign: float,
-    labels: Sequence[str],
-    terms: Sequence[ResolvedTerm],
-    inertia: float | None,
-    given: Sequence[tuple[ResolvedTerm, float]],
-    held: Sequence[Mapping[str, float]],
-) -> Array:
-    """Return the coefficients of all replicates together and of each group separately, shape (1 + groups, k)."""
-    factors: dict[str, list[Factor]] = {label: [] for label in labels}
-    for replicate, label, drawn, inputs in zip(replicates, labels, noise, held, strict=True):
-        motion, moment = replicate.rows(drawn, sign)
-        target = moment - (inertia or 0.0) * motion[:, 2]
-        if given:
-            known = term_columns([t for t, _ in given], *motion.T, inputs=inputs)
-            target = target - known @ [value for _, value in given]
-        columns = term_columns(terms, *motion.T, inputs=inputs)
-        factors[label].append(Factor.of(columns, target).scaled(replicate.weight))
-    groups = [merge(parts) for parts in factors.values()]
-    return np.array([_solve(factor) for factor in (merge(groups), *groups)])
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """Fits of terms to the replicates of some states; ``given`` terms have their coefficients already."""
+
+    replicates: tuple[Replicate, ...]
+    states: tuple[ForceStates, ...]
+    terms: tuple[ResolvedTerm, ...]
+    inertia: float | None
+    given: tuple[tuple[ResolvedTerm, float], ...]
+
+    def coefficients(self, noise: Sequence[Any], sign: float) -> Array:
+        """Return the coefficients of all replicates together and of each group separately, shape (1 + groups, k)."""
+        labels = group_labels(self.states)
+        factors: dict[str, list[Factor]] = {label: [] for label in labels}
+        for replicate, label, drawn, state in zip(self.replicates, labels, noise, self.states, strict=True):
+            inputs = {name: float(np.mean(values)) for name, values in state.inputs.items()}
+            motion, moment = replicate.rows(drawn, sign)
+            target = moment - (self.inertia or 0.0) * motion[:, 2]
+            if self.given:
+                known = term_columns([term for term, _ in self.given], *motion.T, inputs=inputs)
+                target = target - known @ [value for _, value in self.given]
+            columns = term_columns(self.terms, *motion.T, inputs=inputs)
+            factors[label].append(Factor.of(columns, target).scaled(replicate.weight))
+        groups = [merge(parts) for parts in factors.values()]
+        return np.array([_solve(factor) for factor in (merge(groups), *groups)])
 
 
 def _solve(factor: Factor) -> Array:
@@ -224,7 +219,7 @@ def corrected_model(
     extra = bias.pooled_error**2 + (uncertain * bias.pooled) ** 2 + change**2
     if moved is not None:
         extra = extra + (POLICY.uncertain_share * moved) ** 2
-    left_over = _left_over(model, states) + (POLICY.cut_error**2 if cut else 0.0)
+    left_over = _left_over(model, states) + max(map(_cut_error, states)) ** 2
     corrected = _without_bias(model, bias)
     covariance = np.array(model.covariance)
     changed = []
@@ -260,6 +255,14 @@ def _left_over(model: JointModel, states: Sequence[ForceStates]) -> float:
     """
     values = sum(2 * int(s.series[0].orders[-1]) for s in states if s.series and cut_by_sampling(s))
     return model.fitted.misfit**2 / values if values else 0.0
+
+
+def _cut_error(state: ForceStates) -> float:
+    """Return by which share of the moment a simulation errs in a run, for sampling cuts its motion."""
+    if not cut_by_sampling(state):
+        return 0.0
+    samples = state.sample_rate / state.frequency if state.method == "periodic" and state.frequency else 0.0
+    return POLICY.cut_error * min(1.0, POLICY.cut_period / samples if samples else 1.0)
 
 
 def cut_by_sampling(state: ForceStates) -> bool:

@@ -18,6 +18,7 @@ from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.record import Run
+from sindyjoint.response.run import span_of
 from sindyjoint.states import ForceStates, Harmonics
 from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.mask import moving_mask
@@ -177,8 +178,7 @@ class Spectrum:
     def of(cls, run: Run, state: ForceStates) -> Spectrum:
         """Return the harmonics of a run over the span of its states."""
         frequency = _frequency(state)
-        first = round(state.time[0] * run.sample_rate)
-        span = slice(first, first + state.n_samples)
+        span = span_of(run, state)
         per = run.sample_rate / frequency
         highest = int(state.series[0].orders[-1])
         most = max(1, min(2 * highest + 4, int(0.4 * per)))

@@ -26,6 +26,12 @@ class BiasPolicy:
         "share of the moment's RMS by which a simulation errs where sampling cuts the motion",
         source="calibrated on campaigns of 10 to 12 samples per period",
     )
+    cut_period: float = limit(
+        12.0,
+        "samples per period up to which it does; of more it errs by as much less, for a step of friction then takes as "
+        "much less of the period",
+        source="the calibration above",
+    )
     largest_difference: float = limit(
         0.15,
         "RMS difference of smoothed angles, relative to the angle's, up to which a replicate of a run that does not "

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.options import AtOption, ForceOption, given_inputs
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_inputs
 
 
 def export(
@@ -72,7 +72,7 @@ def export(
             f"--{next(iter(drawing)).replace('_', '-')} is given with --to {to}; only samples draws"
         )
     if to == "samples" and (model / BATCH_FILE).is_file():
-        result = batch_samples(model, **drawing)
+        result = batch_samples(model, **drawing, at=split_inputs(at))
     else:
         known = read_model(model)
         result = export_model(known, to, at=given_inputs(known, at), **options, **drawing)

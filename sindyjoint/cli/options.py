@@ -200,14 +200,29 @@ def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, fl
         For text that is no such value, or a name that is no input.
     """
     from sindyjoint.equation.held import input_values
-    from sindyjoint.errors import InputError
 
     known = {each.name: each for each in model.inputs}
     values: dict[str, float] = {}
+    for name, value in split_inputs(given).items():
+        input_values(model, {name: 0.0})
+        values[name] = known[name].parse(value)
+    return values
+
+
+def split_inputs(given: Sequence[str] | None) -> dict[str, str]:
+    """Return the text of each value that options give, by the input's name.
+
+    Raises
+    ------
+    InputError
+        For text that gives none.
+    """
+    from sindyjoint.errors import InputError
+
+    values = {}
     for text in given or ():
         name, equals, value = text.partition("=")
         if not equals:
             raise InputError(f"--at {text!r}: expected INPUT=VALUE, such as temperature=-40")
-        input_values(model, {name: 0.0})
-        values[name] = known[name].parse(value)
+        values[name.strip()] = value.strip()
     return values

@@ -71,7 +71,8 @@ def plan(
     waveforms: Annotated[
         list[str] | None,
         typer.Option(
-            "--waveform", help="Among which is chosen: sine, two-tone-3, two-tone-5, triangle. [sine]"
+            "--waveform",
+            help="Among which is chosen: sine, two-tone-3, two-tone-5, triangle, multisine, sweep. [sine]",
         ),
     ] = None,
     rate: Annotated[str | None, typer.Option(help="Sampling rate. [the campaign's, or 1000 Hz]")] = None,

@@ -6,14 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Generic
 
-import numpy as np
-
 from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis.advice import advise
-from sindyjoint.diagnosis.loop import Progress, add_effects, other_members
+from sindyjoint.diagnosis.loop import (
+    Progress,
+    add_effects,
+    cost_of,
+    led_by,
+    other_members,
+    without_needless_delay,
+)
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Say, Start
-from sindyjoint.diagnosis.result import Diagnosis, Gap, Step
+from sindyjoint.diagnosis.result import Diagnosis, Step
 from sindyjoint.diagnosis.verdict import UNKNOWN, Gaps, Residual, discount, judge
 from sindyjoint.text import percent, spelled
 
@@ -50,14 +55,6 @@ class Explained(Generic[P]):
     def cost(self, policy: DiagnosisPolicy) -> float:
         """Return the :func:`cost_of` its end."""
         return cost_of(self.gaps.final, self.progress.problem, policy)
-
-
-def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:
-    """Return the mean logarithm of a final gap, and what each number of the law costs."""
-    figures = np.array([gap.moment, gap.response])
-    known = figures[np.isfinite(figures)]
-    misfit = float(np.mean(np.log(np.maximum(known, 1e-300))))
-    return misfit + policy.number_cost * problem.numbers
 
 
 def explain_gap(
@@ -147,13 +144,19 @@ def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTim
     initial, straight = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
     progress = add_effects(Progress(straight, before, start.steps), most + start.free, say, clock)
+    progress = without_needless_delay(progress)
     end = _judged(first, start, progress)
     if end.verdict != "partly_named":
         return end
+
     # The data hardly tell the members of a class apart; the one that they leave least of is the best of them.
-    ends = (progress, *other_members(progress))
-    best = min(ends, key=lambda each: cost_of(each.problem.gap, each.problem, first.policy))
-    return end if best is progress else _judged(first, start, best)
+    def cost(problem: P) -> float:
+        return cost_of(problem.gap, problem, first.policy)
+
+    best = min(other_members(progress), key=lambda each: cost(each[2]), default=None)
+    if best is None or cost(best[2]) >= cost(progress.problem):
+        return end
+    return _judged(first, start, led_by(progress, *best))
 
 
 def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:

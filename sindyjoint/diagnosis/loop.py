@@ -136,6 +136,9 @@ def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) 
         return Round(Outcome.STOP, "nothing is believed to be missing")
     ranking, complaint = admissible_part(proposal.ranking, problem.complaint)
     if ranking is None:
+        # Whatever the law is: that a sensor's zero is off can be told, and may be what spoils the best candidate.
+        ranking = problem.zero_errors(refused)
+    if ranking is None:
         return Round(Outcome.STOP, f"no admissible effect comes near the best candidate: {complaint}")
     best = ranking.fitted[0]
     say(f"adding {best.name.replace('_', ' ')}")
@@ -192,7 +195,11 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     # What made another effect needless was ranked again, in its place.
     ranking = added.again.get(ranking.fitted[0].name) or ranking
     steps = []
+    # A term that discovery found is a step, too: needless beside what was added, or the same law with free numbers.
+    gone = {*problem.dropped, ranking.fitted[0].name} - {f.name for f in here.problem.found}
     for step in here.steps:
+        if step.effect in gone:
+            continue
         again = added.again.get(step.effect)
         if step.effect not in added.again:
             steps.append(step)
@@ -203,33 +210,81 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     steps.append(_step(problem, ranking, here.gap, after))
     rankings[steps[-1].effect] = ranking
     now = {f.name: f.parameters for f in problem.found}
-    told = tuple(replace(s, parameters=now.get(s.effect, s.parameters)) for s in steps)
+    ends = [here.steps[0].gap_before if here.steps else here.gap, *(s.gap_after for s in steps)]
+    told = tuple(
+        replace(s, parameters=now.get(s.effect, s.parameters), gap_before=before)
+        for s, before in zip(steps, ends, strict=False)
+    )
     return Progress(problem, after, told, rankings)
 
 
-def other_members(here: Progress[P]) -> Iterator[Progress[P]]:
-    """Yield the progress with the last effect replaced by another member of its class."""
-    last = here.steps[-1] if here.steps else None
-    ranking = here.rankings.get(last.effect) if last else None
-    if last is None or ranking is None:
-        return
-    for member in ranking.members:
-        if member.name == last.effect or here.problem.complaint(member):
-            continue
-        problem = here.problem.replaced(last.effect, member)
-        if problem is None or problem.complaint():
-            continue
-        order = sorted(range(len(ranking.fitted)), key=lambda i: ranking.fitted[i].name != member.name)
-        led = replace(
-            ranking,
-            fitted=tuple(ranking.fitted[i] for i in order),
-            probabilities=tuple(ranking.probabilities[i] for i in order),
-            members=tuple(sorted(ranking.members, key=lambda each: each.name != member.name)),
-        )
-        now = {f.name: f.parameters for f in problem.found}
-        step = replace(_step(problem, led, last.gap_before, problem.gap), parameters=now[member.name])
-        rankings = {name: each for name, each in here.rankings.items() if name != last.effect}
-        yield Progress(problem, problem.gap, (*here.steps[:-1], step), {**rankings, member.name: led})
+def other_members(here: Progress[P]) -> Iterator[tuple[int, Any, P]]:
+    """Yield the places of steps, another member of the class of each, and the problem with that in its place."""
+    for place, step in enumerate(here.steps):
+        ranking = here.rankings.get(step.effect)
+        for member in ranking.members if ranking else ():
+            if member.name in {s.effect for s in here.steps} or here.problem.complaint(member):
+                continue
+            problem = here.problem.replaced(step.effect, member)
+            if problem is not None and not problem.complaint():
+                yield place, member, problem
+
+
+def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P]:
+    """Return the progress with another member of its class at the place of a step; later gaps are told anew."""
+    step = here.steps[place]
+    ranking = here.rankings[step.effect]
+    order = sorted(range(len(ranking.fitted)), key=lambda i: ranking.fitted[i].name != member.name)
+    led = replace(
+        ranking,
+        fitted=tuple(ranking.fitted[i] for i in order),
+        probabilities=tuple(ranking.probabilities[i] for i in order),
+        members=tuple(sorted(ranking.members, key=lambda each: each.name != member.name)),
+    )
+    # Its class was ranked beside a law that lacked what was found later: beside all of it the data may tell more.
+    again = problem.ranked_again(member.name, [each.name for each in ranking.members])
+    led = led if again is None or again.fitted[0].name != member.name else again
+    later = [_step(problem, led, step.gap_before, problem.gap), *here.steps[place + 1 :]]
+    steps = (*here.steps[:place], *_told_anew(later, step.gap_before, problem))
+    rankings = {name: each for name, each in here.rankings.items() if name != step.effect}
+    return Progress(problem, problem.gap, steps, {**rankings, member.name: led})
+
+
+def without_needless_delay(here: Progress[P]) -> Progress[P]:
+    """Return the progress without the delay of a channel that was removed first, where the law found needs none."""
+    found = here.problem.without_delay()
+    if found is None:
+        return here
+    problem, name = found
+    policy = here.problem.policy
+    if cost_of(problem.gap, problem, policy) > cost_of(here.gap, here.problem, policy) + policy.number_cost:
+        return here
+    place = next((i for i, step in enumerate(here.steps) if step.effect == name), len(here.steps))
+    later = _told_anew(
+        here.steps[place + 1 :],
+        here.steps[place].gap_before if place < len(here.steps) else here.gap,
+        problem,
+    )
+    return Progress(problem, problem.gap, (*here.steps[:place], *later), here.rankings)
+
+
+def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:
+    """Return the mean logarithm of a final gap, and what each number of the law costs."""
+    figures = np.array([gap.moment, gap.response])
+    known = figures[np.isfinite(figures)]
+    misfit = float(np.mean(np.log(np.maximum(known, 1e-300))))
+    return misfit + policy.number_cost * problem.numbers
+
+
+def _told_anew(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
+    """Return the last steps of a problem with the gaps that it has without those after each."""
+    now, later = {f.name: f.parameters for f in problem.found}, list[Step]()
+    for place, step in enumerate(steps, 1):
+        after = problem.gap_without([s.effect for s in steps[place:]])
+        numbers = now.get(step.effect, step.parameters)
+        later.append(replace(step, parameters=numbers, gap_before=before, gap_after=after))
+        before = after
+    return later
 
 
 def _step(problem: P, ranking: Ranking[Any], before: Gap, after: Gap) -> Step:

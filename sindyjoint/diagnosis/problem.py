@@ -117,6 +117,22 @@ class Problem(Protocol):
         """Return the problem with one of its effects replaced by another one; None where that is not possible."""
         return None
 
+    def zero_errors(self, refused: Collection[str]) -> Ranking[Any] | None:
+        """Return the zero errors of the channels in order of probability; None where none is believed."""
+        return None
+
+    def without_delay(self) -> tuple[Self, str] | None:
+        """Return the problem with the channels in their own time, and what its delay is called; None without one."""
+        return None
+
+    def ranked_again(self, name: str, members: Collection[str]) -> Ranking[Any] | None:
+        """Return the members of a class that one effect leads, ranked beside the others; None without any."""
+        return None
+
+    def gap_without(self, names: Collection[str]) -> Gap:
+        """Return the gap without some of the effects, the others fitted anew."""
+        return self.gap
+
     def floor(self) -> Gap:
         """Return what noise leaves of the law: where its motion is measured, more than the noise of the channels."""
         return self.noise_floor

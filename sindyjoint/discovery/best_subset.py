@@ -133,7 +133,7 @@ def _search_order(scaled: Factor, forced: list[int]) -> list[int]:
     return [*forced, *kept, *reversed(weakest)]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _drop(triangle, n, index, out):
     """Factor of the n columns of ``triangle`` less one: shift left, rotate the subdiagonal away."""
     for j in range(n):  # columns of the result, the last being the target
@@ -152,7 +152,7 @@ def _drop(triangle, n, index, out):
             out[j + 1, k] = c * lower - s * upper
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _obeys(triangle, n, size, expected, names):
     """Whether the least-squares coefficients of the leading ``size`` columns have the expected signs."""
     needed = False
@@ -172,7 +172,7 @@ def _obeys(triangle, n, size, expected, names):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, no_cfunc_wrapper=True)
 def _search(start, fixed, expected, top):
     """Return least squared errors by size, and the sets as marks on the columns' positions."""
     p = start.shape[0] - 1
@@ -183,7 +183,9 @@ def _search(start, fixed, expected, top):
     names = np.zeros((p + 1, p), dtype=np.int64)
     lowest = np.zeros(p + 1, dtype=np.int64)  # columns before this one are not dropped below a node
     following = np.zeros(p + 1, dtype=np.int64)  # the next column to drop at a depth
-    triangles[0] = start
+    for i in range(p + 1):  # the assignment of a slice takes seconds to compile
+        for j in range(p + 1):
+            triangles[0, i, j] = start[i, j]
     for i in range(p):
         names[0, i] = i
     lowest[0] = fixed

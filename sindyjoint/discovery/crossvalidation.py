@@ -6,8 +6,9 @@ come from merged factors.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -128,25 +129,18 @@ def cross_validate(
         )
     splitter = LeaveOneGroupOut() if splitter is None else splitter
     index = np.arange(len(names))
+    search = partial(find, method=method, random_state=random_state, **choice)
     folds = [
-        _fold(evidence, names, train, test, method, random_state, choice)
+        _fold(evidence, names, train, test, search)
         for train, test in splitter.split(index, groups=np.array(names))
     ]
     return CrossValidation(tuple(folds))
 
 
 def _fold(
-    evidence: Evidence,
-    names: list[str],
-    train: Any,
-    test: Any,
-    method: str,
-    random_state: Any,
-    choice: dict[str, Any],
+    evidence: Evidence, names: list[str], train: Any, test: Any, search: Callable[[Evidence], Found]
 ) -> Fold:
-    found = find(
-        replace(evidence, runs=tuple(evidence.runs[i] for i in train)), method, random_state, **choice
-    )
+    found = search(replace(evidence, runs=tuple(evidence.runs[i] for i in train)))
     coefficients = np.zeros(len(evidence.ids))
     coefficients[[evidence.ids.index(name) for name in found.kept]] = found.coefficients
     held_out = [evidence.runs[i].pooled for i in test]

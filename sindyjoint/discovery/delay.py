@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.catalogue import Reference, load_catalogue, term_columns
+from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue, term_columns
 from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
@@ -98,6 +98,12 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     )
 
 
+def law_of_channels(inertia: float | None) -> Catalogue:
+    """Return the law that two channels of any joint have in common: the paper's, a constant, an unknown inertia."""
+    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
+    return law.union(load_catalogue("inertia")) if inertia is None else law
+
+
 def find_delay(
     states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input] = ()
 ) -> ChannelDelay | None:
@@ -107,9 +113,7 @@ def find_delay(
     """
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
         return None
-    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
-    if inertia is None:
-        law = law.union(load_catalogue("inertia"))
+    law = law_of_channels(inertia)
     moved = [each for each in inputs if each.levels > 1]
     law = law.union(dependences(moved, {each.name: 2 for each in moved}, law.ids))
     reference = replace(reference_of(states), inputs=reference_values(inputs))

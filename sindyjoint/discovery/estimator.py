@@ -20,7 +20,7 @@ from sindyjoint.discovery.inputs import input_names, known_inputs, with_dependen
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, gather, row_weights, state_columns
+from sindyjoint.discovery.rows import RowLabels, Rows, gather, row_weights, state_columns
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
@@ -187,7 +187,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         terms = self.candidates(reference, motion == 3)
         shared = X_replicate is not None and np.array_equal(X_replicate, X)
         with single_threaded():
-            evidence = gather(terms, X, y, labels, weight, X_replicate, y_replicate, names)
+            rows = Rows(X, y, weight)
+            evidence = gather(terms, rows, labels, rows.again(X_replicate, y_replicate), names)
             return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
 
     def candidates(self, reference: Reference, with_acceleration: bool = False) -> tuple[ResolvedTerm, ...]:

@@ -28,10 +28,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Axis:
-    """Over what a coefficient is looked at, and its unit."""
+    """Over what a coefficient is looked at, its unit, and the level at which a difference is significant."""
 
     name: str = "frequency"
     unit: str = "Hz"
+    level: float = POLICY.frequency_level
 
 
 FREQUENCY = Axis()
@@ -176,18 +177,27 @@ def frequency_test(
         )
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(x)) and margin > 0):
         raise InputError(f"{name}: expected frequencies, estimates and a positive margin, all finite")
+    asked = _Asked(name, margin, axis, (f.min(), f.max()))
     if standard_errors is None:
-        return _without_errors(name, f, x, margin, axis)
+        return _without_errors(asked, f, x)
     s = np.asarray(standard_errors, dtype=float)
     if s.shape != x.shape or not np.all(np.isfinite(s) & (s > 0)):
         raise InputError(f"{name}: expected one positive standard error for each estimate")
     nu = np.full(x.shape, 1e9) if degrees is None else np.asarray(degrees, dtype=float)
-    return _with_errors(name, f, x, s, nu, margin, axis)
+    return _with_errors(asked, f, x, s, nu)
 
 
-def _with_errors(
-    name: str, f: Array, x: Array, s: Array, nu: Array, margin: float, axis: Axis
-) -> FrequencyTest:
+@dataclass(frozen=True)
+class _Asked:
+    """Which coefficient may depend on what, over which band, and by how much it would not matter."""
+
+    name: str
+    margin: float
+    axis: Axis
+    band: tuple[float, float]
+
+
+def _with_errors(asked: _Asked, f: Array, x: Array, s: Array, nu: Array) -> FrequencyTest:
     q, p_homogeneity, i_squared, tau = heterogeneity(x, s, nu)
     weight = 1 / (s**2 + tau**2)
     mean, mean_error = float(weight @ x / weight.sum()), float(weight.sum() ** -0.5)
@@ -199,14 +209,14 @@ def _with_errors(
     p = min(1.0, 2 * min(p_homogeneity, p_trend))
     uncertainty = 1.96 * slope_error * band / abs(mean) if mean else np.inf
     spread = tau / abs(mean) if mean else np.inf
-    answer, reason = _answer(p, (change, uncertainty), spread, bound, margin, (f.min(), f.max()), axis)
+    answer, reason = _answer(asked, p, (change, uncertainty), spread, bound)
     return FrequencyTest(
-        name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
-        slope_error, p_trend, change, bound, margin, answer, reason,
+        asked.name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
+        slope_error, p_trend, change, bound, asked.margin, answer, reason,
     )  # fmt: skip
 
 
-def _without_errors(name: str, f: Array, x: Array, margin: float, axis: Axis) -> FrequencyTest:
+def _without_errors(asked: _Asked, f: Array, x: Array) -> FrequencyTest:
     """Treat bare numbers: the scatter about the straight line is all that tells their errors."""
     from scipy.special import stdtrit
 
@@ -229,12 +239,11 @@ def _without_errors(name: str, f: Array, x: Array, margin: float, axis: Axis) ->
         if mean
         else float("inf")
     )
-    ends = (f.min(), f.max())
-    answer, reason = _answer(p_trend, (change, uncertainty), float("nan"), bound, margin, ends, axis)
+    answer, reason = _answer(asked, p_trend, (change, uncertainty), float("nan"), bound)
     nan = float("nan")
     return FrequencyTest(
-        name, tuple(f), tuple(x), (nan,) * x.size, mean, spread / np.sqrt(x.size), nan, x.size - 1, nan, nan, spread,
-        slope, error, p_trend, change, bound, margin, answer, reason,
+        asked.name, tuple(f), tuple(x), (nan,) * x.size, mean, spread / np.sqrt(x.size), nan, x.size - 1, nan, nan,
+        spread, slope, error, p_trend, change, bound, asked.margin, answer, reason,
     )  # fmt: skip
 
 
@@ -302,20 +311,15 @@ def _two_sided(t: float, degrees: float) -> float:
 
 
 def _answer(
-    p: float,
-    change: tuple[float, float],
-    spread: float,
-    bound: float,
-    margin: float,
-    band: tuple[float, float],
-    axis: Axis,
+    asked: _Asked, p: float, change: tuple[float, float], spread: float, bound: float
 ) -> tuple[str, str]:
     """Return the answer and its reason; ``change`` is the trend over the band and half its 95 % interval."""
+    margin, band, axis = asked.margin, asked.band, asked.axis
     tested = f"over {band[0]:.3g} to {band[1]:.3g} {axis.unit}"
     trend = f"a trend of {100 * change[0]:+.1f} % ± {100 * change[1]:.1f} %"
     if np.isfinite(spread):
         trend += f", spread beyond the errors {100 * spread:.1f} %"
-    if p < POLICY.frequency_level and bound >= POLICY.notable_change * margin:
+    if p < asked.axis.level and bound >= POLICY.notable_change * margin:
         within = f"; beyond {100 * bound:.1f} % it is ruled out" if bound < margin else ""
         return f"depends on {axis.name}", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:
@@ -323,7 +327,7 @@ def _answer(
             f"every change {tested} beyond {100 * bound:.1f} % is ruled out, which is below the margin of "
             f"{100 * margin:.0f} %"
         )
-        if p < POLICY.frequency_level:
+        if p < asked.axis.level:
             ruled_out += f"; a smaller one is there, and significant: {trend} (p = {p:.2g})"
         return "independent within margin", ruled_out
     return (

@@ -6,18 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sindyjoint.discovery.delay import ROWS, reference_of
+from sindyjoint.discovery.delay import ROWS, law_of_channels, reference_of
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.catalogue import load_catalogue, term_columns
+from sindyjoint.equation.catalogue import term_columns
 from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.inputs import Input, lagged, reference_values
 from sindyjoint.states.record import ForceStates
-
-Array = NDArray[np.float64]
 
 # Time constants that are tried, s; the best is refined between its neighbours.
 TRIED = np.geomspace(1e-3, 3.0, 22)
@@ -80,9 +77,7 @@ def lag_notes(lags: Sequence[InputLag]) -> list[str]:
 def _law(
     states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input]
 ) -> tuple[ResolvedTerm, ...]:
-    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
-    if inertia is None:
-        law = law.union(load_catalogue("inertia"))
+    law = law_of_channels(inertia)
     law = law.union(dependences(inputs, {each.name: min(each.levels, 2) for each in inputs}, law.ids))
     references = reference_values(inputs)
     return law.resolve(replace(reference_of(states), inputs=references))

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pysindy.optimizers.base import BaseOptimizer
 from sklearn.utils.validation import check_array, check_consistent_length
 
@@ -19,11 +19,10 @@ from sindyjoint.discovery.choice import SelectionRules, choose
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, gather_columns, row_weights
+from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, row_weights
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.errors import InputError, UnknownNameError
 
-Array = NDArray[np.float64]
 Column = int | str
 
 
@@ -172,10 +171,10 @@ class UniqueShareSTLSQ(BaseOptimizer):
         labels = RowLabels.of(len(columns), **given)
         weight = row_weights(sample_weight, len(columns))
         names = self._names(columns.shape[1])
-        replicate = self._replicate(columns, targets[:, 0])
-        shared = replicate[0] is not None and np.array_equal(replicate[0], columns)
+        replicate = self._replicate(Rows(columns, targets[:, 0], weight))
+        shared = replicate is not None and np.array_equal(replicate.X, columns)
         found = [
-            self._choice(gather_columns(names, columns, target, labels, weight, *replicate), shared)
+            self._choice(gather_columns(names, Rows(columns, target, weight), labels, replicate), shared)
             for target in targets.T
         ]
         self._keep(found, names)
@@ -233,15 +232,15 @@ class UniqueShareSTLSQ(BaseOptimizer):
             raise InputError(f"{option} names column {column}; there are {len(names)} columns")
         return names[column]
 
-    def _replicate(self, columns: Array, target: Array) -> tuple[Array, Array] | tuple[None, None]:
+    def _replicate(self, rows: Rows) -> Rows | None:
         """Return the rows as each block alone gives them, if they were given."""
         if self.replicate is None:
-            return None, None
+            return None
         other, other_target = (np.asarray(part, dtype=np.float64) for part in self.replicate)
-        if other.shape != columns.shape or other_target.shape != target.shape:
+        if other.shape != rows.X.shape or other_target.shape != rows.y.shape:
             raise InputError(f"replicate has shapes {other.shape} and {other_target.shape}; "
-                             f"{columns.shape} and {target.shape} are expected")  # fmt: skip
-        return other, other_target
+                             f"{rows.X.shape} and {rows.y.shape} are expected")  # fmt: skip
+        return rows.again(other, other_target)
 
     def _keep(self, found: Sequence[tuple[Evidence, Selection]], names: Sequence[str]) -> None:
         """Keep what a fit learned, and nothing of an earlier one."""

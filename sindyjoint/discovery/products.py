@@ -9,7 +9,7 @@ import numba
 
 # Rows taken together.
 SWEEP = 1024
-_jit = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+_jit = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"}, no_cfunc_wrapper=True)
 
 
 # Rows are taken by slices of one axis: of two, numba no longer knows them to be contiguous, and vectorises nothing.
@@ -59,7 +59,9 @@ def solved(block, base, scratch, gram):  # pragma: no cover
             pair = j + 1 < size
             k = j + 1 if pair else j
             x, y = scratch[j, :n], scratch[k, :n]
-            x[:], y[:] = block[j, start : start + n], block[k, start : start + n]
+            # One by one: the assignment of a slice takes seconds to compile.
+            for r in range(n):
+                x[r], y[r] = block[j, start + r], block[k, start + r]
             # Two columns less four at a time: fourteen loads and stores for sixteen operations.
             for i in range(0, j - 3, 4):
                 c0, c1, c2, c3 = base[i, j], base[i + 1, j], base[i + 2, j], base[i + 3, j]

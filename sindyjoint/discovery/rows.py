@@ -107,18 +107,23 @@ class Rows:
     y: Array
     weight: Array | None = None
 
+    def again(self, X: ArrayLike | None, y: ArrayLike | None) -> Rows:
+        """Return the same rows from each single block, as far as these are given."""
+        return Rows(
+            self.X if X is None else np.asarray(X, dtype=np.float64),
+            self.y if y is None else np.asarray(y, dtype=np.float64),
+            self.weight,
+        )
+
     def __getitem__(self, index: Index) -> Rows:
         return Rows(self.X[index], self.y[index], None if self.weight is None else self.weight[index])
 
 
 def gather(
     terms: Sequence[ResolvedTerm],
-    X: Array,
-    y: Array,
+    rows: Rows,
     labels: RowLabels,
-    weight: Array | None = None,
-    X_replicate: ArrayLike | None = None,
-    y_replicate: ArrayLike | None = None,
+    replicate: Rows | None = None,
     inputs: Sequence[str] = (),
 ) -> Evidence:
     """Return the factors of every run and block of some terms.
@@ -126,13 +131,10 @@ def gather(
     Parameters
     ----------
     terms : sequence of ResolvedTerm
-    X : ndarray, shape (n, 2 + k) or (n, 3 + k)
-        θ, θ̇, perhaps θ̈, and the inputs; SI.
-    y : ndarray, shape (n,)
-        N·m.
+    rows : Rows
+        Behind θ, θ̇ and perhaps θ̈ the inputs.
     labels : RowLabels
-    weight : ndarray, shape (n,), optional
-    X_replicate, y_replicate : array_like, optional
+    replicate : Rows, optional
         The same rows from each single block.
     inputs : sequence of str
         Names of the k inputs.
@@ -142,23 +144,18 @@ def gather(
     InputError
         If a term has no finite value somewhere.
     """
-    whole = Rows(X, y, weight)
-    other = Rows(
-        X if X_replicate is None else np.asarray(X_replicate, dtype=np.float64),
-        y if y_replicate is None else np.asarray(y_replicate, dtype=np.float64),
-        weight,
-    )
-    same = np.array_equal(other.X, X) and np.array_equal(other.y, y)
-    sources = (other,) if same else (other, whole)
-    problems = [[rows[block] for block in run.blocks] for rows in sources for run in labels.runs]
+    other = rows if replicate is None else replicate
+    same = np.array_equal(other.X, rows.X) and np.array_equal(other.y, rows.y)
+    sources = (other,) if same else (other, rows)
+    problems = [[source[block] for block in run.blocks] for source in sources for run in labels.runs]
     try:
-        function = compile_terms([term.expression for term in terms], row_arguments(X.shape[1], inputs))
+        function = compile_terms([term.expression for term in terms], row_arguments(rows.X.shape[1], inputs))
         factors = run_factors(function, problems)
     except InputError:
         # Once more, slowly, for a message that names the term.
         for problem in problems:
-            for rows in problem:
-                state_columns(terms, rows.X, inputs)
+            for block in problem:
+                state_columns(terms, block.X, inputs)
         raise
     n = len(labels.runs)
     runs = [
@@ -174,27 +171,17 @@ def hierarchy(terms: Sequence[ResolvedTerm]) -> dict[str, tuple[str, ...]]:
 
 
 def gather_columns(
-    ids: Sequence[str],
-    columns: Array,
-    y: Array,
-    labels: RowLabels,
-    weight: Array | None = None,
-    columns_replicate: Array | None = None,
-    y_replicate: Array | None = None,
+    ids: Sequence[str], rows: Rows, labels: RowLabels, replicate: Rows | None = None
 ) -> Evidence:
-    """Return the factors of every run and block of columns that are there, shape (n, p); else as :func:`gather`."""
-    given = (columns, y)
-    replicate = (
-        given if columns_replicate is None else (columns_replicate, y if y_replicate is None else y_replicate)
-    )
+    """Return the factors of every run and block of columns that are there, ``X`` of shape (n, p); as :func:`gather`."""
 
-    def factor(rows: Index, matrix: Array, target: Array) -> Factor:
-        return Factor.of(matrix[rows], target[rows], None if weight is None else weight[rows])
+    def factor(some: Rows) -> Factor:
+        return Factor.of(some.X, some.y, some.weight)
 
     runs = []
     for run in labels.runs:
-        blocks = tuple(factor(rows, *replicate) for rows in run.blocks)
-        pooled = merge(blocks if replicate is given else [factor(rows, *given) for rows in run.blocks])
+        blocks = tuple(factor((replicate or rows)[block]) for block in run.blocks)
+        pooled = merge(blocks if replicate is None else [factor(rows[block]) for block in run.blocks])
         runs.append(RunEvidence(run.name, run.group, pooled, blocks))
     return Evidence(tuple(ids), tuple(runs))
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, gather_columns
+from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, MissingExtraError
@@ -30,7 +30,7 @@ DEGREE = 4
 
 
 def weak_evidence(
-    terms: Sequence[ResolvedTerm], states: Sequence[ForceStates], inertia: float | None, seed: int = 0
+    terms: Sequence[ResolvedTerm], states: Sequence[ForceStates], inertia: float | None
 ) -> Evidence:
     """Return the factors of a campaign's moment and terms in weak form, by run and replicate block.
 
@@ -40,8 +40,6 @@ def weak_evidence(
     states : sequence of ForceStates
     inertia : float or None
         kg·m²; ``None``: the inertia is one of the terms.
-    seed : int
-        Of the places of the test functions.
 
     Raises
     ------
@@ -50,7 +48,7 @@ def weak_evidence(
     MissingExtraError
         Where the installed pysindy has no weak library.
     """
-    parts = [_run_rows(terms, state, inertia or 0.0, seed) for state in states]
+    parts = [_run_rows(terms, state, inertia or 0.0) for state in states]
     sizes = [len(part[0]) for part in parts]
     columns, target, other, other_target, blocks = (np.concatenate(each) for each in zip(*parts, strict=True))
     groups = runs = None
@@ -58,7 +56,9 @@ def weak_evidence(
         groups = np.repeat(group_labels(states), sizes)
         runs = np.repeat([state.run for state in states], sizes)
     labels = RowLabels.of(len(columns), groups, runs, blocks)
-    return gather_columns([term.id for term in terms], columns, target, labels, None, other, other_target)
+    return gather_columns(
+        [term.id for term in terms], Rows(columns, target), labels, Rows(other, other_target)
+    )
 
 
 def integral_weights(samples: int, interval: float, seed: int = 0) -> tuple[Array, Array]:
@@ -109,7 +109,7 @@ _weights = lru_cache(maxsize=512)(integral_weights)
 
 
 def _run_rows(
-    terms: Sequence[ResolvedTerm], state: ForceStates, inertia: float, seed: int
+    terms: Sequence[ResolvedTerm], state: ForceStates, inertia: float
 ) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """Return columns and target of a run in weak form, both once more as each block gives them, and the blocks."""
     motion = (state.angle, state.rate, state.acceleration)
@@ -119,9 +119,9 @@ def _run_rows(
             f"run {state.run!r}: no segment of {POLICY.shortest_segment} samples in which the joint moves one way, as "
             "the weak form needs; leave 'weak' out, or sample faster"
         )
-    whole = _integrals(terms, motion, state, segments, inertia, seed)
+    whole = _integrals(terms, motion, state, segments, inertia)
     other = whole if state.replicate is None else _integrals(
-        terms, state.replicate, state, segments, inertia, seed)  # fmt: skip
+        terms, state.replicate, state, segments, inertia)  # fmt: skip
     blocks = np.repeat([state.block[part[0]] for part in segments], POLICY.test_functions)
     return *whole, *other, blocks
 
@@ -132,13 +132,12 @@ def _integrals(
     state: ForceStates,
     segments: Sequence[NDArray[np.intp]],
     inertia: float,
-    seed: int,
 ) -> tuple[Array, Array]:
     columns = term_columns(list(terms), *motion, inputs=state.inputs)
     by_parts = next((i for i, term in enumerate(terms) if term.id == INERTIA), None)
     rate, found, target = motion[1], [], []
     for part in segments:
-        weights, slopes = _weights(part.size, 1.0 / state.sample_rate, seed)
+        weights, slopes = _weights(part.size, 1.0 / state.sample_rate)
         integrals, accelerations = weights @ columns[part], slopes @ rate[part]
         if by_parts is not None:
             integrals[:, by_parts] = accelerations

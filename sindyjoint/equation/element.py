@@ -57,6 +57,11 @@ class Form:
         return {symbol.name for column in self.columns for symbol in column.expression.free_symbols}
 
     @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of what its columns and rates are functions of, in order."""
+        return ("theta", "omega", *(state.name for state in self.states), *self.names)
+
+    @property
     def symbols(self) -> set[Any]:
         """Symbols of its columns, and of the rates and limits of its states."""
         formulas = [c.expression for c in self.columns]
@@ -72,10 +77,8 @@ class Form:
         """The rates of the states as numbered operations; see :mod:`sindyjoint.equation.internal_states`."""
         from sindyjoint.equation.internal_states import state_program
 
-        arguments = ("theta", "omega", *(s.name for s in self.states), *self.names)
-        return state_program(
-            compile_terms([state.rate for state in self.states], arguments), len(self.states)
-        )
+        rates = compile_terms([state.rate for state in self.states], self.arguments)
+        return state_program(rates, len(self.states))
 
     def limits(self, values: Array) -> Array:
         """Return the values that the states cannot pass, infinite where there are none, shape (n_states,)."""
@@ -246,8 +249,7 @@ class JointElement:
         theta, omega = (np.asarray(x, dtype=np.float64) for x in (angle, rate))
         form, values = self.form, self.values
         states = states_along(form, values, theta, omega, step)
-        arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
-        columns = compile_terms([c.expression for c in form.columns], arguments)
+        columns = compile_terms([c.expression for c in form.columns], form.arguments)
         return np.asarray(columns(theta, omega, *states, *map(float, values)))
 
 

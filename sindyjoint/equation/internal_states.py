@@ -77,7 +77,12 @@ def _resting_on(function: TermFunction, registers: Iterable[int]) -> list[int]:
     return rows
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+# Only `integrate_runs` is called from Python: wrappers of the others would be compiled for nobody.
+_options = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+_inner = njit(**_options, no_cpython_wrapper=True)
+
+
+@njit(**_options)
 def integrate_runs(angle, rate, ends, timing, parameters, limits, program):
     """Return the states at every sample of several runs, one after the other, shape (n_states, n).
 
@@ -88,15 +93,20 @@ def integrate_runs(angle, rate, ends, timing, parameters, limits, program):
     """
     states = np.empty((program.outputs.size, angle.size))
     begun = np.zeros(ends.size, dtype=np.bool_)
+    substeps = timing[2]
+    # Number by number, here and below: masks and the assignment of slices take seconds to compile.
     for run in range(ends.size):
         if not begun[run]:
-            alike = np.nonzero(timing[2] == timing[2][run])[0]
-            begun[alike] = True
-            _side_by_side(states, alike, (angle, rate, ends), timing, parameters, limits, program)
+            alike, count = np.empty(ends.size, dtype=np.int64), 0
+            for other in range(run, ends.size):
+                if substeps[other] == substeps[run]:
+                    alike[count], begun[other] = other, True
+                    count += 1
+            _side_by_side(states, alike[:count], (angle, rate, ends), timing, parameters, limits, program)
     return states
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _side_by_side(states, runs, motion, timing, parameters, limits, program):
     """Fill in the states of some runs of as many substeps."""
     angle, rate, ends = motion
@@ -130,7 +140,10 @@ def _side_by_side(states, runs, motion, timing, parameters, limits, program):
     sizes = (k, lanes, base, program.moving.size)
     active = lanes
     while active > 0:
-        for _ in range(np.min(end[:active] - now[:active])):
+        shortest = end[0] - now[0]
+        for lane in range(1, active):
+            shortest = min(shortest, end[lane] - now[lane])
+        for _ in range(shortest):
             for s in range(parts):
                 share = (s + 0.5) / parts
                 for lane in range(active):
@@ -158,10 +171,11 @@ def _side_by_side(states, runs, motion, timing, parameters, limits, program):
             h[lane] = h[active]
             # The rates, too: an array that is not used any more is freed, and a pointer does not keep it.
             for each in (z, last, older, slope):
-                each[:, lane] = each[:, active]
+                for j in range(k):
+                    each[j, lane] = each[j, active]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _registers(lanes, parameters, program):
     """Return registers with parameters and constants in every lane, and the first one of the operations."""
     k, known = program.outputs.size, parameters.size + program.constants.size
@@ -170,15 +184,15 @@ def _registers(lanes, parameters, program):
     for i in range(known):
         given = i < parameters.size
         registers[2 + k + i] = parameters[i] if given else program.constants[i - parameters.size]
-    # Operations on parameters alone are done once.
+    # Operations on parameters alone are done once. np.int64: a literal is another type, and compiled once more.
     run_lanes(
-        pointer(registers), lanes, lanes, base, pointer(program.operations), pointer(program.fixed), 0,
-        program.fixed.size,
+        pointer(registers), lanes, lanes, base, pointer(program.operations), pointer(program.fixed),
+        np.int64(0), program.fixed.size,
     )  # fmt: skip
     return registers, base
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _step(held, active, sizes, rates):
     """Take the states of all active lanes over one part of a step; what is held by arrays comes as pointers."""
     registers, z, slope, h = held
@@ -187,7 +201,7 @@ def _step(held, active, sizes, rates):
     for j in range(k):
         for lane in range(active):
             registers[(2 + j) * lanes + lane] = z[j * lanes + lane]
-    run_lanes(registers, active, lanes, base, operations, moving, 0, n_moving)
+    run_lanes(registers, active, lanes, base, operations, moving, np.int64(0), n_moving)
     for j in range(k):
         for lane in range(active):
             slope[j * lanes + lane] = registers[outputs[j] * lanes + lane]
@@ -197,7 +211,7 @@ def _step(held, active, sizes, rates):
         # ∂f_j/∂z_j by a small step: the states of the shipped effects do not feed each other.
         for lane in range(active):
             mine[lane] = state[lane] + _small(state[lane], h[lane] * slopes[lane])
-        begin = ends[j - 1] if j > 0 else 0
+        begin = ends[j - 1] if j > 0 else np.int64(0)
         run_lanes(registers, active, lanes, base, operations, by_state, begin, ends[j])
         for lane in range(active):
             stiffness = (rate[lane] - slopes[lane]) / _small(state[lane], h[lane] * slopes[lane])
@@ -214,14 +228,19 @@ def _small(state, change):
     return 1e-6 * (abs(state) + abs(change) + 1e-300)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _pass_ends(states, ends, limits, turn):
     """Return whether the states repeat; where they do not, note the end of the pass, and what it tells of the limit."""
     z, last, older = ends
     # A state that forgets within a period needs two passes, not all of them.
     settled = turn > 0
     for j in range(z.size):
-        if abs(z[j] - last[j]) > 1e-7 * np.max(np.abs(states[j])):
+        largest = 0.0
+        for i in range(states.shape[1]):
+            size = abs(states[j, i])
+            if size > largest or size != size:  # what is no number stays
+                largest = size
+        if abs(z[j] - last[j]) > 1e-7 * largest:
             settled = False
     if settled:
         return True

@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from sindyjoint.checksums import read_checked
-from sindyjoint.documents import LARGEST, parse_json
+from sindyjoint.checksums import read_json
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_checks import check_model
 from sindyjoint.errors import InputError, MissingInputError
+
+
+def as_model(model: JointModel | str | os.PathLike[str]) -> JointModel:
+    """Return a model as it is given, or that of a file."""
+    return model if isinstance(model, JointModel) else read_model(model)
 
 
 def read_model(path: str | os.PathLike[str]) -> JointModel:
@@ -30,11 +34,7 @@ def read_model(path: str | os.PathLike[str]) -> JointModel:
             f"{str(path)!r}: no model is here; expected a model.json, or a folder with one, as "
             "'discover --out' writes it"
         )
-    try:
-        text = read_checked(file, LARGEST["JSON"]).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file}: is not UTF-8 text (byte {error.start})") from None
-    data = parse_json(text, str(file))
+    data = read_json(file)
     try:
         model = JointModel.from_dict(data)
         check_model(model)

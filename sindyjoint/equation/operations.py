@@ -85,7 +85,7 @@ def operated(code, a, b):
     return value
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def run_lanes(registers, lanes, stride, start, operations, rows, begin, end):
     """Fill the registers of operations ``rows[begin:end]`` for several motions at once; all are pointers.
 

@@ -174,8 +174,7 @@ def column_moments(element: JointElement, angle: Array, rate: Array, states: Arr
     from sindyjoint.equation.formula import compile_terms
 
     form = element.form
-    arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
-    columns = compile_terms([column.expression for column in form.columns], arguments)
+    columns = compile_terms([column.expression for column in form.columns], form.arguments)
     flat = [angle.ravel(), rate.ravel(), *(state.ravel() for state in states)]
     values = [float(value) for value in element.values]
     return np.asarray(columns(*flat, *values)).reshape(*angle.shape, len(form.columns))

@@ -121,8 +121,7 @@ def _neat(kind: Kind | None) -> Kind | None:
 def state_rates(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
     """Return the rates of the internal states, shape (n_states, ...), without their limits."""
     form = element.form
-    arguments = ("theta", "omega", *(state.name for state in form.states), *form.names)
-    function = compile_terms([state.rate for state in form.states], arguments)
+    function = compile_terms([state.rate for state in form.states], form.arguments)
     angle, rate, *inner = np.broadcast_arrays(angle, rate, *states)
     flat = [np.ascontiguousarray(x, dtype=np.float64).ravel() for x in (angle, rate, *inner)]
     found = np.asarray(function(*flat, *map(float, element.values)))

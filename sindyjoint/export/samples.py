@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.batch.population import next_joint, population
+from sindyjoint.batch.record import CampaignRecord
+from sindyjoint.batch.summary import covariates_of, units_of_covariates
 from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.export.base import Export, Fidelity
+from sindyjoint.files.units import parse_quantity
 
 Array = NDArray[np.float64]
 
@@ -33,23 +37,30 @@ def export(model: JointModel, count: int = COUNT, random_state: int = 0) -> Expo
 
     _check(count)
     drawn = draw_models(model, count, np.random.default_rng(random_state))
+    from sindyjoint.equation.formula import formula_text
+
     names = [(term.id, term.symbol, term.unit) for term in model.terms]
     names += [(e.id, f"{e.symbol}_{n.name}", n.unit) for e in model.elements for n in e.numbers]
     how = f"{count} draws of the normal distribution of its estimate, with the covariance of all"
-    return _export(names, np.array([each.numbers for each in drawn]), how)
+    motion = model.joint.motion
+    of = {term.id: f"; times {formula_text(term.expression, motion)}" for term in model.terms if term.inputs}
+    return _export(names, np.array([each.numbers for each in drawn]), how, of)
 
 
-def batch_samples(folder: Path, count: int = COUNT, random_state: int = 0) -> Export:
+def batch_samples(
+    folder: Path, count: int = COUNT, random_state: int = 0, at: Mapping[str, str] = MappingProxyType({})
+) -> Export:
     """Draw coefficients of joints that were not tested, from the joints of a batch.
 
     Mean and spread are those of the batch without its outliers, correlations those of its joints; Student's
     distribution on one degree of freedom less than there are joints knows how well the spread is known. Declared
-    uncertainties of gains move all joints alike.
+    uncertainties of gains move all joints alike. A coefficient with a trend is drawn about it, at the value of the
+    covariate that ``at`` gives (SI, or with its unit), else at the mean of the joints tested.
 
     Raises
     ------
     InputError
-        For a folder without a batch, or one of too few joints.
+        For a folder without a batch, one of too few joints, or a value of what no coefficient has a trend with.
     """
     _check(count)
     file = folder / BATCH_FILE
@@ -65,28 +76,57 @@ def batch_samples(folder: Path, count: int = COUNT, random_state: int = 0) -> Ex
             }
             for key in ("value", "standard_error")
         )
+        joints = [CampaignRecord(each["id"], "", "", "", each["joint"]) for each in record["campaigns"]]
     except (KeyError, TypeError):
         raise InputError(f"{file}: is no record of a batch; run the batch again") from None
-    means, scales, kept = [], [], np.ones(len(record["campaigns"]), dtype=bool)
-    scatters = population(values, errors).scatters
-    degrees = np.inf
+    covariates = covariates_of(joints)
+    found = population(values, errors, covariates)
+    scatters, lines = found.scatters, {(t.coefficient, t.covariate): t for t in found.trends}
+    given = _given(
+        at, {s.covariate for s in scatters if s.covariate is not None}, units_of_covariates(joints)
+    )
+    means, scales, deviations = [], [], []
+    kept, degrees = np.ones(len(joints), dtype=bool), np.inf
     for scatter in scatters:
         ahead = next_joint(scatter)
         if ahead is None:
             raise InputError(f"{file}: too few joints for a distribution of {scatter.coefficient}; test more")
-        means.append(scatter.mean)
-        scales.append(ahead.scale)
+        mean, scale, own = scatter.mean, ahead.scale, values[scatter.coefficient]
+        if scatter.covariate is not None:
+            line, x = lines[scatter.coefficient, scatter.covariate], covariates[scatter.covariate]
+            away = float(given.get(scatter.covariate, np.nanmean(x)) - np.nanmean(x))
+            mean, scale = mean + line.slope * away, float(np.hypot(scale, line.slope_error * away))
+            own = own - line.slope * (x - np.nanmean(x))
+        means.append(mean)
+        scales.append(scale)
+        deviations.append(own - scatter.mean)
         degrees = min(degrees, ahead.degrees)
-        kept &= np.isfinite(values[scatter.coefficient])
+        kept &= np.isfinite(own)
         kept[list(scatter.outliers)] = False
-    deviations = np.array([values[s.coefficient][kept] - s.mean for s in scatters])
-    correlation = np.corrcoef(deviations) if len(scatters) > 1 else np.eye(1)
+    correlation = np.corrcoef([each[kept] for each in deviations]) if len(scatters) > 1 else np.eye(1)
     covariance = np.nan_to_num(correlation) * np.outer(scales, scales)
     for move in _shared_moves(record, [s.coefficient for s in scatters], np.array(means)):
         covariance += np.outer(move, move)
     drawn = _student(np.array(means), covariance, degrees, count, random_state)
     how = f"{count} draws of Student's distribution of a next joint, {int(kept.sum())} joints tested"
     return _export([(s.coefficient, s.coefficient, units[s.coefficient]) for s in scatters], drawn, how)
+
+
+def _given(at: Mapping[str, str], known: set[str], units: Mapping[str, str]) -> dict[str, float]:
+    """Return values of covariates, SI."""
+    values = {}
+    for name, text in at.items():
+        label = name.replace("_", " ")
+        if label not in known:
+            raise InputError(
+                f"at {name!r}: no coefficient has a trend with it; there are trends with "
+                f"{', '.join(sorted(known)) or 'nothing'}"
+            )
+        try:
+            values[label] = float(text)
+        except ValueError:
+            values[label] = parse_quantity(text, units.get(label, "1"), f"at {name!r}")
+    return values
 
 
 def _shared_moves(record: Any, terms: Sequence[str], means: Array) -> Array:
@@ -118,11 +158,16 @@ def _check(count: int) -> None:
         raise InputError(f"count is {count}; expected from 1 to 1000000 sets")
 
 
-def _export(names: Sequence[tuple[str, str, str]], drawn: Array, how: str) -> Export:
-    """Return the sets as CSV, a row each; a column is headed by symbol and unit."""
+def _export(
+    names: Sequence[tuple[str, str, str]],
+    drawn: Array,
+    how: str,
+    of: Mapping[str, str] = MappingProxyType({}),
+) -> Export:
+    """Return the sets as CSV, a row each; a column is headed by symbol and unit; ``of`` adds to how it is made."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{symbol} [{unit}]" for _, symbol, unit in names])
     writer.writerows([[repr(float(value)) for value in row] for row in drawn])
-    rows = tuple(Fidelity(id, symbol, how, True, 0.0, 0.0) for id, symbol, _ in names)
+    rows = tuple(Fidelity(id, symbol, how + of.get(id, ""), True, 0.0, 0.0) for id, symbol, _ in names)
     return Export("samples", {FILE: text.getvalue()}, rows)

@@ -98,7 +98,24 @@ def campaign_from_arrays(
     given = {
         "moment": moment, "angle": angle, "force": force, "displacement": displacement, "acceleration": acceleration,
     }  # fmt: skip
-    present = [key for key, values in given.items() if values is not None]
+    columns = {key: _as_runs(values) for key, values in given.items() if values is not None}
+    motion = _motion_of(list(columns))
+    stated = {key: KEYS[motion][CHANNELS[key]][1] for key in columns} | {"time": "s"}
+    refuse_unknown("units", units or {}, [*stated, *(inputs or {})])
+    stated |= dict(units or {})
+    if time is not None and not isinstance(time, str):
+        stamps = _as_runs(time)
+        columns["time"] = stamps * len(next(iter(columns.values()))) if len(stamps) == 1 else stamps
+    return campaign_from_frames(
+        _named_runs(columns, names), units=stated, rate=rate, frequency=frequency, level=level, use=use, name=name,
+        inertia=inertia, motion=motion, simulated=simulated, inputs=inputs, references=references,
+        time=time if time is None else FOUND,
+        columns=None if acceleration is None else {"acceleration": "acceleration"},
+    )  # fmt: skip
+
+
+def _motion_of(present: list[str]) -> Motion:
+    """Return the motion whose arrays were given."""
     ways = [["moment", "angle"], ["force", "displacement"]]
     ways += [[way[0], *more, "acceleration"] for way in ways for more in ([], way[1:])]
     if present not in ways:
@@ -106,22 +123,20 @@ def campaign_from_arrays(
             f"arrays were given of {', '.join(present) or 'nothing'}; expected moment and angle, or force and "
             "displacement; acceleration instead of angle or displacement, or beside it"
         )
-    motion: Motion = "rotation" if "moment" in present else "translation"
-    stated = {key: KEYS[motion][CHANNELS[key]][1] for key in present} | {"time": "s"}
-    refuse_unknown("units", units or {}, [*stated, *(inputs or {})])
-    stated |= dict(units or {})
-    columns = {key: _as_runs(given[key]) for key in present}
-    if time is not None and not isinstance(time, str):
-        stamps = _as_runs(time)
-        runs_given = len(columns[present[0]])
-        columns["time"] = stamps * runs_given if len(stamps) == 1 else stamps
+    return "rotation" if "moment" in present else "translation"
+
+
+def _named_runs(
+    columns: Mapping[str, Sequence[Any]], names: Sequence[str] | None
+) -> dict[str, dict[str, Any]]:
+    """Return the columns of each run under its name."""
     counts = {key: len(runs) for key, runs in columns.items()}
     if len(set(counts.values())) > 1:
         listed = ", ".join(f"{count} of {key}" for key, count in counts.items())
         raise InputError(
             f"arrays of different numbers of runs were given: {listed}; expected one of each for each run"
         )
-    count = counts[present[0]]
+    count = next(iter(counts.values()))
     titles = list(names) if names is not None else [f"run {number + 1}" for number in range(count)]
     frames = {
         title: {key: runs[i] for key, runs in columns.items()} for i, title in enumerate(titles[:count])
@@ -130,12 +145,7 @@ def campaign_from_arrays(
         raise InputError(
             f"{len(titles)} name(s) were given for {count} run(s); expected a different one for each"
         )
-    return campaign_from_frames(
-        frames, units=stated, rate=rate, frequency=frequency, level=level, use=use, name=name, inertia=inertia,
-        motion=motion, simulated=simulated, inputs=inputs, references=references,
-        time=time if time is None else FOUND,
-        columns=None if acceleration is None else {"acceleration": "acceleration"},
-    )  # fmt: skip
+    return frames
 
 
 def campaign_from_frames(

@@ -149,7 +149,7 @@ def manifest_text(campaign: Campaign, files: list[str], rig: SensorRig | None = 
         pairs = (f"{_string(key)} = {_string(value)}" for key, value in joint.labels.items())
         lines.append("labels = { " + ", ".join(pairs) + " }")
 
-    declared = [_channels_of(run, units, rig) for run in campaign.runs]
+    declared = [_channels_of(run, units, rig, campaign.gain_uncertainty) for run in campaign.runs]
     # What all runs share stands once in [channels]; all else stands with each run.
     shared = {
         key: value for key, value in declared[0].items() if all(run.get(key) == value for run in declared)
@@ -194,7 +194,9 @@ def _number(each: Input, value: float) -> str:
     return repr(float(value)) if each.unit == "1" else _quantity(value, each.unit)
 
 
-def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> dict[str, str]:
+def _channels_of(
+    run: Run, units: Mapping[str, str], rig: SensorRig | None, gains: Mapping[str, float]
+) -> dict[str, str]:
     """Return the ``[channels]`` entries of one run as TOML text."""
     moment, angle, rate, *_ = units
     channels = {"rate": _quantity(run.sample_rate, "Hz")}
@@ -202,18 +204,22 @@ def _channels_of(run: Run, units: Mapping[str, str], rig: SensorRig | None) -> d
         # A moment that never changes, as in a free decay, is declared: a constant column is a dead channel.
         constant = np.ptp(run.moment) == 0
         value = _quantity(run.moment[0], units[moment])
-        written = _channel(moment, units[moment], run.noise.moment)
+        written = _channel(moment, units[moment], run.noise.moment, gains.get("moment"))
         channels[moment] = f"{{ constant = {value} }}" if constant else written
         if run.fusion is None or run.fusion.angle is not None:
-            channels[angle] = _channel(angle, units[angle], run.noise.angle)
+            channels[angle] = _channel(angle, units[angle], run.noise.angle, gains.get("angle"))
     else:
-        for key, noise in ((moment, run.noise.moment), (angle, run.noise.angle)):
-            if noise is not None:
-                channels[key] = f"{{ noise = {_quantity(noise, units[key])} }}"
+        known = ((moment, run.noise.moment, "moment"), (angle, run.noise.angle, "angle"))
+        for key, noise, quantity in known:
+            declared = _declared(units[key], noise, gains.get(quantity))
+            if declared:
+                channels[key] = f"{{ {', '.join(declared)} }}"
     if run.fusion is not None and rig is None:
-        channels["acceleration"] = _channel("acceleration", units["acceleration"], run.noise.acceleration)
+        gain = None if angle in channels else gains.get("angle")
+        noise = run.noise.acceleration
+        channels["acceleration"] = _channel("acceleration", units["acceleration"], noise, gain)
     if run.rate is not None or (run.fusion is not None and run.fusion.rate is not None):
-        channels[rate] = _channel(rate, units[rate], run.noise.rate)
+        channels[rate] = _channel(rate, units[rate], run.noise.rate, gains.get("rate"))
     return channels
 
 
@@ -230,9 +236,15 @@ def _rig_lines(rig: SensorRig) -> list[str]:
     ]
 
 
-def _channel(column: str, unit: str, noise: float | None = None) -> str:
-    declared = "" if noise is None else f", noise = {_quantity(noise, unit)}"
-    return f"{{ column = {_string(column)}, unit = {_string(unit)}{declared} }}"
+def _channel(column: str, unit: str, noise: float | None = None, gain: float | None = None) -> str:
+    parts = (f"column = {_string(column)}", f"unit = {_string(unit)}", *_declared(unit, noise, gain))
+    return f"{{ {', '.join(parts)} }}"
+
+
+def _declared(unit: str, noise: float | None, gain: float | None) -> list[str]:
+    """Return what is declared of a channel's errors."""
+    parts = [] if noise is None else [f"noise = {_quantity(noise, unit)}"]
+    return parts if gain is None else [*parts, f"gain_uncertainty = {float(gain)!r}"]
 
 
 def _quantity(value: float, unit: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.formula import variable_symbols
-from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def law_at_levels(model: JointModel) -> LevelLaw:
     """Return the terms that a model has at each level of its inputs, and which of them depend on one."""
     ids, dependences = [], []
     for term in model.terms:
-        changes = _changed_term(term) if term.inputs else None
+        changes = changed_term(term.expression) if term.inputs else None
         ids.append(changes or term.id)
         dependences += [(changes, name) for name in term.inputs] if changes else []
     return LevelLaw(
@@ -72,9 +72,9 @@ def vanishing(model: JointModel, law: LevelLaw) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def _changed_term(term: ModelTerm) -> str | None:
+def changed_term(expression: sympy.Expr) -> str | None:
     """Return the term of the paper that a dependence is where its inputs stand still; None where it is none."""
-    _, form = term.expression.as_independent(*variable_symbols(), as_Add=False)
+    _, form = expression.as_independent(*variable_symbols(), as_Add=False)
     return _paper_forms().get(form)
 
 

@@ -7,11 +7,12 @@ ruled out (two one-sided tests, Schuirmann 1987); both can be true of sharp esti
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from sindyjoint.documents import plain
 from sindyjoint.equation.calibration import gain_errors
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.errors import InputError
@@ -113,7 +114,6 @@ class Change(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
-        rows = [{name: _plain(value) for name, value in asdict(shift).items()} for shift in self.shifts]
         return {
             "schema": 1,
             "joint": self.after.joint.name,
@@ -122,15 +122,9 @@ class Change(Shown):
             "changed": self.changed,
             "sentence": self.sentence,
             "margin": self.margin,
-            "coefficients": rows,
+            "coefficients": plain(self.shifts),
             "warnings": list(self.warnings),
         }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def check_margin(margin: float) -> None:

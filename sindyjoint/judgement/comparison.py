@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.documents import plain
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.shown import Shown
@@ -78,6 +79,10 @@ class Choice:
         Whether all five of the paper's terms were among the candidates.
     not_given : tuple of str
         What the search of a method for sets of terms cannot be given.
+    wanted : tuple of str
+        The paper's terms that these data can show.
+    dependences : tuple of (str, str)
+        Chosen terms by which one of the paper's depends on an input, and that one.
     """
 
     name: str
@@ -92,6 +97,8 @@ class Choice:
     offers_paper_terms: bool = True
     not_given: tuple[str, ...] = ()
     residual: float = float("nan")
+    wanted: tuple[str, ...] = PAPER_TERMS
+    dependences: tuple[tuple[str, str], ...] = ()
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -100,17 +107,19 @@ class Choice:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The paper's terms that were not chosen."""
-        return tuple(term for term in PAPER_TERMS if term not in self.ids)
+        """The paper's terms that were not chosen, at any level of the inputs."""
+        there = {*self.ids, *(term for _, term in self.dependences)}
+        return tuple(term for term in self.wanted if term not in there)
 
     @property
     def extra(self) -> tuple[str, ...]:
-        """Chosen terms that are not the paper's, the inertia aside."""
-        return tuple(term for term in self.ids if term not in PAPER_TERMS and term != "inertia")
+        """Chosen terms that are not the paper's, at any level of the inputs, the inertia aside."""
+        known = {*self.wanted, "inertia", *(name for name, _ in self.dependences)}
+        return tuple(term for term in self.ids if term not in known)
 
     @property
     def agrees(self) -> bool:
-        """Whether these are exactly the paper's five terms."""
+        """Whether these are exactly the paper's terms, at each level of the inputs."""
         return not self.missing and not self.extra
 
     def __getitem__(self, term_id: str) -> ChosenTerm | None:
@@ -214,8 +223,18 @@ class Comparison(Shown):
         """Terms worth a column: the paper's, and every one that a choice holds or that a replicate chose."""
         held = {term for choice in (*self.methods, *self.frequencies, *self.libraries) for term in choice.ids}
         held |= {term for term, share in zip(self.ids, self.inclusion, strict=True) if share > 0}
-        others = [term for term in (*self.ids, *sorted(held)) if term in held and term not in PAPER_TERMS]
-        return (*PAPER_TERMS, *dict.fromkeys(others))
+        others = [term for term in (*self.ids, *sorted(held)) if term in held and term not in self.wanted]
+        return (*self.wanted, *dict.fromkeys(others))
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The paper's terms that these data can show."""
+        return self.model.wanted
+
+    @property
+    def paper_set(self) -> str:
+        """What those are called."""
+        return "the paper's five terms" if self.wanted == PAPER_TERMS else "the paper's terms without rate"
 
     @property
     def agreement(self) -> str:
@@ -228,14 +247,15 @@ class Comparison(Shown):
         ):
             if choices:
                 parts.append(f"{sum(c.agrees for c in choices)} of {len(choices)} {name}")
-        return "exactly the paper's five terms: " + ", ".join(parts)
+        levels = any(choice.dependences for choice in (*self.methods, *self.frequencies, *self.libraries))
+        return f"{'at each level ' * levels}exactly {self.paper_set}: " + ", ".join(parts)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain JSON data; numbers that do not exist are null."""
         from dataclasses import fields
 
         names = [f.name for f in fields(self) if f.name not in ("discovery", "soundness")]
-        data = {name: _to_plain(getattr(self, name)) for name in names}
+        data = {name: plain(getattr(self, name)) for name in names}
         return {
             "schema": SCHEMA,
             "kind": "Comparison",
@@ -243,17 +263,3 @@ class Comparison(Shown):
             **data,
             "soundness": summarize(self.soundness),
         }
-
-
-def _to_plain(value: Any) -> Any:
-    from dataclasses import fields, is_dataclass
-
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _to_plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): _to_plain(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_to_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if value == value and abs(value) != float("inf") else None
-    return value

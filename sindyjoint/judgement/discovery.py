@@ -15,6 +15,7 @@ from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, is_of_the_paper, make_headline
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.verdict import Verdict, unjudged
+from sindyjoint.numeric import finite
 from sindyjoint.record import Campaign
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
@@ -165,8 +166,8 @@ class Discovery(Shown):
             "fit": {
                 "moment_rms": fitted.moment_rms,
                 "residual_rms": fitted.residual_rms,
-                "noise_floor": _to_plain(fitted.noise_floor),
-                "moving_fraction": _to_plain(fitted.moving_fraction),
+                "noise_floor": finite(fitted.noise_floor),
+                "moving_fraction": finite(fitted.moving_fraction),
                 "samples": fitted.samples,
                 "runs": fitted.runs,
             },
@@ -174,10 +175,6 @@ class Discovery(Shown):
             "warnings": list(self.warnings),
             "soundness": summarize(self.soundness),
         }
-
-
-def _to_plain(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:

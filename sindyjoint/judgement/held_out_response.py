@@ -48,7 +48,7 @@ def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -
             return float("nan"), str(cause)
         for run in evidence.runs:
             if run.group == group:
-                simulated = simulate_run(laws[run.name], runs[run.name], states[run.name])
+                simulated = simulate_run(laws[run.name], runs[run.name], states[run.name], response_only=True)
                 if simulated.failure:
                     return float("nan"), f"run {run.name!r}: {simulated.failure}"
                 errors.append(simulated.response_nrmse)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.bias.correction import corrected_model
+from sindyjoint.bias.replicates import Replicate
 from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.large.segments import SampleCount
@@ -28,8 +29,9 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
+from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
-from sindyjoint.substructure.replicates import RecoveredReplicate, recovered_replicate
+from sindyjoint.substructure.replicates import recovered_replicate
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, find_slow, with_slow
@@ -46,8 +48,6 @@ RECOVERED = (
 COLUMNS = ("angle", "rate", "moment")
 # Searches for terms, each at the slow angles that the terms found before ask for.
 SEARCHES = 4
-# Noise of a run's states, as a share of the moment, below which less of it gives the run no more weight.
-WELL_KNOWN = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,11 +212,11 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
     noise = np.array(
         [
             np.hypot(by_angle * s.noise.angle, by_rate * s.noise.rate) ** 2
-            + s.noise.moment**2 / (s.block[-1] + 1)
+            + s.noise.moment**2 / (1 if s.replicate is None else s.block[-1] + 1)
             for s in states
         ]
     )
-    weight = 1 / (noise + (WELL_KNOWN * largest) ** 2)
+    weight = 1 / (noise + (LIMITS.well_known * largest) ** 2)
     rows = np.array([np.count_nonzero(s.moving) for s in states])
     return np.asarray(weight * rows.sum() / (weight @ rows))
 
@@ -239,7 +239,7 @@ def _judged(
         verdict = within_the_states(verdict, errors.angle_share)
         model = model.with_numbers(rows.coefficients, errors.covariance)
 
-    def replicated(known: JointModel) -> list[RecoveredReplicate]:
+    def replicated(known: JointModel) -> list[Replicate]:
         law = model_law(known)
         return [
             recovered_replicate(each.recovery, each.joint, each.states, law, each.weight)
@@ -311,8 +311,6 @@ def with_uncertain_structure(law: JointLaw, test: RigTest, update: Update) -> Jo
     )
 
 
-# Level at which joints that are declared alike are said to differ.
-DIFFER = 0.01
 # Degrees of freedom of noise that is known.
 KNOWN = 1e6
 
@@ -334,6 +332,6 @@ def _test_alike(law: JointLaw) -> str:
     least = min(heterogeneity(v, e, degrees)[1] for v, e in zip(values.T, spread.T, strict=True))
     p = min(1.0, least * len(terms))
     joints = " and ".join(law.joints)
-    if p < DIFFER:
+    if p < LIMITS.differ:
         return f"{joints} are declared alike and differ (p = {p:.1g}): give them kinds of their own"
     return f"{joints} have one law within their errors (p = {p:.2g})"

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.frequency import Axis, FrequencyTest, frequency_test, group_estimates
@@ -15,8 +14,6 @@ from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
 from sindyjoint.inputs import Input, run_levels
 from sindyjoint.states import ForceStates
-
-Array = NDArray[np.float64]
 
 # Estimates at so many levels tell a trend from scatter.
 FEWEST_LEVELS = 3
@@ -93,10 +90,7 @@ class OverInput:
 
 
 def over_inputs(
-    model: JointModel,
-    evidence: Evidence,
-    states: Sequence[ForceStates],
-    margin: float = POLICY.frequency_margin,
+    model: JointModel, evidence: Evidence, states: Sequence[ForceStates]
 ) -> tuple[OverInput, ...]:
     """Return the law over each input that was tested at more than one level.
 
@@ -107,11 +101,9 @@ def over_inputs(
         That it was found in.
     states : sequence of ForceStates
         Of its runs.
-    margin : float
-        Relative change of a coefficient over the tested range that would not matter.
     """
     return tuple(
-        over_input(model, each, level_tests(evidence, states, model, each, margin))
+        over_input(model, each, level_tests(evidence, states, model, each))
         for each in model.inputs
         if each.tested is not None and each.levels > 1
     )
@@ -164,7 +156,8 @@ def level_tests(
         return ()
     found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
     shown = (np.array([float(group) for group in found.groups]) - each.zero) / each.factor
-    axis = Axis(each.label, each.shown_unit)
+    # Over all coefficients together: one that the law does not let depend is not to seem to by chance.
+    axis = Axis(each.label, each.shown_unit, POLICY.frequency_level / len(plain))
     return tuple(
         frequency_test(
             term, shown, found.coefficients[:, i], found.standard_errors[:, i], found.degrees, margin, axis

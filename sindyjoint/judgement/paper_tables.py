@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.discovery.frequency import FrequencyTest, detectable_change, frequency_test
-from sindyjoint.paper import FREQUENCIES, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
+from sindyjoint.paper import FREQUENCIES, SYMBOLS, TABLES, TERMS, UNITS
 
 # The tables print four digits.
 DIGITS = 4
@@ -70,7 +70,7 @@ class TableCheck:
         }
 
 
-def half_unit(value: float, digits: int = DIGITS) -> float:
+def half_unit(value: float) -> float:
     """Return half a unit in the last printed digit of a number.
 
     Examples
@@ -78,13 +78,13 @@ def half_unit(value: float, digits: int = DIGITS) -> float:
     >>> half_unit(6.153e3)
     0.5
     """
-    return 0.5 * 10.0 ** (Decimal(repr(value)).adjusted() - digits + 1)
+    return 0.5 * 10.0 ** (Decimal(repr(value)).adjusted() - DIGITS + 1)
 
 
-def check_tables(tables: Sequence[PaperTable] = TABLES) -> tuple[TableCheck, ...]:
+def check_tables() -> tuple[TableCheck, ...]:
     """Recompute what the tables print from their rows, and test each parameter for dependence on frequency."""
     checks = []
-    for table in tables:
+    for table in TABLES:
         for index, (term, symbol, unit) in enumerate(zip(TERMS, SYMBOLS, UNITS, strict=True)):
             rows = table.column(term)
             average, deviation = float(np.mean(rows)), float(np.std(rows))

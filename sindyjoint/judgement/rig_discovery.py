@@ -13,8 +13,10 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_refinement import RigRefinement
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.observability import JointSeen
+from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.update import Update, with_numbers
 
@@ -95,18 +97,14 @@ class RigDiscovery(Shown):
                 for each in self.seen
             ],
             "sensors": [
-                {"name": sensor.name, "worth": [float(w) if np.isfinite(w) else None for w in column]}
+                {"name": sensor.name, "worth": list(map(finite, column))}
                 for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
             ],
             "structure": [] if update is None else update.to_list(),
-            "misfit": self.misfit if np.isfinite(self.misfit) else None,
+            "misfit": finite(self.misfit),
             "refinement": None if self.refinement is None else self.refinement.to_dict(),
             "warnings": list(self.warnings),
         }  # fmt: skip
-
-
-# Weighted squares per degree of freedom beyond which sensors and structure disagree: noise alone makes 1.
-DISAGREES = 2.0
 
 
 def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
@@ -116,7 +114,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
         return (
             "there are as many sensors as joints: nothing shows whether the structure is the one described",
         )
-    if misfit <= DISAGREES * degrees:
+    if misfit <= LIMITS.disagrees * degrees:
         return ()
     return (
         f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "

@@ -80,7 +80,7 @@ class RigRefinement:
         found = f"{len(self.ends)} starts end alike"
         if other:
             found = f"{other} of {len(self.ends)} starts end worse, or cannot be simulated"
-        words = (
+        words: tuple[str, ...] = (
             f"refined on the simulated response: {self.before:.2f} times the noise before, {self.after:.2f} after; "
             f"{found}",
         )

@@ -31,15 +31,15 @@ COMPLETED = (
 
 
 @dataclass(frozen=True, eq=False)
-class SecondSearch:
-    """What the second search came to.
+class TermSearch:
+    """What a search for terms came to, the first or the second.
 
     Parameters
     ----------
     regressor : JointRegressor
     model : JointModel
     states : tuple of ForceStates
-        Completed where the search was used, else as given.
+        Completed where the second search was used, else as given.
     note : str
         What was done, with the residual of each end of the search; empty where nothing was.
     """
@@ -51,30 +51,28 @@ class SecondSearch:
 
 
 def search_again(
-    regressor: JointRegressor,
-    model: JointModel,
+    first: TermSearch,
     campaign: Campaign,
-    states: tuple[ForceStates, ...],
     counts: Sequence[SampleCount],
     say: Callable[[str], None],
-) -> SecondSearch:
+) -> TermSearch:
     """Choose the terms again on states whose weak harmonics are the model's, where those matter to the moment.
 
     The model that completes the states was itself found on incomplete ones: the search starts from it and from the
     paper's terms alone, and the end that leaves less of the moment unexplained is used.
     """
-    best, ends = SecondSearch(regressor, model, states), []
-    starts = {"the terms found first": model} if model.terms else {}
-    paper = paper_model(regressor, model)
-    if paper is not None and set(paper.ids) != set(model.ids):
+    best, ends = first, []
+    starts = {"the terms found first": first.model} if first.model.terms else {}
+    paper = paper_model(first.regressor, first.model)
+    if paper is not None and set(paper.ids) != set(first.model.ids):
         starts["the paper's five terms"] = paper
     for name, start in starts.items():
-        end, residual = _search_from(start, best, regressor, campaign, states, counts, say)
+        end, residual = _search_from(start, best, first, campaign, counts, say)
         if residual is not None:
             ends.append((name, residual))
         if end is not best:
             best, used = end, name
-    if best.regressor is regressor:
+    if best is first:
         return best
     unit = quantities(campaign.joint.motion).moment_unit
     residuals = " and ".join(f"{1e3 * value:.4g} m{unit} from {name}" for name, value in ends)
@@ -84,13 +82,12 @@ def search_again(
 
 def _search_from(
     start: JointModel,
-    best: SecondSearch,
-    regressor: JointRegressor,
+    best: TermSearch,
+    first: TermSearch,
     campaign: Campaign,
-    states: tuple[ForceStates, ...],
     counts: Sequence[SampleCount],
     say: Callable[[str], None],
-) -> tuple[SecondSearch, float | None]:
+) -> tuple[TermSearch, float | None]:
     """Complete states and choose terms in turn; return the best so far and the least residual on the way."""
     from sindyjoint.bias.completion import completed_states
     from sindyjoint.discovery.estimator import JointRegressor
@@ -99,13 +96,15 @@ def _search_from(
     found, least = start, None
     for _ in range(COMPLETIONS):
         try:
-            more = completed_states(held_laws(found, states), campaign.identification_runs, states)
+            more = completed_states(
+                held_laws(found, first.states), campaign.identification_runs, first.states
+            )
         except (SimulationError, InputError):
             break
         if more is None:
             break
         say("selecting terms with the harmonics below the noise")
-        fitted = JointRegressor(**regressor.get_params(deep=False))
+        fitted = JointRegressor(**first.regressor.get_params(deep=False))
         fitted.fit(**regression_rows(more, campaign.joint.inertia).fit_arguments())
         before, found = found.ids, campaign_model(fitted, campaign, more, counts)
         if not found.terms:
@@ -113,7 +112,7 @@ def _search_from(
         residual = found.fitted.residual_rms
         least = residual if least is None else min(least, residual)
         if residual < best.model.fitted.residual_rms * POLICY.lower_residual:
-            best = SecondSearch(fitted, found, more)
+            best = TermSearch(fitted, found, more)
         if found.ids == before:
             break
     return best, least
@@ -219,13 +218,7 @@ def campaign_model(
     return replace(model, joint=campaign.joint, fitted=fitted)
 
 
-def without_bias(
-    regressor: JointRegressor,
-    measured: JointRegressor,
-    model: JointModel,
-    campaign: Campaign,
-    states: Sequence[ForceStates],
-) -> Corrected:
+def without_bias(found: TermSearch, measured: JointRegressor, campaign: Campaign) -> Corrected:
     """Take out of a model's coefficients what the processing does to them.
 
     ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that
@@ -234,6 +227,7 @@ def without_bias(
     from sindyjoint.bias.correction import corrected_model
     from sindyjoint.discovery.evidence import fit_columns
 
+    regressor, model = found.regressor, found.model
     chosen = [term for term in regressor.terms_ if term.id in model]
     fitted = [term for term in chosen if term.id in regressor.evidence_.ids]
     known = [term for term in chosen if term.id not in regressor.evidence_.ids]
@@ -242,7 +236,7 @@ def without_bias(
         columns = [measured.evidence_.ids.index(term.id) for term in fitted]
         before = fit_columns(measured.evidence_, columns).coefficients
         moved = np.array([model[term.id].coefficient for term in fitted]) - before
-    return corrected_model(model, fitted, campaign, states, known=known, moved=moved)
+    return corrected_model(model, fitted, campaign, found.states, known=known, moved=moved)
 
 
 def unmeasured_bias(fixed: Corrected | None) -> str:

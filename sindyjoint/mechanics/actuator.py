@@ -15,13 +15,18 @@ from sindyjoint.mechanics.excitation import Excitation, harmonic, repeated
 Drive = Literal["moment", "angle"]
 
 SINE = "sine"
-#: Waveforms by the amplitudes of sin(n·2πft) relative to the first; all are scaled to their peak.
+#: Waveforms by the amplitudes of sin(n·2πft); all are scaled to their peak.
 TONES: dict[str, dict[int, float]] = {
     SINE: {1: 1.0},
     "two-tone-3": {1: 1.0, 3: 0.8},
     "two-tone-5": {1: 1.0, 5: 0.5},
     "triangle": {n: (-1.0) ** (n // 2) / n**2 for n in (1, 3, 5, 7, 9)},
-}
+    # The signs with the lowest peak.
+    "multisine": {1: 1.0, 2: 1.0, 3: 1.0, 4: -1.0, 5: 1.0},
+    # A sine whose frequency goes from f to 5f and back in each period, sin(3x − 2 sin x) with x = 2πft, as its series
+    # of amplitudes J₃₋ₙ(2) − J₃₊ₙ(2) (Abramowitz and Stegun 9.1.42), to 2e-3 of its peak.
+    "sweep": {1: 0.31884, 2: 0.56969, 3: 0.22269, 4: -0.5769, 5: 0.35281, 6: -0.12895, 7: 0.034, 8: -0.00704},
+}  # fmt: skip
 POINTS = 2520  # of a period through which the spline of a sum of tones goes
 
 
@@ -37,6 +42,8 @@ class Actuator:
         Hz.
     moment, angle, rate : float
         Largest moment (N·m), angle (rad) and rate (rad/s) on either side of zero.
+    duration : float
+        Of a run, s, where more is known of it than that it lasts as long as those that were made.
     """
 
     drive: Drive = "moment"
@@ -44,6 +51,7 @@ class Actuator:
     moment: float = inf
     angle: float = inf
     rate: float = inf
+    duration: float = 0.0
 
     def __post_init__(self) -> None:
         if self.drive not in ("moment", "angle"):
@@ -56,6 +64,11 @@ class Actuator:
                 raise InputError(
                     f"limit of the {name} is {getattr(self, name)!r}; expected a positive number"
                 )
+
+
+def driven_at(waveform: str) -> tuple[float, float]:
+    """Return the lowest and the highest frequency at which a waveform drives, as multiples of its own."""
+    return float(min(TONES[waveform])), float(max(TONES[waveform]))
 
 
 def tones(waveform: str, level: float, frequency: float, phase: float = 0.0) -> Excitation:

@@ -54,9 +54,10 @@ def PAPER_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N8
     paper_law(theta, omega, direction, state, parameters, out)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, no_cfunc_wrapper=True)
 def evaluate_law(address, theta, omega, direction, state, parameters, out):
     """Fill `out`, shape (1 + n_states, n), with moment and state rates at n samples."""
+    # Number by number, here and below: the assignment of a slice takes seconds to compile, for the text of an error.
     row = np.empty(out.shape[0])
     z = np.empty(max(state.shape[0], 1))
     arguments, results, numbers = pointer(z), pointer(row), pointer(parameters)
@@ -64,7 +65,8 @@ def evaluate_law(address, theta, omega, direction, state, parameters, out):
         for j in range(state.shape[0]):
             z[j] = state[j, i]
         call_law(address, theta[i], omega[i], direction[i], arguments, numbers, results)
-        out[:, i] = row
+        for j in range(row.size):
+            out[j, i] = row[j]
 
 
 @lru_cache(maxsize=256)
@@ -171,14 +173,16 @@ def scalar_law_of_expressions(
     return scalar_law
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def integrate_states(address, angle, rate, parameters, step, substeps, state):
     """Fill `state`, shape (n_states, n), from its first column along a prescribed motion (Runge–Kutta, order 4).
 
     Between samples the angle is the cubic through angles and rates, and the rate its derivative.
     """
     n = state.shape[0]
-    z, trial, out = state[:, 0].copy(), np.empty(n), np.empty(1 + n)
+    z, trial, out = np.empty(n), np.empty(n), np.empty(1 + n)
+    for j in range(n):
+        z[j] = state[j, 0]
     k = np.zeros((4, n))
     nodes = (0.0, 0.5, 0.5, 1.0)
     for i in range(angle.size - 1):
@@ -197,4 +201,5 @@ def integrate_states(address, angle, rate, parameters, step, substeps, state):
                     k[stage, j] = out[1 + j]
             for j in range(n):
                 z[j] += step / substeps * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j]) / 6.0
-        state[:, i + 1] = z
+        for j in range(n):
+            state[j, i + 1] = z[j]

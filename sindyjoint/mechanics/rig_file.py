@@ -156,12 +156,22 @@ class RunTable(StrictTable):
 
     file: str | None = Field(default=None, description="With time, drive and sensors.")
     name: str | None = Field(default=None, description="Default: the file's.")
-    frequency: str | None = Field(default=None, description="At which the drive repeats.")
+    frequency: str | None = Field(
+        default=None, description="At which the drive repeats; omitted: it does not."
+    )
     level: str | None = Field(default=None, description="Free label.")
     use: Literal["identify", "validate"] = Field(default="identify", description="What it is for.")
-    shape: Literal["sine", "multisine"] | None = Field(default=None, description="For simulate.")
+    shape: Literal["sine", "multisine", "sweep", "impact"] | None = Field(
+        default=None, description="For simulate."
+    )
     amplitude: str | None = Field(default=None, description="For simulate: peak of the drive.")
-    band: tuple[str, str] | None = Field(default=None, description="For simulate: of a multisine.")
+    band: list[str] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description="For simulate: of a multisine or a sweep.",
+    )
+    width: str | None = Field(default=None, description="For simulate: of an impact, a half-sine.")
 
 
 class RecorderTable(StrictTable):

@@ -127,7 +127,7 @@ def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig
         )
         if not drives:
             raise InputError(
-                "no [[run]] has a shape; expected shape = 'sine' or 'multisine', amplitude and frequency"
+                "no [[run]] has a shape; expected shape = 'sine', 'multisine', 'sweep' or 'impact', and amplitude"
             )
         r = given.recorder
         recorder = Recorder(
@@ -314,12 +314,9 @@ def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> Rig
     ):
         raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the file")
     drive, *responses = (signal * factor for signal, factor in zip(signals, factors, strict=True))
-    if table.frequency is None:
-        raise InputError(
-            f"{file}: [[run]] has no frequency; the joints are recovered from drives that repeat: state the frequency "
-            "of a sine, or at which a multisine repeats"
-        )
-    frequency = parse_quantity(table.frequency, "Hz", f"{file}: frequency")
+    frequency = (
+        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
+    )
     return RigRun(
         table.name or Path(str(table.file)).stem, drive, np.array(responses), 1 / float(steps.mean()), frequency,
         table.level, table.use,
@@ -328,14 +325,18 @@ def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> Rig
 
 def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:
     where = f"[[run]] {number}"
-    if table.amplitude is None or table.frequency is None or table.shape is None:
-        raise InputError(f"{where}: a run to simulate wants shape, amplitude and frequency")
+    if table.amplitude is None or table.shape is None:
+        raise InputError(f"{where}: a run to simulate wants shape and amplitude")
     band = None
     if table.band is not None:
         low, high = (parse_quantity(end, "Hz", f"{where} band") for end in table.band)
         band = (low, high)
+    frequency = (
+        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{where} frequency")
+    )
+    width = None if table.width is None else parse_quantity(table.width, "s", f"{where} width")
     name = table.name or Path(table.file or f"run-{number:02d}").stem
     return Drive(
         name, table.shape, parse_quantity(table.amplitude, UNITS[drive.quantity], f"{where} amplitude"),
-        parse_quantity(table.frequency, "Hz", f"{where} frequency"), band, None, table.level, table.use,
+        frequency, band, width, table.level, table.use,
     )  # fmt: skip

@@ -52,7 +52,8 @@ def write_rig_test(
         document.pop(key, None)
     files = {run.name: f"{_file_name(run.name)}-{SIMULATED_KEY}.{format}" for run in test.runs}
     document["run"] = [
-        {"file": files[run.name], "name": run.name, "frequency": f"{run.frequency!r} Hz", "use": run.use}
+        {"file": files[run.name], "name": run.name, "use": run.use}
+        | ({"frequency": f"{run.frequency!r} Hz"} if run.frequency is not None else {})
         | ({"level": run.level} if run.level is not None else {})
         for run in test.runs
     ]

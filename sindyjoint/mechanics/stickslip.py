@@ -278,13 +278,14 @@ def slip_direction(rate: ArrayLike) -> Array:
 APPROACH = 200  # samples
 
 
-def _bring_from_zero(compiled: CompiledLaw, angle: Array, rate: Array) -> Array:
+def brought_from_zero(law: Law, angle: Array, rate: Array) -> Array:
     """Return the internal states of a joint brought from zero to the first angle, as fast as it moves later.
 
     A state that changes at standstill is no memory of the motion but a clock, which the approach does not advance.
     """
     from sindyjoint.mechanics.kernels import evaluate_law, integrate_states
 
+    compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, APPROACH))
     fastest = float(np.abs(rate).max()) if rate.size else 0.0
     if not (fastest > 0 and np.isfinite(fastest) and angle[0] != 0):
@@ -349,7 +350,7 @@ def transfer_moment(
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
-        state[:, 0] = _bring_from_zero(compiled, theta, omega)
+        state[:, 0] = brought_from_zero(law, theta, omega)
         integrate_states(
             compiled.address, theta, omega, compiled.numbers, 1.0 / sample_rate, int(substeps), state
         )

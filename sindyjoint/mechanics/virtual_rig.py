@@ -135,7 +135,6 @@ def simulate_run(
     drive: Drive,
     recorder: Recorder,
     generator: np.random.Generator,
-    limits: str | None = "softening",
 ) -> tuple[RigRun, Response]:
     """Simulate a run of a structure as its sensors record it, and return what really happened, too.
 
@@ -157,7 +156,7 @@ def simulate_run(
     points = tuple(dict.fromkeys(sensor.point for sensor in sensors))
     response = respond(
         moved, sampled(values, fine), at, duration=settling + recorder.duration, sample_rate=fine, step=recorder.step,
-        points=points, limits=limits,
+        points=points, limits="softening",
     )  # fmt: skip
     rate = recorder.sample_rate
     whole = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
+from sindyjoint.numeric import finite
 
 TELL_APART = "tell-apart"
 
@@ -36,7 +36,7 @@ class Apart:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``plan --json`` prints of it."""
-        before = self.before if np.isfinite(self.before) else None
+        before = finite(self.before)
         return {
             "effects": list(self.effects),
             "before": before,

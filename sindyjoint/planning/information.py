@@ -126,7 +126,8 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     ----------
     run : PlannedRun
     model : JointModel
-        The joint: its coefficients are taken to be true.
+        The joint: its coefficients are taken to be true. What elements with a memory add to the moment is in the motion
+        and is taken to be known: their numbers are none of the columns.
     sensors : Sensors
 
     Raises
@@ -165,10 +166,11 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     columns, slopes = _columns(model, [state[moving] for state in states])
     # An identified inertia is one of the columns.
     declared = 0.0 if INERTIA in model else model.inertia
-    target = moment[moving] - declared * states[2][moving]
+    true = [signal[period][moving] for signal in (moved.angle, moved.rate, moved.acceleration)]
+    cut = _columns(model, true)[0] - columns
     return _added_up(
         columns,
-        target - columns @ model.coefficients,
+        cut @ model.coefficients + declared * (true[2] - states[2][moving]),
         _noise_columns(waves[moving], (w * kept.orders).astype(float), slopes, model.inertia),
         np.append(angle_noise / np.sqrt(samples), np.tile(kept.standard_error, 2)),
         moment_noise,

@@ -16,6 +16,7 @@ from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.paper import PARAMETERS
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.record import Joint
+from sindyjoint.response.model_law import with_coefficients
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,8 @@ class JointRange:
     Parameters
     ----------
     model : JointModel
-        Its terms and inertia; the coefficients are those in the middle.
+        Its terms and inertia; the coefficients are those in the middle. Elements with a memory, where it has some, are
+        the same in every joint of the range.
     low, high : ndarray, shape (p,)
         Ends of the range of each coefficient, in the order of the terms, SI.
     """
@@ -44,7 +46,7 @@ class JointRange:
         rng = np.random.default_rng(random_state)
         strata = np.array([rng.permutation(count) for _ in self.low]).T
         share = (strata + rng.random(strata.shape)) / count
-        return [self.model.with_numbers(row) for row in self.low + share * (self.high - self.low)]
+        return [with_coefficients(self.model, row) for row in self.low + share * (self.high - self.low)]
 
     def corners(self) -> list[JointModel]:
         """Return the joints at the ends of all ranges; of many coefficients some of the combinations."""
@@ -55,7 +57,7 @@ class JointRange:
             choices = np.random.default_rng(0).integers(0, 2, (MOST_CORNERS, wide.size)).astype(float)
         corners = np.tile(self.low, (len(choices), 1))
         corners[:, wide] += choices * (self.high - self.low)[wide]
-        return [self.model.with_numbers(row) for row in np.unique(corners, axis=0)]
+        return [with_coefficients(self.model, row) for row in np.unique(corners, axis=0)]
 
     def narrowed(self, ranges: Mapping[str, tuple[float, float]]) -> JointRange:
         """Return the same joint with some of its coefficients in other ranges.
@@ -78,7 +80,7 @@ class JointRange:
                 )
             at = self.model.ids.index(name)
             low[at], high[at] = least, most
-        return JointRange(self.model.with_numbers((low + high) / 2), low, high)
+        return JointRange(with_coefficients(self.model, (low + high) / 2), low, high)
 
 
 def like_law(law: PaperLaw, policy: PlanningPolicy = POLICY) -> JointRange:
@@ -101,13 +103,10 @@ def like_model(model: JointModel, policy: PlanningPolicy = POLICY) -> JointRange
     Raises
     ------
     InputError
-        For a model without terms, or with elements that have a memory.
+        For a model without terms.
     """
-    if not model.terms or model.elements:
-        raise InputError(
-            f"the model has {len(model.terms)} terms and {len(model.elements)} elements with a memory; a plan is made "
-            "for terms of angle and rate"
-        )
+    if not model.terms:
+        raise InputError("the model has no terms; a plan is made for terms of angle and rate")
     half = policy.model_errors * model.standard_errors
     low, high = model.coefficients - half, model.coefficients + half
     for index, term in enumerate(model.terms):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +134,9 @@ def _both(found: JointRange, before: JointRange) -> tuple[JointRange, tuple[str,
                 f"the runs put {spelled(name)} outside of the range that was given, "
                 f"{before.low[there]:.4g} to {before.high[there]:.4g}: the runs are believed"
             )
-    return JointRange(found.model, low, high), tuple(notes)
+    # A discovery knows no elements: those that the joint was said to have stay.
+    model = replace(found.model, elements=before.model.elements, covariance=())
+    return JointRange(model, low, high), tuple(notes)
 
 
 def measured_sensors(states: Sequence[ForceStates]) -> Sensors:

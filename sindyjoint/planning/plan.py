@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import finite
 from sindyjoint.planning.apart import Apart
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
@@ -184,9 +185,9 @@ class Plan(Shown):
             "goal": self.goal,
             "goals": dict(self.goals),
             "apart": None if self.apart is None else self.apart.to_dict(),
-            "now": None if self.now is None else vars(self.now) | {"widest": _known(self.now.widest)},
+            "now": None if self.now is None else vars(self.now) | {"widest": finite(self.now.widest)},
             "curve": [
-                {key: _known(value) for key, value in vars(step).items()} | {"runs": step.runs}
+                {key: finite(value) for key, value in vars(step).items()} | {"runs": step.runs}
                 for step in self.curve
             ],
             "stop": self.stop,
@@ -201,16 +202,11 @@ def counted_runs(count: int, further: bool) -> str:
 
 def _record(each: Prediction) -> dict[str, Any]:
     return {
-        "half_width95": _known(each.half_width95),
+        "half_width95": finite(each.half_width95),
         "unit": each.unit,
-        "band90": [_known(end) for end in each.band90],
+        "band90": [finite(end) for end in each.band90],
         "chosen": each.chosen,
     }
-
-
-def _known(value: float) -> float | None:
-    """Return a number, or None for one that is not finite."""
-    return float(value) if np.isfinite(value) else None
 
 
 def predictions(

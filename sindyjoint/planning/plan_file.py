@@ -34,7 +34,7 @@ class _RunEntry(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     drive: Literal["moment", "angle"]
-    waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle"] = "sine"
+    waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle", "multisine", "sweep"] = "sine"
     frequency: str
     level: str
     duration: str

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.actuator import SINE, Actuator, Drive, tones
+from sindyjoint.mechanics.actuator import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
@@ -202,14 +202,18 @@ def candidates(
     waveforms : sequence of str
         Among which is chosen; the grid is of sines.
     say : callable
+
+    Raises
+    ------
+    InputError
+        For a waveform that the band, or the duration, has no room for, and limits that no run keeps.
     """
     low, high = actuator.band
-    several = high > low
-    frequencies = _rounded(np.geomspace(low, high, policy.frequencies if several else 1))
-    plain = _rounded(np.linspace(low, high, 3 if several else 1))
+    plain = _rounded(np.linspace(low, high, 3 if high > low else 1))
     found, grid = [], []
-    for frequency in sorted({*frequencies, *plain}):
-        for waveform in dict.fromkeys((*waveforms, SINE)):
+    for waveform in dict.fromkeys((*waveforms, SINE)):
+        within = set(_within_band(waveform, actuator, duration, policy)) if waveform in waveforms else set()
+        for frequency in sorted({*within, *(plain if waveform == SINE else ())}):
             say(f"highest level at {frequency:g} Hz")
             top = highest_level(laws, actuator, frequency, waveform)
             level_of = _levels(middle, actuator.drive, frequency, top, waveform)
@@ -224,6 +228,25 @@ def candidates(
             if waveform == SINE and frequency in plain:
                 grid += [planned(share) for share in policy.grid_levels]
     return tuple(found), tuple(grid)
+
+
+def _within_band(waveform: str, actuator: Actuator, duration: float, policy: PlanningPolicy) -> list[float]:
+    """Return frequencies of a waveform, Hz, that drives within the band alone and repeats often enough in a run."""
+    lowest, highest = driven_at(waveform)
+    # A duration for the lowest sine is long enough for every other; the rest is for the rounding.
+    least = max(
+        actuator.band[0] / lowest, 1.005 * (policy.fewest_periods + 1) / duration * (waveform != SINE)
+    )
+    most = actuator.band[1] / highest
+    if least > most * (1 + 1e-9):
+        low, high = actuator.band
+        raise InputError(
+            f"waveform {waveform} drives from {lowest:g} to {highest:g} times the frequency at which it repeats, "
+            f"{policy.fewest_periods + 1} times in a run of {duration:.3g} s: no room for it from {low:g} to {high:g} "
+            "Hz; expected a wider band, or longer runs"
+        )
+    count = policy.frequencies if most > least * (1 + 1e-9) else 1
+    return _rounded(np.geomspace(least, max(most, least), count))
 
 
 def _rounded(values: Array) -> list[float]:

@@ -13,6 +13,7 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.designs import PLANNED
 from sindyjoint.diagnosis.campaign.hidden import hidden_law
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects, select_effects
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Step
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SindyJointError
@@ -93,8 +94,12 @@ class Separated:
     model: JointModel
 
 
-def _words(names: Sequence[str], after: Sequence[float], advice: Sequence[Advice], motion: str) -> str:
+def _words(
+    names: Sequence[str], after: Sequence[float], advice: Sequence[Advice], motion: str, before: float = 0.0
+) -> str:
     who = list_some([spelled(name, motion) for name in names], "effects")
+    if after and after[-1] < before + CAMPAIGN.little_confidence:
+        return f"{who}: no run that was tried separates them as they are known; along the planned they differ most"
     if after:
         return f"{who}: the true one is then expected to have {percent(after[-1])}"
     said = next((each.waveform for each in advice), "the search for a run was ended before it found one")
@@ -203,7 +208,7 @@ class Separating:
             return Separated((), Apart(names, best, (), words), result.model)
         runs = [each for each in result.advice if each.frequency]
         after = tuple(float(each.expected_confidence) for each in runs)
-        words = _words(names, after, result.advice, motion)
+        words = _words(names, after, result.advice, motion, best)
         return Separated(self._planned(result), Apart(names, best, after, words), result.model)
 
     def before_runs(self, worlds: Sequence[World]) -> tuple[tuple[PlannedRun, ...], Apart]:

@@ -27,20 +27,20 @@ LINES, ROWS = 40, 30
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def text_of(result: Any, lines: int = LINES) -> str:
-    """Return what the command line prints of a result, at most so many lines."""
+def text_of(result: Any) -> str:
+    """Return what the command line prints of a result, at most so many lines as a screen shows."""
     out = io.StringIO()
     with redirect_stdout(out):
         show(result)
     # A notebook asks for colours, which only a terminal can show.
     text = _COLOURS.sub("", out.getvalue()).rstrip("\n").split("\n")
-    if len(text) > lines:
+    if len(text) > LINES:
         # What to do next stands at the end, and stays.
         last = text[text.index(NEXT) - 1 :] if NEXT in text else []
-        last = last if len(last) < lines // 2 else []
-        more = len(text) - lines + 1
+        last = last if len(last) < LINES // 2 else []
+        more = len(text) - LINES + 1
         text = [
-            *text[: lines - 1 - len(last)],
+            *text[: LINES - 1 - len(last)],
             f"... and {more} more lines; .report(folder) writes everything",
             *last,
         ]

@@ -51,6 +51,8 @@ class ChoicePart(Part):
     not_simulated: str
     path: list[SizeScorePart]
     offers_paper_terms: bool
+    wanted: list[str]
+    dependences: list[tuple[str, str]]
     not_given: list[str]
     residual: Maybe = None
 
@@ -147,6 +149,7 @@ class DeclaredJoint(Part):
     serial: str | None = None
     labels: dict[str, str] = {}
     inputs: dict[str, Known] = {}
+    input_units: dict[str, str] = {}
 
 
 class JointRecord(Part):

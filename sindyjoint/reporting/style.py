@@ -120,6 +120,18 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     return 1e9, "n" + pretty_unit(unit)
 
 
+def amount(value: float, unit: str) -> str:
+    """Return a number with its unit, prefixed to its size.
+
+    Examples
+    --------
+    >>> amount(0.0005, "J")
+    '0.5 mJ'
+    """
+    factor, shown = prefixed(value, unit)
+    return f"{value * factor:.3g} {shown}"
+
+
 def plain(text: object) -> str:
     """Return text that matplotlib draws as it stands: no mathematics, no control characters."""
     shown = "".join(char if char.isprintable() or char == "\n" else "\ufffd" for char in str(text))

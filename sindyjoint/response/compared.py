@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.run import WINDOW, Drive, SimulatedRun, pooled_nrmse, prescribed, simulate_run
+from sindyjoint.response.drive import Drive, prescribed
+from sindyjoint.response.run import WINDOW, SimulatedRun, pooled_nrmse, simulate_run
 from sindyjoint.states import ForceStates, force_states, one_after_another
 from sindyjoint.states.build import Choice
 
@@ -34,8 +35,9 @@ def compared_states(campaign: Campaign, runs: Sequence[Run], timed: bool) -> tup
 
 def compare_run(law_of: LawOf, run: Run, states: ForceStates, window: float = WINDOW) -> SimulatedRun:
     """Simulate the law of a run, by the motion where that was the drive."""
-    drive: Drive | None = "motion" if prescribed(states) else None
-    return simulate_run(law_of(states), run, states, drive=drive, window=window)
+    law = law_of(states)
+    drive: Drive | None = "motion" if prescribed(states, inertia=law.inertia) else None
+    return simulate_run(law, run, states, drive=drive, window=window)
 
 
 def pooled_errors(runs: Sequence[SimulatedRun]) -> tuple[float, float]:

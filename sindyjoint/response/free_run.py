@@ -12,8 +12,9 @@ from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, simulate, transfer_moment
 from sindyjoint.record import Run
+from sindyjoint.response.drive import choose_drive
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import RTOL, SimulatedRun, angle_limits, choose_drive, cut_states
+from sindyjoint.response.run import RTOL, SimulatedRun, angle_limits, cut_states, span_of
 from sindyjoint.states import ForceStates, force_states
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ def simulate_free(law: Law, run: Run, states: ForceStates, samples: int, by_moti
     InputError
         For samples that are too few, or leave too little of the run.
     """
-    first = round(states.time[0] * run.sample_rate)
+    first = span_of(run, states).start
     settled = samples - first  # samples of the states that the initial state may use
     _check_samples(run, samples, first, states.n_samples)
     motion_drives = by_motion or not law.inertia > 0
@@ -100,8 +101,8 @@ def _check_samples(run: Run, samples: int, first: int, known: int) -> None:
 
 def _simulate_from(law: Law, run: Run, states: ForceStates, begin: int, end: int, internal: Array) -> Motion:
     """Return the motion from sample ``begin`` of the states to their end, its start fitted on those up to ``end``."""
-    offset = round(states.time[0] * run.sample_rate)
-    stretch = slice(offset + begin, offset + states.n_samples)
+    span = span_of(run, states)
+    stretch = slice(span.start + begin, span.stop)
     moment, measured = run.moment[stretch], run.angle[stretch]
     drive = choose_drive(law, states)
     # What nothing pulls back may drift as far as it will: that is what a free run is to show.

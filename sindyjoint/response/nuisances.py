@@ -16,8 +16,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from sindyjoint.checksums import read_checked
-from sindyjoint.documents import LARGEST, parse_json
+from sindyjoint.checksums import read_json
 from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_record import (
@@ -253,11 +252,7 @@ def read_test(path: str | os.PathLike[str]) -> TestNuisances | None:
     file = file / FILE if file.is_dir() else file.with_name(FILE)
     if not file.is_file():
         return None
-    try:
-        text = read_checked(file, LARGEST["JSON"]).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file}: is not UTF-8 text (byte {error.start})") from None
-    data = parse_json(text, str(file))
+    data = read_json(file)
     try:
         return TestNuisances.from_dict(data)
     except (ValueError, AttributeError) as error:

@@ -15,23 +15,16 @@ from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, PaperLaw, as_compiled
 from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
+from sindyjoint.numeric import rms
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Motion, Run
+from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.element_law import number_names, parts_of, sum_law
 from sindyjoint.response.model_law import law_terms, model_law
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import (
-    Drive,
-    along_motion,
-    angle_limits,
-    choose_drive,
-    measured_drive,
-    prescribed,
-    rms,
-    settling,
-)
+from sindyjoint.response.run import along_motion, angle_limits, measured_drive, settling, span_of
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 
@@ -240,7 +233,7 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
 
 
 def record_of(
-    law: Law, model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float
+    model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float
 ) -> Record:
     """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
 
@@ -248,8 +241,7 @@ def record_of(
     prescribed is the drive. Where the states are a mean period, a law with internal states runs through it twice:
     these are not known at its start.
     """
-    first = round(states.time[0] * run.sample_rate)
-    span = slice(first, first + states.n_samples)
+    law, span = test.law(model, states), span_of(run, states)
     drive = "motion" if prescribed(states, spurious=True) else choose_drive(law, states)
     skip, moment = settling(states), run.moment[span]
     measured = (moment if drive == "motion" else run.angle[span])[skip:]

@@ -28,6 +28,12 @@ class ResponsePolicy:
     sinusoidal: float = limit(
         6.0, "harmonics of an angle, in standard errors, up to which it is a sinusoid that was prescribed"
     )
+    unanswered: float = limit(
+        1.5,
+        "power of the angle that the moment would make above the angle's band, over the noise there, from which a "
+        "motion that does not repeat was the drive",
+        source="prescribed motions of joints of another integrator have 2.6 to 98, driven ones up to 0.5",
+    )
     range_slack: float = limit(
         0.05, "share of the tested angle or rate by which a motion may go beyond it without a word"
     )

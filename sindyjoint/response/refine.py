@@ -139,7 +139,8 @@ def refine(
         progress("fitting the simulated response")
     others = [problem.start_of(other) for other in spread_starts(problem.model, states)]
     found = _best_end(problem, start, others)
-    return _summarise_refinement(model, problem, found, before, states, left_out, test)
+    refined = _summarise_refinement(model, problem, found, before, left_out)
+    return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,10 +193,9 @@ def _summarise_refinement(
     problem: OutputError,
     found: Array,
     before: dict[str, float],
-    states: Sequence[ForceStates],
     left_out: Sequence[str],
-    test: TestNuisances | None,
 ) -> Refinement:
+    """Return what a fit came to; residual and shares of the model are those before."""
     after = problem.nrmse(found)
     lasting = problem.parameters[: problem.n_shared]
     scale = np.array([parameter.scale for parameter in lasting])
@@ -228,7 +228,7 @@ def _summarise_refinement(
     if left_out:
         reason += f"; left out, since the model to start from does not reach their end: {'; '.join(left_out)}"
     return Refinement(
-        model=_update_residual(_without_stale(model, new), states, test),
+        model=new,
         refined=True,
         reason=reason,
         before=before,

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
-
-Array = NDArray[np.float64]
 
 
 def spread_starts(model: JointModel, states: Sequence[ForceStates]) -> list[JointModel]:

@@ -7,21 +7,20 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import brought_from_zero, simulate, transfer_moment
+from sindyjoint.numeric import rms
 from sindyjoint.record import Run
+from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
-from sindyjoint.response.model_law import elastic_moment
-from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 
 Array = NDArray[np.float64]
-Drive = Literal["moment", "windows", "motion", "free run"]
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
@@ -103,10 +102,14 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
-        if self.states.method == "path":
-            # At a reversal a mean over both branches is no moment of either.
+        if self.states.method == "path" or self._prescribed_once:
+            # At a reversal a mean over both branches is no moment of either; friction jumps there, and noise says when.
             return self.moment_nrmse
         return rms(simulated - self.measured_response) / self.response_scale
+
+    @property
+    def _prescribed_once(self) -> bool:
+        return self.drive == "motion" and self.states.method == "broadband" and self.inertia > 0
 
     @property
     def moment_nrmse(self) -> float:
@@ -158,62 +161,6 @@ def pooled_nrmse(errors: Sequence[tuple[str, float, float]]) -> float:
     return float(np.sqrt(total / len(errors))) if errors else float("nan")
 
 
-def rms(values: ArrayLike) -> float:
-    """Root mean square; infinite for what has run away."""
-    with np.errstate(over="ignore"):
-        return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
-
-
-def choose_drive(law: Law, states: ForceStates) -> Drive:
-    """Choose how a law is simulated against a run.
-
-    By the moment where the joint has inertia and a restoring moment over the run's angles; by multiple shooting
-    ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
-    the motion, and where an input moves the law within the run.
-    """
-    if not law.inertia > 0 or isinstance(law, LawInRun) or states.method == "path":
-        return "motion"
-    middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
-    low, high = elastic_moment(law, [middle - reach, middle + reach])
-    restoring = (high - low) / 2
-    return (
-        "moment"
-        if restoring > POLICY.restoring_share * rms(states.transfer_moment(law.inertia))
-        else "windows"
-    )
-
-
-def prescribed(states: ForceStates, spurious: bool = False) -> bool:
-    """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment; or a path.
-
-    A joint that answers to a sinusoidal moment moves with the harmonics of its friction and its stiffness. Of dozens of
-    harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
-    They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone.
-    """
-    if states.method == "path":
-        return True
-    if states.method != "periodic" or states.frequency is None:
-        return False
-    if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
-        return False
-    phase = 2 * np.pi * states.frequency * states.time
-    basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
-    residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
-    floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
-    return bool(np.std(residual) > POLICY.pure * floor)
-
-
-def _sinusoidal(states: ForceStates) -> bool:
-    """Return whether the angle of periodic states has no harmonic but the first that its noise could not make."""
-    assert states.frequency is not None
-    count = max(1, round(states.bandwidth / states.frequency))
-    phase = 2 * np.pi * states.frequency * np.outer(states.time, np.arange(1, count + 1))
-    basis = np.hstack([np.ones((states.n_samples, 1)), np.cos(phase), np.sin(phase)])
-    parts = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
-    amplitudes = np.hypot(parts[:count], parts[count:])[1:]
-    return bool(np.all(amplitudes <= POLICY.sinusoidal * states.noise.angle * np.sqrt(2 / states.n_samples)))
-
-
 def simulate_run(
     law: Law,
     run: Run,
@@ -254,15 +201,15 @@ def simulate_run(
     """
     states = force_states(run) if states is None else states
     drive = choose_drive(law, states) if drive is None else drive
-    first = round(states.time[0] * run.sample_rate)
-    span = slice(first, first + states.n_samples)
-    skip = settling(states)
-    kept = slice(first + skip, span.stop)
+    span, skip = span_of(run, states), settling(states)
+    kept = slice(span.start + skip, span.stop)
     compared = cut_states(states, skip)
     angle = rate = None
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
     try:
-        if not (response_only and drive == "moment" and states.method == "periodic"):
+        if response_only and drive == "moment" and (states.method == "periodic" or states.repeated):
+            inner = brought_from_zero(law, states.angle, states.rate)[:, None]
+        else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
             if isinstance(law, LawInRun):
                 moment = moment + law.added
@@ -270,10 +217,10 @@ def simulate_run(
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif states.method != "periodic" and not states.repeated:
-                # Elsewhere they settle in a period that is not compared.
+            elif not states.repeated:
+                # Many settle in a period that is not compared; a slider that never yields keeps where it began.
                 options = {"initial_state": inner[:, 0], **options}
-            motion = _simulate_motion(law, run, states, span, drive, window, {"rtol": RTOL, **options})
+            motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:
         failure = str(error)
@@ -292,6 +239,12 @@ def simulate_run(
         inertia=law.inertia,
         failure=failure,
     )
+
+
+def span_of(run: Run, states: ForceStates) -> slice:
+    """Return the samples of a run that its states are of."""
+    first = round(states.time[0] * run.sample_rate)
+    return slice(first, first + states.n_samples)
 
 
 def along_motion(
@@ -349,8 +302,7 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
     A run that repeats is driven by the mean of its periods: its response repeats, too, so noise of the moment
     channel does not belong in the simulation.
     """
-    first = round(states.time[0] * run.sample_rate)
-    moment = run.moment[first : first + states.n_samples]
+    moment = run.moment[span_of(run, states)]
     if states.method != "periodic" or states.frequency is None:
         return sampled(moment, run.sample_rate)
     from scipy.interpolate import CubicSpline
@@ -363,10 +315,10 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
 
 
 def _simulate_motion(
-    law: Law, run: Run, states: ForceStates, span: slice, drive: Drive, window: float, options: dict[str, Any]
+    law: Law, run: Run, states: ForceStates, drive: Drive, window: float, options: dict[str, Any]
 ) -> Any:
     """Simulate the joint under the measured moment."""
-    moment = run.moment[span]
+    moment = run.moment[span_of(run, states)]
     if "limits" not in options:
         options["limits"] = angle_limits(law, states, drive)
     if states.repeated:

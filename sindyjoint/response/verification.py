@@ -10,12 +10,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import rms
+from sindyjoint.response.model_law import draw_models
 from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import pooled_nrmse, rms
+from sindyjoint.response.run import WINDOW, pooled_nrmse
 from sindyjoint.shown import Shown
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """How a model is held against a response.
+
+    Parameters
+    ----------
+    tolerance : float
+        Largest response NRMSE beyond the noise floor that passes.
+    draws : int
+        Sets of coefficients drawn from the model's covariance for the band; 0: no band.
+    generator : Generator
+        Of these, and of noise.
+    window : float
+        Length of a multiple-shooting segment, for joints without restoring moment, s.
+    free_run : int or None
+        First samples on which the initial state of each run is estimated, which is then simulated without restart.
+    """
+
+    tolerance: float
+    draws: int
+    generator: np.random.Generator
+    window: float = WINDOW
+    free_run: int | None = None
+
+    def drawn(self, model: JointModel) -> list[JointModel]:
+        """Return the sets of coefficients for the band."""
+        return draw_models(model, self.draws, self.generator)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,11 +209,6 @@ def band_of(responses: Sequence[Array | None]) -> Band | None:
         return None
     middle, spread = np.mean(good, axis=0), np.std(good, axis=0, ddof=1)
     return Band(middle - 1.96 * spread, middle + 1.96 * spread, len(responses), len(responses) - len(good))
-
-
-def finite(value: float) -> float | None:
-    """Return a number that JSON can hold, or ``None``."""
-    return float(value) if np.isfinite(value) else None
 
 
 def _pool_runs(values: Sequence[float | None], mean: Callable[[Array], Any]) -> float | None:

@@ -10,16 +10,24 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import finite
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import compare_run, compared_states
+from sindyjoint.response.drive import prescribed
 from sindyjoint.response.free_run import free_run_states, simulate_free
-from sindyjoint.response.model_law import draw_models
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import SimulatedRun, prescribed
+from sindyjoint.response.run import SimulatedRun
 from sindyjoint.response.tested_range import range_warnings
-from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, finite, judged
+from sindyjoint.response.verification import (
+    Band,
+    RunVerification,
+    Settings,
+    Verification,
+    band_of,
+    judged,
+)
 from sindyjoint.states import ForceStates
 from sindyjoint.states.campaigns import with_lags
 from sindyjoint.text import Quantities, in_words_of, quantities
@@ -30,18 +38,13 @@ Array = NDArray[np.float64]
 def verify_campaign(
     model: JointModel,
     campaign: Campaign,
-    tolerance: float,
-    draws: int,
-    window: float,
-    generator: np.random.Generator,
+    settings: Settings,
     say: Callable[[str], None],
     test: TestNuisances | None = None,
-    free_run: int | None = None,
 ) -> Verification:
     """Compare the validation runs, or all runs where none is kept for validation.
 
     Channels are put right already; of the ``test`` the moments of time and frequency and the inertia are still to come.
-    With ``free_run`` samples to estimate its initial state from, each run is simulated without restart.
     """
     test = test or TestNuisances("")
     campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
@@ -52,7 +55,7 @@ def verify_campaign(
         warnings.append(
             "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
         )
-    drawn = draw_models(model, draws, generator)
+    drawn, free_run = settings.drawn(model), settings.free_run
     results: list[RunVerification] = []
     beyond: list[str] = []
     if free_run is not None:
@@ -66,7 +69,7 @@ def verify_campaign(
         exceeded = range_warnings(model, states.angle, states.rate, run.name, states.method != "path")
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
-        simulate = _way_of(run, states, test, window, free_run)
+        simulate = _way_of(run, states, test, settings)
         simulated = simulate(model)
         if free_run is not None and simulated.drive == "motion":
             warnings.append(f"{run.name}: {_by_motion(campaign)}")
@@ -74,19 +77,20 @@ def verify_campaign(
         if drawn and simulated.simulated_response is not None:
             band = band_of([simulate(other).simulated_response for other in drawn])
         results.append(_compare_run(simulated, campaign, run, band))
-    result = judged(model, "campaign", campaign.joint.name, tolerance, results, warnings)
+    result = judged(model, "campaign", campaign.joint.name, settings.tolerance, results, warnings)
     return replace(result, free_run=free_run, independent=independent, beyond_range=tuple(beyond))
 
 
 def _way_of(
-    run: Run, states: ForceStates, test: TestNuisances, window: float, free_run: int | None
+    run: Run, states: ForceStates, test: TestNuisances, settings: Settings
 ) -> Callable[[JointModel], SimulatedRun]:
     """Return how models are simulated in a run."""
+    free_run = settings.free_run
     if free_run is not None:
         driven = prescribed(states)
         whole = replace(free_run_states(run), began=states.began)
         return lambda model: simulate_free(test.law(model, whole), run, whole, free_run, by_motion=driven)
-    return lambda model: compare_run(lambda known: test.law(model, known), run, states, window)
+    return lambda model: compare_run(lambda known: test.law(model, known), run, states, settings.window)
 
 
 def _by_motion(campaign: Campaign) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,17 +14,16 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.mechanics.rigs import Rig
-from sindyjoint.numeric import main_frequency
-from sindyjoint.response.model_law import draw_models, model_law
+from sindyjoint.numeric import main_frequency, rms
+from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import (
     Oscillation,
     compare_oscillations,
     oscillation,
     white_noise,
 )
-from sindyjoint.response.run import rms
 from sindyjoint.response.tested_range import range_warnings
-from sindyjoint.response.verification import Band, RunVerification, Verification, band_of, judged
+from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
 
 Array = NDArray[np.float64]
 
@@ -35,10 +34,8 @@ MODEL_PLACEHOLDER = PaperLaw(k1=1.0, name="model")
 def verify_rig(
     model: JointModel,
     rig: Rig,
-    tolerance: float,
-    draws: int,
+    settings: Settings,
     truth: dict[str, float],
-    generator: np.random.Generator,
     say: Callable[[str], None],
 ) -> Verification:
     """Compare the rig's measured response, or a virtual pulse test, with the model's simulation."""
@@ -46,7 +43,7 @@ def verify_rig(
         raise InputError("the model is of a joint in translation; the joints of a rig rotate")
     modelled = find_model_joints(rig, model)
     say("the measured response")
-    test = _provide_pulse_test(rig, truth, generator)
+    test = _provide_pulse_test(rig, truth, settings.generator)
     warnings = []
     if test.simulated:
         beyond = f"; it holds {test.truth}, which the simulation does not know" if test.truth else ""
@@ -65,14 +62,12 @@ def verify_rig(
         failure = str(error)
     n = test.displacement.size
     band = None
-    if simulated is not None and draws:
-        say(f"simulating {draws} sets of coefficients")
-        band = band_of(
-            [_simulate_tip(response, draw, test.point, n) for draw in draw_models(model, draws, generator)]
-        )
+    if simulated is not None and settings.draws:
+        say(f"simulating {settings.draws} sets of coefficients")
+        band = band_of([_simulate_tip(response, draw, test.point, n) for draw in settings.drawn(model)])
     exceeded = [] if simulated is None else joint_range_warnings(model, simulated, modelled)
     compared = _compare_pulse(rig, test, simulated, band, failure)
-    result = judged(model, "rig", rig.name, tolerance, [compared], [*warnings, *exceeded])
+    result = judged(model, "rig", rig.name, settings.tolerance, [compared], [*warnings, *exceeded])
     return replace(result, beyond_range=tuple(line.partition(":")[0] for line in exceeded))
 
 
@@ -90,6 +85,49 @@ def _simulate_tip(response: Callable[[Law], Any], draw: JointModel, point: str, 
         return response(model_law(draw)).displacement[point][:n]
     except SimulationError:
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedModels:
+    """A rig whose joints have their laws, and the model of each joint where it has one."""
+
+    rig: Rig
+    models: tuple[JointModel | None, ...]
+
+    @property
+    def tested(self) -> Array:
+        """Tested angle of each joint, rad; infinite without a model."""
+        return np.array([np.inf if m is None else m.fitted.angle for m in self.models])
+
+    @classmethod
+    def in_rig(cls, rig: Rig, models: Sequence[JointModel]) -> PlacedModels:
+        """Put models in the place of the joints of a rig that they stand for; none may be left without a law.
+
+        Raises
+        ------
+        InputError
+        """
+        standing: dict[str, JointModel] = {}
+        for model in models:
+            if model.joint.motion != "rotation":
+                raise InputError("the model is of a joint in translation; the joints of a rig rotate")
+            for name in find_model_joints(rig, model):
+                if name in standing:
+                    raise InputError(
+                        f"two models stand for joint {name!r} of the rig {rig.name!r}; expected one"
+                    )
+                standing[name] = model
+        left = [h.name for h in hinges(rig) if h.law is MODEL_PLACEHOLDER and h.name not in standing]
+        if left:
+            raise InputError(
+                f"the rig {rig.name!r} has a joint whose law is 'model', and no model was given; give --model "
+                f"(joint {left[0]})"
+            )
+        laws = {id(model): model_law(model) for model in models}
+        placed = with_laws(
+            rig, lambda hinge: laws[id(standing[hinge.name])] if hinge.name in standing else hinge.law
+        )
+        return cls(placed, tuple(standing.get(hinge.name) for hinge in hinges(rig)))
 
 
 def find_model_joints(rig: Rig, model: JointModel) -> set[str]:

@@ -238,6 +238,11 @@ class SoundnessPolicy:
         "misfit, the delay removed, up to which it is believed where runs do not repeat",
         source=CALIBRATED,
     )
+    broadband_memory: float = limit(
+        0.9,
+        "misfit of a law with memory, in parts of that with the delay removed, below which it is no delay",
+        source=CALIBRATED,
+    )
     large_lead: float = limit(15.0, "lead of an AC-coupled channel that stops", unit="deg")
     visible_step: float = limit(0.01, "resolution in standard deviations of a channel that is reported")
     coarse_step: float = limit(0.1, "resolution in standard deviations that biases", source=CALIBRATED)

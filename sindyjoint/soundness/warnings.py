@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import JointModel
@@ -14,8 +13,6 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, quantities
-
-Array = NDArray[np.float64]
 
 OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
 

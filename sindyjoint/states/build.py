@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import main_frequency
@@ -19,7 +18,6 @@ from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 from sindyjoint.states.repetition import mean_period, repetition
 
-Array = NDArray[np.float64]
 Choice = Literal["auto", "periodic", "broadband"]
 
 

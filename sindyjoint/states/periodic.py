@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,27 +63,15 @@ def periodic_states(
     time = np.arange(stop - start) / run.sample_rate
     edges = _cut_blocks(periods, per, time.size)
     angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
-    if run.rate is None:
-        motion, replicate = angle.motion(), angle.replicates(edges)
-        series: tuple[Harmonics, ...] = (angle.harmonics,)
-        rate_noise, acceleration_noise = (
-            angle.harmonics.derivative_noise(frequency, 1),
-            angle.harmonics.derivative_noise(frequency, 2),
-        )
-    else:
+    rate = None
+    if run.rate is not None:
         rate = _Series.fit(run.rate[start:stop], time, run.sample_rate, frequency, bandwidth)
-        motion = (angle.motion()[0], *rate.motion()[:2])
-        replicate = (angle.replicates(edges)[0], *rate.replicates(edges)[:2])
-        rate_noise, acceleration_noise = (
-            rate.harmonics.derivative_noise(frequency, 0),
-            rate.harmonics.derivative_noise(frequency, 1),
-        )
-        series = (angle.harmonics, rate.harmonics)
+    made = _Motion.of(angle, rate, edges, frequency)
     guard = reversal_guard(run.sample_rate, frequency, angle.highest)
     slowest = rate_limit(
-        motion[1], rate_noise, POLICY.periodic_rate_share if rate_share is None else rate_share
+        made.motion[1], made.rate_noise, POLICY.periodic_rate_share if rate_share is None else rate_share
     )
-    moving = moving_mask(motion[1], slowest, guard)
+    moving = moving_mask(made.motion[1], slowest, guard)
     if run.valid is not None:
         moving &= run.valid[start:stop]
     moment = run.moment[start:stop]
@@ -95,29 +84,31 @@ def periodic_states(
         level=run.level,
         sample_rate=run.sample_rate,
         time=time + start / run.sample_rate,
-        angle=motion[0],
-        rate=motion[1],
-        acceleration=motion[2],
+        angle=made.motion[0],
+        rate=made.motion[1],
+        acceleration=made.motion[2],
         moment=moment,
         moving=moving,
         block=np.repeat(np.arange(edges.size - 1), np.diff(edges)),
-        replicate=replicate,
-        noise=NoiseFloor(moment_noise, max(angle.noise, declared), rate_noise, acceleration_noise),
+        replicate=made.replicate,
+        noise=NoiseFloor(moment_noise, max(angle.noise, declared), made.rate_noise, made.acceleration_noise),
         method="periodic",
         bandwidth=angle.highest,
         dropped=start / run.sample_rate,
         slowest=slowest,
         guard=guard,
-        series=series,
+        series=made.series,
         inputs=filtered_inputs(run.inputs, slice(start, stop), angle.highest, run.sample_rate),
         fusion=run.fusion,
     )
 
 
-def kept_harmonics(states: ForceStates) -> HarmonicBasis:
-    """Return the harmonics that the angle of a periodic run was reduced to, at its samples."""
+def kept_harmonics(states: ForceStates, highest: int | None = None) -> HarmonicBasis:
+    """Return the harmonics that the angle of a periodic run was reduced to, or those up to an order, at its samples."""
     assert states.frequency is not None
-    return HarmonicBasis.build(states.time - states.time[0], states.frequency, states.series[0].orders)
+    orders = states.series[0].orders
+    kept = orders if highest is None else orders[orders <= highest]
+    return HarmonicBasis.build(states.time - states.time[0], states.frequency, kept)
 
 
 def replicate_states(states: ForceStates, basis: HarmonicBasis, angle: Array, moment: Array) -> ForceStates:
@@ -127,9 +118,14 @@ def replicate_states(states: ForceStates, basis: HarmonicBasis, angle: Array, mo
     the run.
     """
     mean, a, b = basis.fit(angle)
-    motion = basis.series(mean, a, b), basis.derivative(a, b), basis.second_derivative(a, b)
-    names = ("angle", "rate", "acceleration")
-    return replace(states, moment=moment, replicate=None, **dict(zip(names, motion, strict=True)))
+    return replace(
+        states,
+        angle=basis.series(mean, a, b),
+        rate=basis.derivative(a, b),
+        acceleration=basis.second_derivative(a, b),
+        moment=moment,
+        replicate=None,
+    )
 
 
 def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
@@ -215,6 +211,30 @@ class _Series:
         parts = [self.motion(slice(low, high)) for low, high in zip(edges[:-1], edges[1:], strict=True)]
         series, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
         return series, first, second
+
+
+class _Motion(NamedTuple):
+    """Angle, rate and acceleration of a run, the same from each single block, and how sure they are."""
+
+    motion: tuple[Array, Array, Array]
+    replicate: tuple[Array, Array, Array]
+    rate_noise: float
+    acceleration_noise: float
+    series: tuple[Harmonics, ...]
+
+    @classmethod
+    def of(cls, angle: _Series, rate: _Series | None, edges: NDArray[np.intp], frequency: float) -> _Motion:
+        """Return the motion of the series of an angle, and of its rate where that was measured, too."""
+        whole, parts = angle.motion(), angle.replicates(edges)
+        if rate is None:
+            known, first = angle.harmonics, 1
+            series: tuple[Harmonics, ...] = (known,)
+        else:
+            whole, parts = (whole[0], *rate.motion()[:2]), (parts[0], *rate.replicates(edges)[:2])
+            known, first = rate.harmonics, 0
+            series = (angle.harmonics, known)
+        noise, faster = (known.derivative_noise(frequency, order) for order in (first, first + 1))
+        return cls(whole, parts, noise, faster, series)
 
 
 def _cut_blocks(periods: int, per: float, n: int) -> NDArray[np.intp]:

@@ -87,15 +87,12 @@ def solve(
     return None
 
 
+# Along a curve of scaled unknowns: the first step, the least one, and so many points at most.
+FIRST, SHORTEST, MOST_POINTS = 0.02, 1e-5, 1000
+
+
 def follow(
-    system: System,
-    starts: Iterable[Array],
-    scale: Callable[[Array], Array],
-    *,
-    step: float = 0.02,
-    longest: float = 0.15,
-    shortest: float = 1e-5,
-    most: int = 1000,
+    system: System, starts: Iterable[Array], scale: Callable[[Array], Array], longest: float = 0.15
 ) -> Iterator[Solution]:
     """Yield the curve through a start, towards a rising parameter, at steps that the difficulty chooses.
 
@@ -109,17 +106,15 @@ def follow(
         Guesses of the first point, the best first; all have its parameter.
     scale : callable
         Unknowns → size of each.
-    step, longest, shortest : float
-        Along the curve of the scaled unknowns.
-    most : int
-        Points.
+    longest : float
+        Step along the curve of the scaled unknowns.
 
     Raises
     ------
     SimulationError
         Where no solution is found.
     """
-    found, sizes = None, np.zeros(0)
+    found, sizes, step = None, np.zeros(0), FIRST
     for start in starts:
         sizes = np.maximum(sizes, scale(start)) if sizes.size else scale(start)
         normal = np.zeros(sizes.size)
@@ -132,17 +127,17 @@ def follow(
     y, jacobian, _ = found
     sizes = scale(y)
     tangent = _tangent(jacobian * sizes, normal)
-    for _ in range(most):
+    for _ in range(MOST_POINTS):
         yield Solution(y, jacobian, tangent, sizes)
         while True:
             found = solve(system, y + step * sizes * tangent, sizes, tangent)
             if found is not None:
                 break
             step /= 2
-            if step < shortest:
+            if step < SHORTEST:
                 raise SimulationError("harmonic balance finds no way on along the curve", time=0.0)
         y, jacobian, count = found
-        step = float(np.clip(step * (1.4 if count <= EASY else 0.7 if count > 7 else 1.0), shortest, longest))
+        step = float(np.clip(step * (1.4 if count <= EASY else 0.7 if count > 7 else 1.0), SHORTEST, longest))
         before, sizes = tangent * sizes, scale(y)
         tangent = _tangent(jacobian * sizes, before / sizes)
 

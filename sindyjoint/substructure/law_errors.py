@@ -59,8 +59,13 @@ class LawErrors:
 
     @property
     def covariance(self) -> Array:
-        """Of the coefficients, shape (k, k)."""
-        return _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
+        """Of the coefficients, shape (k, k); larger by the excess of what is left of the rows.
+
+        Harmonics beyond the band of the sensors are missing from both sides of the law: what they leave in the rows
+        is not noise, and errs alike in all runs.
+        """
+        noise = _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
+        return noise * max(1.0, self.excess)
 
     @property
     def angle_share(self) -> float:
@@ -119,8 +124,8 @@ def law_errors(rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow]) -
         errors = _row_errors(source, rows.kept[index], rows.slopes[index])
         slope = (of_rows @ errors.reshape(len(errors), -1)).reshape(len(inverse), *errors.shape[1:])
         orders = slow[index].orders - 1
-        # Behind the mean stand cosines and sines of the slow harmonics, as the sensors show them.
-        place = unknowns[index] + 1 + np.arange(orders.size)
+        # First stand cosines and sines of the slow harmonics, as the sensors show them.
+        place = unknowns[index] + np.arange(orders.size)
         said = inverse * counts**2
         slope[:, orders, 0] += said[:, place] + 1j * said[:, place + orders.size]
         slopes.append(slope)
@@ -157,6 +162,6 @@ def _expected(source: Source, errors: Complex) -> float:
     """Return the sum of squares of the rows that the noise makes; the moment is that of single blocks."""
     pair = _rows(source.recovery, source.joint)
     covariance = source.recovery.covariance[:, pair][:, :, pair].copy()
-    covariance[:, 1, 1] *= source.states.block[-1] + 1
+    covariance[:, 1, 1] *= len(source.recovery.spectra.blocks)
     moments = np.einsum("nhi,nhj->hij", errors, errors.conj(), optimize=True)
     return float(np.sum(moments * covariance).real)

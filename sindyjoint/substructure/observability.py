@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.recovery import Recovery, solve_channels
 from sindyjoint.substructure.spectra import strongest
 
 Array = NDArray[np.float64]
 
-# Relative standard error of a moment beyond which a joint is not shown.
-NOT_SHOWN = 0.3
-# Correlation of the errors of two moments beyond which the joints show only together.
-TOGETHER = 0.98
 # Harmonics of each run from which the worth of sensors is told.
 HARMONICS = 8
 UNSEEN = 1e6  # factor of a variance that leaves a sensor out
@@ -50,7 +47,7 @@ class JointSeen:
         if self.together:
             others = ", ".join(map(repr, self.together))
             return f"joint {self.joint!r} shows only together with {others}: add a sensor between them"
-        if self.moment_error > NOT_SHOWN:
+        if self.moment_error > POLICY.not_shown:
             return (
                 f"the moment of joint {self.joint!r} is known to {100 * self.moment_error:.0f} % only: add a sensor "
                 "near it, or drive it harder"
@@ -79,10 +76,10 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
         scale = np.sqrt(np.diag(of_moments).real)
         correlations.append(np.abs(of_moments) / np.outer(scale, scale))
     best, common = np.min(errors, axis=0), np.min(correlations, axis=0)
-    hidden = best[joints:] > NOT_SHOWN
+    hidden = best[joints:] > POLICY.not_shown
     return tuple(
         JointSeen(            names[j], float(np.max(peaks, axis=0)[j]), float(best[j]), float(best[joints + j]),
-            tuple(names[k] for k in range(joints) if k != j and common[j, k] > TOGETHER and hidden[j]),
+            tuple(names[k] for k in range(joints) if k != j and common[j, k] > POLICY.together and hidden[j]),
         )
         for j in range(joints)
     )  # fmt: skip
@@ -96,7 +93,7 @@ def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:
     joints, sensors = test.structure.n_joints, len(test.sensors)
     with_all, without = np.zeros(joints), np.zeros((joints, sensors))
     for recovery in recoveries:
-        spectra, angular = strongest(recovery.spectra, HARMONICS)
+        spectra, angular = strongest(recovery.freed, HARMONICS)
 
         def information(variance: Array, spectra=spectra, angular=angular) -> Array:
             estimator = solve_channels(test, replace(spectra, variance=variance), angular).estimator[:, 1:]

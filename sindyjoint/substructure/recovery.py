@@ -8,7 +8,7 @@ sensors show beyond the unknowns tells whether the structure is the one describe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.substructure.ends import Ends, find_ends, jump_columns
 from sindyjoint.substructure.spectra import Spectra, channel_spectra
 from sindyjoint.substructure.transfer import Transfer, open_joints
 
@@ -44,6 +45,8 @@ class Recovery:
         Weighted sum of squares of what is left of the channels.
     degrees : int
         Its degrees of freedom.
+    ends : Ends or None
+        What the ends of a record that does not repeat add; None of a run that does.
     """
 
     run: RigRun
@@ -53,16 +56,30 @@ class Recovery:
     states: Complex
     misfit: float
     degrees: int
+    ends: Ends | None = None
+
+    @property
+    def freed(self) -> Spectra:
+        """The spectra without what the ends add."""
+        if self.ends is None:
+            return self.spectra
+        amplitudes = self.spectra.amplitudes - self.ends.channels
+        return replace(self.spectra, amplitudes=amplitudes, blocks=amplitudes[None])
 
     @property
     def values(self) -> Complex:
         """Amplitudes of the joints' angles, rad, and then of their moments, N·m, shape (2·joints, h)."""
-        return np.einsum("hkc,ch->kh", self.states, self.spectra.amplitudes)
+        return self._with_ends(np.einsum("hkc,ch->kh", self.states, self.freed.amplitudes))
 
     @property
     def blocks(self) -> Complex:
         """The same from each block, shape (blocks, 2·joints, h)."""
-        return np.einsum("hkc,bch->bkh", self.states, self.spectra.blocks)
+        return self._with_ends(np.einsum("hkc,bch->bkh", self.states, self.freed.blocks))
+
+    def _with_ends(self, values: Complex) -> Complex:
+        if self.ends is not None:
+            values[..., : len(self.ends.angles), :] += self.ends.angles
+        return values
 
     @property
     def covariance(self) -> Complex:
@@ -77,12 +94,12 @@ class Recovery:
     @property
     def coordinates(self) -> Complex:
         """Amplitudes of every coordinate of the structure, shape (n, h)."""
-        loads = np.einsum("hkc,ch->hk", self.estimator, self.spectra.amplitudes)
+        loads = np.einsum("hkc,ch->hk", self.estimator, self.freed.amplitudes)
         return np.einsum("hnk,hk->nh", self.transfer.coordinates, loads)
 
 
 def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recovery:
-    """Recover angles and moments of the joints in a periodic run.
+    """Recover angles and moments of the joints in a run.
 
     Parameters
     ----------
@@ -94,7 +111,7 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
     Raises
     ------
     InputError
-        With fewer sensors than joints, or for a run without frequency.
+        With fewer sensors than joints.
     """
     joints = test.structure.n_joints
     if len(test.sensors) < joints:
@@ -104,12 +121,33 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
     declared = np.array([test.drive_noise or np.nan, *(s.noise or np.nan for s in test.sensors)], dtype=float)
     spectra = spectra or channel_spectra(run, declared)
     solved = solve_channels(test, spectra, spectra.angular)
+    ends = None
+    if not spectra.repeats:
+        columns = jump_columns(test.structure, test.sensors, spectra.angular, 1 / spectra.frequency)
+        weight = 1 / np.sqrt(spectra.variance.T)
+        ends = find_ends(columns, solved.design, solved.estimator, weight, spectra.amplitudes)
+        freed = replace(spectra, amplitudes=spectra.amplitudes - ends.channels)
+        solved = solve_channels(test, freed, spectra.angular)
     transfer = solved.transfer
     of_moments = np.eye(1 + joints)[None, 1:].repeat(len(solved.left), axis=0)
     states = np.concatenate([transfer.angles, of_moments], axis=1) @ solved.estimator
     degrees = 2 * spectra.angular.size * (len(test.sensors) - joints)
+    misfit = float(np.sum(np.abs(solved.left) ** 2))
+    if ends is not None:
+        degrees -= ends.unknowns
+        if not np.isfinite(declared).any() and 0 < misfit < degrees:
+            # The signals do not end within the band, and what was taken for noise is more than sensors disagree by.
+            spectra = replace(spectra, variance=spectra.variance * misfit / degrees)
+            misfit = float(degrees)
     return Recovery(
-        run, spectra, transfer, solved.estimator, states, float(np.sum(np.abs(solved.left) ** 2)), degrees
+        run,
+        spectra,
+        transfer,
+        solved.estimator,
+        states,
+        misfit,
+        degrees,
+        ends,
     )
 
 
@@ -119,6 +157,8 @@ class Solved(NamedTuple):
     Parameters
     ----------
     transfer : Transfer
+    design : ndarray, shape (h, channels, 1 + joints)
+        A of y = A·(f, m).
     estimator : ndarray, shape (h, 1 + joints, channels)
         P of (f, m) = P·y.
     left : ndarray, shape (h, channels)
@@ -126,6 +166,7 @@ class Solved(NamedTuple):
     """
 
     transfer: Transfer
+    design: Complex
     estimator: Complex
     left: Complex
 
@@ -152,4 +193,4 @@ def solve_channels(test: RigTest, spectra: Spectra, angular: Array) -> Solved:
     estimator = np.linalg.pinv(weighted / norms, rcond=BLIND) * weight[:, None, :] / norms.swapaxes(1, 2)
     unknowns = np.einsum("hkc,ch->hk", estimator, spectra.amplitudes)
     left = (spectra.amplitudes.T - np.einsum("hck,hk->hc", design, unknowns)) * weight
-    return Solved(transfer, estimator, left)
+    return Solved(transfer, design, estimator, left)

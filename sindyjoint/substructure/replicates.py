@@ -16,7 +16,7 @@ from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.mask import moving_mask
 from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.states import kept_of, slow_orders
+from sindyjoint.substructure.states import kept_of, record_motion, record_series, slow_orders
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -86,9 +86,39 @@ class RecoveredReplicate:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class RecordReplicate:
+    """A recovered record that does not repeat, with a known law; parameters as of :class:`RecoveredReplicate`.
+
+    The motion is that of the states, their slow part among it.
+    """
+
+    state: ForceStates
+    angular: Array
+    root: Complex
+    kept: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    weight: float
+    law: Law
+    driven: str = "angle"
+
+    noise = RecoveredReplicate.noise
+
+    def rows(self, noise: Complex | None = None, sign: float = 1.0) -> tuple[Array, Array]:
+        """Return moving (θ, θ̇, θ̈), shape (m, 3), and the moment, shape (m,), under noise times a sign."""
+        state = self.state
+        shown = np.column_stack([state.angle, state.rate, state.acceleration])
+        still = np.zeros((self.law.n_states, state.n_samples))
+        moment = self.law.moment(state.angle, state.rate, np.sign(state.rate), still)
+        if noise is not None:
+            of_angle, of_moment = sign * noise.T * np.array(self.kept)
+            shown = shown + np.column_stack(record_motion(of_angle, self.angular, state.n_samples))
+            moment = moment + record_series(of_moment, state.n_samples)
+        return shown[state.moving], moment[state.moving]
+
+
 def recovered_replicate(
     recovery: Recovery, joint: int, state: ForceStates, law: Law, weight: float = 1.0
-) -> RecoveredReplicate:
+) -> RecoveredReplicate | RecordReplicate:
     """Return the synthetic replicate of a joint's recovered states under a law.
 
     Parameters
@@ -110,6 +140,8 @@ def recovered_replicate(
     # The law has told the slow harmonics: their noise is not that of the sensors any more.
     kept = (kept[0] & ~slow_orders(recovery, joint), kept[1])
     spectra = recovery.spectra
+    if not spectra.repeats:
+        return RecordReplicate(state, spectra.angular, root, kept, weight, law)
     n = max(POINTS, POINTS_PER_HARMONIC * int(np.flatnonzero(kept[0] | kept[1])[-1] + 1))
     per = state.sample_rate / spectra.frequency
     orders = np.arange(1, spectra.angular.size + 1)

@@ -1,4 +1,7 @@
-"""Fourier series of the channels of a periodic run, with their noise measured from what does not repeat."""
+"""Fourier series of the channels of a run: of its period, or of the whole record where it does not repeat.
+
+The noise is measured: from what does not repeat, or from what is left where the channel has ended.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,16 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun
 from sindyjoint.states.harmonics import HarmonicBasis, local_noise, refine_frequency, steady_start
+from sindyjoint.states.noise import signal_end
 from sindyjoint.states.periodic import REPLICATES
 from sindyjoint.states.policy import POLICY
+from sindyjoint.substructure.policy import POLICY as LIMITS
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.
 MOST_HARMONICS = 400
-# Of the sampling rate: above it the filters of recorders fall.
-BAND = 0.35
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,8 @@ class Spectra:
         The same from each block.
     variance : ndarray, shape (channels, h)
         Of the real and of the imaginary part of an amplitude.
+    repeats : bool
+        Whether the run does; else the series is that of the whole record.
     """
 
     frequency: float
@@ -50,6 +55,7 @@ class Spectra:
     amplitudes: Complex
     blocks: Complex
     variance: Array
+    repeats: bool = True
 
     @property
     def angular(self) -> Array:
@@ -58,7 +64,7 @@ class Spectra:
 
 
 def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float | None = None) -> Spectra:
-    """Return the Fourier series of all channels of a periodic run: its drive, then its sensors.
+    """Return the Fourier series of all channels of a run: its drive, then its sensors.
 
     Parameters
     ----------
@@ -67,14 +73,15 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
         Standard deviation of single samples of each channel as declared, NaN where it was not: a floor of what is
         measured.
     bandwidth : float, optional
-        Highest frequency, Hz. Default: 0.35 of the sampling rate.
+        Highest frequency, Hz. Default: 0.37 of the sampling rate.
 
     Raises
     ------
     InputError
         If fewer than three periods are steady.
     """
-    assert run.frequency is not None
+    if run.frequency is None:
+        return _record_spectra(run, declared, bandwidth)
     signals = run.signals
     main = signals[np.argmax(signals.std(axis=1) / (np.abs(signals).max(axis=1) + 1e-300))]
     frequency = refine_frequency(main, run.sample_rate, run.frequency)
@@ -91,7 +98,9 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     edges = np.round(np.round(np.linspace(0, periods, blocks + 1)) * per).astype(np.intp)
     edges[-1] = stop - first
     time = np.arange(stop - first) / run.sample_rate
-    top = BAND * run.sample_rate if bandwidth is None else min(bandwidth, BAND * run.sample_rate)
+    top = (
+        LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
+    )
     count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, (int(np.diff(edges).min()) - 8) // 4)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     means, whole, variance, parts = [], [], [], []
@@ -113,6 +122,32 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
         parts.append(of_blocks)
     return Spectra(
         frequency, first, edges, np.array(means), np.array(whole), np.array(parts).swapaxes(0, 1), np.array(variance)
+    )  # fmt: skip
+
+
+def _record_spectra(run: RigRun, declared: Array | None, bandwidth: float | None) -> Spectra:
+    """Return the Fourier series of a whole record, with its length as the period.
+
+    By the trapezoidal rule, half of each end. Noise is white, as it was declared or of the density above which the
+    channel has ended.
+    """
+    signals, n = run.signals, run.drive.size - 1
+    frequency = run.sample_rate / n
+    top = (
+        LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
+    )
+    count = max(1, int(top / frequency))
+    jump = signals[:, -1:] - signals[:, :1]
+    amplitudes = 2 / n * (np.fft.rfft(signals[:, :-1])[:, 1 : count + 1] + jump / 2)
+    variance = []
+    for number, signal in enumerate(signals):
+        noise = signal_end(signal, run.sample_rate).noise
+        if declared is not None and np.isfinite(declared[number]):
+            noise = float(declared[number])
+        least = np.finfo(float).eps * float(np.abs(signal).max(initial=1e-300))
+        variance.append(np.full(count, 2 * max(noise, least) ** 2 / n))
+    return Spectra(
+        frequency, 0, np.array([0, n]), signals.mean(axis=1), amplitudes, amplitudes[None], np.array(variance), False
     )  # fmt: skip
 
 

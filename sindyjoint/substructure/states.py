@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.states.broadband import BLOCKS, dwells
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard
-from sindyjoint.states.policy import POLICY
+from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
+from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.unseen import Slow
 
@@ -17,16 +20,11 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Orders = NDArray[np.bool_]
 
-# Standard errors beyond which a line is signal where a drive has many of them, and each may be there or not.
-LINE = 3.5
-# Standard error of a harmonic of the angle, of the strongest one, beyond which the law tells it better.
-HARDLY_SEEN = 0.003
-
 
 def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Orders:
     """Return which harmonics stand out of their noise, shape (h,)."""
     size = np.abs(amplitude)
-    return significant_harmonics(size, standard_error) if tone else size > LINE * standard_error
+    return significant_harmonics(size, standard_error) if tone else size > LIMITS.line * standard_error
 
 
 def is_tone(drive: Complex) -> bool:
@@ -39,16 +37,35 @@ def kept_of(recovery: Recovery, joint: int) -> tuple[Orders, Orders]:
     """Return which harmonics of a joint's angle, and of its moment, stand out of their noise."""
     joints = recovery.transfer.angles.shape[1]
     values, errors = recovery.values, recovery.standard_error
+    if not recovery.spectra.repeats:
+        angle, moment = (up_to_end(values[row], errors[row]) for row in (joint, joints + joint))
+        return angle | moment, angle | moment
     tone = is_tone(recovery.spectra.amplitudes[0])
     angle, moment = (kept_orders(values[row], errors[row], tone) for row in (joint, joints + joint))
     return angle, moment
+
+
+def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
+    """Return the harmonics up to where a continuous spectrum ends in noise, shape (h,)."""
+    from scipy.ndimage import median_filter
+
+    power = np.abs(amplitude) ** 2 / (2 * standard_error**2)
+    smooth = median_filter(power, min(power.size, max(5, power.size // 60)) | 1, mode="nearest")
+    above = np.flatnonzero(smooth > STATES.signal_to_noise)
+    return np.arange(power.size) <= (above[-1] if above.size else -1)
 
 
 def slow_orders(recovery: Recovery, joint: int) -> Orders:
     """Return which harmonics below the strongest one the sensors hardly show, as accelerations small, shape (h,)."""
     size, error = np.abs(recovery.values[joint]), recovery.standard_error[joint]
     main = int(np.argmax(size))
-    slow = error > HARDLY_SEEN * size[main]
+    if not recovery.spectra.repeats:
+        # The errors of all harmonics from one up, against the angle about and above where its rate is largest.
+        main = int(np.argmax(size * recovery.spectra.angular))
+        above = np.sqrt(np.cumsum(error[::-1] ** 2)[::-1])
+        slow = above > LIMITS.hardly_seen_record * np.sqrt(np.sum(size[main // 2 :] ** 2))
+        return slow & (np.arange(size.size) < main // 2)
+    slow = error > LIMITS.hardly_seen * size[main]
     slow[main:] = False
     return slow
 
@@ -58,7 +75,14 @@ def slow_part(recovery: Recovery, joint: int) -> Slow:
     rows = slow_orders(recovery, joint)
     # What the states hold of them already is not added once more.
     missing = np.where(kept_of(recovery, joint)[0], 0.0, recovery.values[joint])
-    return Slow(np.flatnonzero(rows) + 1, missing[rows], recovery.standard_error[joint, rows])
+    drift = 0.0 if recovery.spectra.repeats else recovery.spectra.frequency
+    return Slow(
+        np.flatnonzero(rows) + 1,
+        missing[rows],
+        recovery.standard_error[joint, rows],
+        recovery.spectra.frequency,
+        drift,
+    )
 
 
 def joint_states(
@@ -79,11 +103,17 @@ def joint_states(
     mean_moment : float
         N·m; sensors of acceleration do not see it.
     """
+    if not recovery.spectra.repeats:
+        return record_states(recovery, joint, name, mean_moment)
     spectra, run = recovery.spectra, recovery.run
     joints = recovery.transfer.angles.shape[1]
     values, errors, blocks = recovery.values, recovery.standard_error, recovery.blocks
     of_angle, of_moment = joint, joints + joint
     keep = kept_of(recovery, joint)
+    # What the law will tell of the slow part it tells of the whole run, not of each block.
+    slow = slow_orders(recovery, joint)
+    blocks[:, of_angle, slow] = values[of_angle, slow]
+    known = keep[0] & ~slow
     orders = [np.flatnonzero(one) + 1 for one in keep]
     time = np.arange(spectra.edges[-1]) / run.sample_rate
     bases = [HarmonicBasis.build(time, spectra.frequency, one) for one in orders]
@@ -106,11 +136,11 @@ def joint_states(
     rate_noise = series.derivative_noise(spectra.frequency, 1)
     highest = float(orders[0][-1] * spectra.frequency)
     guard = reversal_guard(run.sample_rate, spectra.frequency, highest)
-    slowest = rate_limit(rate, rate_noise, POLICY.periodic_rate_share)
+    slowest = rate_limit(rate, rate_noise, STATES.periodic_rate_share)
     first, second, third = (np.concatenate(column) for column in zip(*replicate, strict=True))
     noise = NoiseFloor(
         float(np.sqrt(len(spans) * np.sum(errors[of_moment, keep[1]] ** 2))),
-        float(np.sqrt(np.sum(errors[of_angle, keep[0]] ** 2))),
+        float(np.sqrt(np.sum(errors[of_angle, known] ** 2))),
         rate_noise,
         series.derivative_noise(spectra.frequency, 2),
     )
@@ -121,3 +151,73 @@ def joint_states(
         replicate=(first, second, third), noise=noise, method="periodic", bandwidth=highest,
         dropped=spectra.first / run.sample_rate, slowest=slowest, guard=guard, series=(series,),
     )  # fmt: skip
+
+
+def record_series(amplitudes: Complex, n: int) -> Array:
+    """Return the samples of Σ Re a·exp(2πi·k·t/T), k from 1, over a record of n samples."""
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[1 : amplitudes.size + 1] = amplitudes * n / 2
+    return np.fft.irfft(spectrum, n)
+
+
+def record_motion(amplitudes: Complex, angular: Array, n: int) -> list[Array]:
+    """Return angle, rate and acceleration of such a series."""
+    return [record_series((1j * angular) ** order * amplitudes, n) for order in range(3)]
+
+
+def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float = 0.0) -> ForceStates:
+    """Return the force states of a joint in a run that does not repeat; parameters as of :func:`joint_states`."""
+    spectra, run = recovery.spectra, recovery.run
+    joints, n = recovery.transfer.angles.shape[1], int(spectra.edges[-1])
+    values, errors = recovery.values, recovery.standard_error
+    of_angle, of_moment = kept_of(recovery, joint)
+    known = of_angle & ~slow_orders(recovery, joint)
+    angular = spectra.angular
+    angle, rate, acceleration = record_motion(values[joint] * of_angle, angular, n)
+    time = np.arange(n) / run.sample_rate
+    # Drift and bend are not known yet: a joint does not travel on and on, and the law will tell the rest.
+    bend, drift = np.polyfit(time, rate, 1)
+    angle, rate = angle - (bend / 2 * time + drift) * time, rate - (bend * time + drift)
+    moment = mean_moment + _with_jump(values[joints + joint] * of_moment, angular, n)
+    angle_noise, rate_noise, acceleration_noise = (
+        float(np.sqrt(np.sum((angular[known] ** order * errors[joint, known]) ** 2))) for order in range(3)
+    )
+    highest = float(angular[of_angle][-1] / (2 * np.pi)) if of_angle.any() else 0.0
+    share, periods = (
+        (STATES.sticking_rate_share, STATES.sticking_guard)
+        if dwells(rate)
+        else (STATES.passing_rate_share, STATES.passing_guard)
+    )
+    guard = int(np.ceil(periods * run.sample_rate / max(highest, 1e-9)))
+    slowest = rate_limit(rate, rate_noise, share)
+    moving = moving_mask(rate, slowest, guard)
+    edge = int(np.ceil(LIMITS.edge * run.sample_rate / max(highest, 1e-9)))
+    moving[:edge] = moving[n - edge :] = False
+    return ForceStates(
+        run=name, frequency=None, level=run.level, sample_rate=run.sample_rate, time=time,
+        angle=angle, rate=rate, acceleration=acceleration, moment=moment, moving=moving,
+        block=np.arange(n) * BLOCKS // n, replicate=None,
+        noise=NoiseFloor(
+            float(np.sqrt(np.sum(errors[joints + joint, of_moment] ** 2))), angle_noise, rate_noise, acceleration_noise
+        ),
+        method="broadband", bandwidth=highest, dropped=0.0, slowest=slowest, guard=guard,
+    )  # fmt: skip
+
+
+def _with_jump(amplitudes: Complex, angular: Array, n: int) -> Array:
+    """Return a series over a record whose end is not its beginning: the jumps of value and slope in closed form.
+
+    They are found in the upper half of the spectrum, where nothing else has their phases.
+    """
+    length = 2 * np.pi / angular[0]
+    part = np.arange(n) / n
+    # A sawtooth t/T − ½ and the parabola whose slope it is: (2/T)·i/ω and (2/T)/ω².
+    shapes = np.column_stack([1j / angular, 1 / angular**2]) * 2 / length
+    last = int(np.flatnonzero(amplitudes)[-1]) + 1 if np.any(amplitudes) else 0
+    upper = slice(last // 2, last)
+    known, said = shapes[upper], amplitudes[upper]
+    jumps = scaled_least_squares(np.vstack([known.real, known.imag]), np.concatenate([said.real, said.imag]))
+    smooth = np.where(np.arange(amplitudes.size) < last, amplitudes - shapes @ jumps, 0.0)
+    return (
+        record_series(smooth, n) + jumps[0] * (part - 0.5) + jumps[1] * length * (part**2 - part + 1 / 6) / 2
+    )

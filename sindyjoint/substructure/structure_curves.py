@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.forced import ForcedResponse
 from sindyjoint.substructure.modes import ModeCurve
@@ -51,11 +52,6 @@ class StructureCurves(Shown):
     simulated: bool = True
     warnings: tuple[str, ...] = ()
 
-    @property
-    def has_band(self) -> bool:
-        """Whether a covariance of the joints' models gives the curves a band."""
-        return any(bool(np.any(mode.frequency_error > 0)) for mode in self.modes)
-
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
         return {
@@ -65,7 +61,7 @@ class StructureCurves(Shown):
             "point": self.point,
             "harmonics": self.harmonics,
             "joints": [
-                {"name": name, "tested_angle": float(angle) if np.isfinite(angle) else None}
+                {"name": name, "tested_angle": finite(angle)}
                 for name, angle in zip(self.joints, self.tested, strict=True)
             ],
             "frequencies": {"sliding": self.sliding.tolist(), "locked": self.locked.tolist()},
@@ -80,7 +76,7 @@ def _mode_record(mode: ModeCurve) -> dict[str, Any]:
     return {
         "number": mode.number,
         "point": mode.point,
-        "slips": [float(slip) if np.isfinite(slip) else None for slip in mode.slips],
+        "slips": list(map(finite, mode.slips)),
         **{name: getattr(mode, name).tolist() for name in names},
         "angle": mode.angle.tolist(),
     }

@@ -21,9 +21,10 @@ from sindyjoint.states.record import ForceStates
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-ROUNDS = 10
+ROUNDS = 20
 ROWS = 2000  # of each run
 SETTLED = 1e-5  # change of an angle, of the largest, at which it is found
+FARTHEST = 0.3  # by which a step may change an angle, of the largest
 STEP = 1e-4  # by which angle and rate are varied, of the largest
 
 
@@ -39,30 +40,47 @@ class Slow:
         rad.
     standard_error : ndarray, shape (k,)
         Of a real part.
+    frequency : float
+        Of the first order, Hz.
+    drift : float
+        One over the length of a record that does not repeat, Hz: that it ends at another angle than it began at, and at
+        another rate, no accelerometer sees. Zero in runs that repeat.
     """
 
     orders: NDArray[np.intp]
     amplitudes: Complex
     standard_error: Array
+    frequency: float = 0.0
+    drift: float = 0.0
 
     def basis(self, state: ForceStates, rows: NDArray[np.intp] | slice = slice(None)) -> tuple[Array, Array]:
-        """Return what each unknown adds to angle and rate at some samples, shapes (n, 1 + 2k): mean, cosines, sines."""
-        frequency = state.frequency or 0.0
-        angular = 2 * np.pi * frequency * self.orders
-        phase = np.outer((state.time - state.time[0])[rows], angular)
+        """Return what each unknown adds to angle and rate, shapes (n, u): cosines, sines, mean, then ends."""
+        angular = 2 * np.pi * self.frequency * self.orders
+        time = (state.time - state.time[0])[rows]
+        phase = np.outer(time, angular)
         one = np.ones((len(phase), 1))
         cosine, sine = np.cos(phase), np.sin(phase)
-        return np.hstack([one, cosine, sine]), np.hstack([0 * one, -sine * angular, cosine * angular])
+        angle, rate = [cosine, sine, one], [-sine * angular, cosine * angular, 0 * one]
+        if self.drift:
+            part = self.drift * time[:, None]
+            angle += [part - 0.5, part**2 - part + 1 / 6]
+            rate += [self.drift * one, self.drift * (2 * part - 1)]
+        return np.hstack(angle), np.hstack(rate)
+
+    @property
+    def blind(self) -> int:
+        """Of how many unknowns nothing is seen at all: the mean, and drift and bend of a record."""
+        return 3 if self.drift else 1
 
     @property
     def start(self) -> Array:
-        """The unknowns as the sensors show them, shape (1 + 2k,)."""
-        return np.concatenate([[0.0], self.amplitudes.real, -self.amplitudes.imag])
+        """The unknowns as the sensors show them, shape (u,)."""
+        return np.concatenate([self.amplitudes.real, -self.amplitudes.imag, np.zeros(self.blind)])
 
     @property
     def errors(self) -> Array:
-        """Their standard errors; that of the mean is infinite."""
-        return np.concatenate([[np.inf], self.standard_error, self.standard_error])
+        """Their standard errors; infinite of what is not seen at all."""
+        return np.concatenate([self.standard_error, self.standard_error, np.full(self.blind, np.inf)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +90,7 @@ class LawRows:
     Parameters
     ----------
     unknowns : tuple of ndarray
-        Of each run's slow part, each of shape (1 + 2k,).
+        Of each run's slow part, each of shape (u,).
     coefficients : ndarray, shape (terms,)
     kept : tuple of ndarray of int
         Samples of each run that are rows.
@@ -118,9 +136,14 @@ def find_slow(
     kept = [_thinned(state) for state in states]
     bases = [each.basis(state, rows) for state, each, rows in zip(states, slow, kept, strict=True)]
     moments = [state.moment[rows] for state, rows in zip(states, kept, strict=True)]
-    largest = max(float(np.abs(state.angle).max()) for state in states)
     weights = np.ones(len(states)) if weights is None else weights
     unknowns = [each.start for each in slow]
+    if any(each.drift for each in slow):
+        unknowns = _begin(states, slow, terms, kept, bases, unknowns)
+    largest = max(
+        float(np.ptp(state.angle[rows] + basis[0] @ values)) / 2
+        for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True)
+    )
     coefficients, noise = np.zeros(len(terms)), 0.0
 
     errors = np.concatenate([each.errors for each in slow])
@@ -149,15 +172,51 @@ def find_slow(
         solved = _solve(columns, target, noise / errors, said)
         coefficients, noise = solved[: len(terms)], float(np.sqrt(np.mean((target - columns @ solved) ** 2)))
         steps = np.split(solved[len(terms) :], np.cumsum([each.size for each in unknowns])[:-1])
-        limited = [np.clip(step, -0.3 * largest, 0.3 * largest) for step in steps]
-        unknowns = [value + step for value, step in zip(unknowns, limited, strict=True)]
-        if max(float(np.abs(step).max()) for step in steps) < SETTLED * largest:
+        moved = [float(np.abs(basis[0] @ step).max()) for basis, step in zip(bases, steps, strict=True)]
+        unknowns = [
+            value + step * min(1.0, FARTHEST * largest / max(most, 1e-300))
+            for value, step, most in zip(unknowns, steps, moved, strict=True)
+        ]
+        if max(moved) < SETTLED * largest:
             break
     own, slopes, columns = linearised()
     residual = [moment - part @ coefficients for moment, part in zip(moments, own, strict=True)]
     return LawRows(
         tuple(unknowns), coefficients, tuple(kept), columns, tuple(slopes), tuple(residual), noise / errors, weights
     )  # fmt: skip
+
+
+# Terms of a joint that is not nonlinear: with them what drifts is found without a start.
+LINEAR = ("linear_stiffness", "linear_damping", "coulomb_friction")
+
+
+def _begin(
+    states: Sequence[ForceStates],
+    slow: Sequence[Slow],
+    terms: Sequence[ResolvedTerm],
+    kept: Sequence[NDArray[np.intp]],
+    bases: Sequence[tuple[Array, Array]],
+    unknowns: Sequence[Array],
+) -> list[Array]:
+    """Return the unknowns with mean, drift and bend of records that a linear joint with friction would have.
+
+    M = k₁·(θ + d) + c₁·θ̇ + M_F·sign θ̇ is linear in k₁, c₁, M_F and k₁·d.
+    """
+    linear = [term for name in LINEAR for term in terms if term.id == name]
+    if not linear or linear[0].id != LINEAR[0]:
+        return [*unknowns]
+    columns, blind = [], []
+    for state, each, rows, basis, values in zip(states, slow, kept, bases, unknowns, strict=True):
+        angle, rate = state.angle[rows] + basis[0] @ values, state.rate[rows] + basis[1] @ values
+        columns.append(term_columns(linear, angle, rate, state.acceleration[rows]))
+        blind.append(basis[0][:, values.size - each.blind :])
+    target = np.concatenate([state.moment[rows] for state, rows in zip(states, kept, strict=True)])
+    solved = scaled_least_squares(_stacked(columns, blind, np.ones(len(states))), target, 1e-12)
+    found = np.split(solved[len(linear) :] / solved[0], np.cumsum([each.blind for each in slow])[:-1])
+    return [
+        values + np.concatenate([np.zeros(values.size - more.size), more])
+        for values, more in zip(unknowns, found, strict=True)
+    ]
 
 
 def _columns_and_slopes(

@@ -89,7 +89,7 @@ def update_structure(test: RigTest, recoveries: Sequence[Recovery]) -> Update | 
     if not test.uncertain:
         return None
     prior = np.array([number.uncertainty for number in test.uncertain])
-    spectra = [strongest(recovery.spectra, HARMONICS) for recovery in recoveries]
+    spectra = [strongest(recovery.freed, HARMONICS) for recovery in recoveries]
 
     def left(change: Array) -> Array:
         changed = with_numbers(test, change)

@@ -224,6 +224,11 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
                 "labels": dict(joint.labels),
                 # An input that is the same in all runs tells this joint from the others.
                 **({"inputs": held} if (held := held_inputs(result.campaign)) else {}),
+                **(
+                    {"input_units": {i.name: i.unit for i in result.campaign.inputs if i.name in held}}
+                    if held
+                    else {}
+                ),
             },
             result=result.to_dict(),
             inputs=inputs,

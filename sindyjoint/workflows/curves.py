@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import softening_limit
-from sindyjoint.mechanics.pulse_test import hinges, with_laws
+from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.options import checks_options
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PlacedModels
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import JointCurves, model_curve
@@ -100,23 +100,21 @@ def curves(
     True
     """
     say = progress or (lambda stage: None)
-    if isinstance(subject, JointModel) or _names_model(subject):
+    if not isinstance(subject, Rig) and (isinstance(subject, JointModel) or _names_model(subject)):
         given = {"model": model, "levels": levels, "band": band, "at": at, "point": point}
         _refuse({name: value for name, value in given.items() if value}, "a rig", "a model")
-        read = subject if isinstance(subject, JointModel) else read_model(subject)  # type: ignore[arg-type]
-        return _of_joint(read, frequencies, amplitudes, say)
+        return _of_joint(as_model(subject), frequencies, amplitudes, say)
     given = {"frequencies": frequencies, "amplitudes": amplitudes}
     _refuse({name: value for name, value in given.items() if value}, "a model", "a rig")
     rig = subject if isinstance(subject, Rig) else load_rig(subject, {"model": MODEL_PLACEHOLDER})
     given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
-    known = [one if isinstance(one, JointModel) else read_model(one) for one in given_models]
-    placed = _with_models(rig, known)
+    placed = PlacedModels.in_rig(rig, list(map(as_model, given_models)))
     making = _Making(placed, at or rig.at, point or at or rig.points[0], harmonics, say)
     return making.curves(levels, band, modes)
 
 
-def _names_model(subject: Rig | str | Path) -> bool:
-    if isinstance(subject, Rig) or str(subject) in shipped_rigs():
+def _names_model(subject: str | Path) -> bool:
+    if str(subject) in shipped_rigs():
         return False
     path = Path(subject)
     return path.is_dir() or path.suffix.lower() == ".json"
@@ -164,44 +162,10 @@ def _softens(law: object) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Placed:
-    """A rig whose joints have their laws, and the model of each joint where it has one."""
-
-    rig: Rig
-    models: tuple[JointModel | None, ...]
-
-    @property
-    def tested(self) -> Array:
-        """Tested angle of each joint, rad; infinite without a model."""
-        return np.array([np.inf if m is None else m.fitted.angle for m in self.models])
-
-
-def _with_models(rig: Rig, models: Sequence[JointModel]) -> _Placed:
-    standing: dict[str, JointModel] = {}
-    for model in models:
-        if model.joint.motion != "rotation":
-            raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-        for name in find_model_joints(rig, model):
-            if name in standing:
-                raise InputError(f"two models stand for joint {name!r} of the rig {rig.name!r}; expected one")
-            standing[name] = model
-    left = [h.name for h in hinges(rig) if h.law is MODEL_PLACEHOLDER and h.name not in standing]
-    if left:
-        raise InputError(
-            f"the rig {rig.name!r} has a joint whose law is 'model' ({left[0]}), and no model was given; give --model"
-        )
-    laws = {id(model): model_law(model) for model in models}
-    placed = with_laws(
-        rig, lambda hinge: laws[id(standing[hinge.name])] if hinge.name in standing else hinge.law
-    )
-    return _Placed(placed, tuple(standing.get(hinge.name) for hinge in hinges(rig)))
-
-
-@dataclass(frozen=True, eq=False)
 class _Making:
     """The making of a structure's curves."""
 
-    placed: _Placed
+    placed: PlacedModels
     at: str
     point: str
     harmonics: int

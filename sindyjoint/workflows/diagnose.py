@@ -10,28 +10,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.result import Diagnosis, Gap
-from sindyjoint.diagnosis.verdict import UNDECIDED
-from sindyjoint.discovery.delay import ChannelDelay, delay_to_remove, without_delay
-from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
-from sindyjoint.equation.calibration import with_gain_uncertainty
+from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.discovery.delay import delay_to_remove, without_delay
 from sindyjoint.equation.catalogue import Catalogue
-from sindyjoint.equation.element import Value
-from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.discovery import fitted_to
+from sindyjoint.judgement.tested import Tested, followed, stopped
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import Nuisance, TestNuisances
-from sindyjoint.soundness.check import Check, check_accepted, check_campaign
-from sindyjoint.states import campaign_states
-from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
@@ -144,105 +136,31 @@ def diagnose(
         say("checking the data")
         checked = check_campaign(campaign, accept)
         if checked.stopping:
-            return replace(_stop(checked, model), hidden=hidden)
+            return replace(stopped(checked, model), hidden=hidden)
         say("force states")
         usable = checked.usable
         delay = delay_to_remove(usable) if align else None
         if delay is not None:
             usable = without_delay(usable, delay)
-        usable, lags = _followed(usable, model)
+        usable, lags = followed(usable, model)
         problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
-
-        def limited(result: Diagnosis) -> Diagnosis:
-            noted = replace(result, warnings=(*result.warnings, *lag_notes(lags)))
-            return replace(_limit(noted, checked), hidden=hidden)
-
-        def known_campaign(result: Diagnosis) -> Diagnosis:
-            return _of_campaign(result, campaign, delay)
-
+        tested = Tested(campaign, checked, delay, lags, hidden)
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
             from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
 
-            return refined_problem(last, checked.usable, _test_of(last.test, campaign, delay), say)
+            return refined_problem(last, checked.usable, tested.nuisances(last.test), say)
 
         result = explain_gap(
             problem,
             max_effects,
             say,
             advise,
-            lambda result: keep(limited(known_campaign(result))),
+            lambda result: keep(tested.told(result)),
             refined if refine else lambda last: (last, ()),
         )
-        return limited(known_campaign(result))
-
-
-def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
-    """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
-    if not campaign.inputs or campaign.quasi_static:
-        return campaign, ()
-    if model is not None:
-        campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
-    lags = find_lags(campaign_states(campaign), campaign.joint.inertia, campaign.inputs)
-    return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
-
-
-def _test_of(test: TestNuisances, campaign: Campaign, delay: ChannelDelay | None) -> TestNuisances:
-    """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
-    found = test.nuisances
-    if delay is not None:
-        ends = (delay.time - 1.96 * delay.standard_error, delay.time + 1.96 * delay.standard_error)
-        known = Value("tau", delay.time, delay.standard_error, ends, "s")
-        found = (Nuisance("channel_delay", "time shift", known), *found)
-    kept = tuple(run.name for run in campaign.validation_runs)
-    digest = content_hash(campaign)
-    return replace(test, campaign=digest, joint=campaign.joint.name, nuisances=found, kept_out=kept)
-
-
-def _of_campaign(result: Diagnosis, campaign: Campaign, delay: ChannelDelay | None) -> Diagnosis:
-    """Return a diagnosis whose model and test know the campaign."""
-
-    def of_campaign(model: JointModel) -> JointModel:
-        return with_gain_uncertainty(fitted_to(model, campaign), campaign.gain_uncertainty)
-
-    whole = None if result.whole is None else of_campaign(result.whole)
-    test = _test_of(result.test or TestNuisances(""), campaign, delay)
-    return replace(result, test=test, model=of_campaign(result.model), whole=whole)
-
-
-def _limit(result: Diagnosis, checked: Check) -> Diagnosis:
-    """Return a diagnosis that is no surer than its data allow, with what the check of these says."""
-    result = replace(result, soundness=checked.soundness, warnings=(*checked.warnings, *result.warnings))
-    if checked.soundness.verdict != "unsound":
-        return result
-    faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in checked.undecided_by()))
-    reason = f"the data are not sound ({faults}); without that: {result.verdict.replace('_', ' ')}, {result.reason}"
-    return replace(result, verdict=UNDECIDED, reason=reason)
-
-
-def _stop(checked: Check, model: JointModel | None) -> Diagnosis:
-    """Return the diagnosis of data that nothing is concluded from."""
-    unknown = float("nan")
-    gap = Gap(unknown, unknown)
-    if model is None:
-        fitted = Fitted(unknown, unknown, unknown, unknown, 0, len(checked.campaign.runs), unknown, unknown)
-        model = JointModel(checked.campaign.joint, (), (), fitted)
-    return Diagnosis(
-        verdict=UNDECIDED,
-        reason=checked.reason,
-        initial=gap,
-        final=gap,
-        noise_floor=gap,
-        budget=Budget(unknown, unknown, unknown, unknown, unknown),
-        where=(),
-        steps=(),
-        advice=(),
-        warnings=(checked.reason, *checked.warnings),
-        model=model,
-        soundness=checked.soundness,
-        stopped=checked,
-    )
+        return tested.told(result)
 
 
 @checks_options()

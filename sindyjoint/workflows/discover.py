@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,11 +16,11 @@ from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
-from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.second_search import (
+    TermSearch,
     campaign_model,
     search_again,
     softened,
@@ -122,7 +123,7 @@ def discover(
     check_accepted(accept)
     if campaign is None:
         say("simulating the virtual test")
-    campaign = opened = the_campaign(campaign, random_state, LONGEST)
+    campaign = the_campaign(campaign, random_state, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
@@ -135,42 +136,37 @@ def discover(
     checked = check_campaign(campaign, accept)
     if checked.stopping:
         return stopped_by_data(checked, regressor)
-    measured_campaign, campaign = campaign, checked.usable
-    prepared = _prepare(campaign, regressor, library, states, bandwidth, align, say)
-    campaign, force_states, delay, lag = prepared.campaign, prepared.states, prepared.delay, prepared.lag
+    make_states = partial(campaign_states, method=states, bandwidth=bandwidth)  # type: ignore[arg-type]
+    prepared = _prepare(checked.usable, regressor, library, make_states, align, say)
     say("selecting terms")
-    with executor(jobs, workers, cluster) if has_long_runs(campaign) else nullcontext() as here:
-        regressor, counts = _select_terms(regressor, campaign, force_states, here, bandwidth, lag, say)
+    long = has_long_runs(prepared.campaign)
+    with executor(jobs, workers, cluster) if long else nullcontext() as here:
+        first, counts = _select_terms(regressor, prepared, here, bandwidth, say)
     say("judging")
-    model = campaign_model(regressor, campaign, force_states, counts)
-    measured, note = regressor, ""
-    if correct and not has_long_runs(campaign):
-        again = search_again(regressor, model, campaign, force_states, counts, say)
-        regressor, model, force_states, note = again.regressor, again.model, again.states, again.note
-    left_in = unresolved_delay(delay, regressor, model, force_states) if lag == 0.0 else None
-    verdict = _judge_terms(regressor, measured, model, campaign, force_states, left_in, correct)
-    verdict = undecided_without_time(verdict) if campaign.quasi_static else verdict
-    verdict = undecided_by_data(verdict, checked.undecided_by(aligned=lag != 0.0))
+    best = search_again(first, prepared.campaign, counts, say) if correct and not long else first
+    verdict, left_in = _judge_terms(best, first.regressor, prepared, correct)
+    verdict = undecided_by_data(verdict, checked.undecided_by(aligned=prepared.lag != 0.0))
     say("measuring the bias of the processing")
-    fixed = without_bias(regressor, measured, model, campaign, force_states) if correct else None
-    model = fixed.model if fixed is not None else model
-    told = delay if align else left_in
-    model = with_gain_uncertainty(model, campaign.gain_uncertainty)
-    left = (note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
-    warnings = list_warnings(campaign, force_states, model, told, align, regressor.indistinct_)
+    fixed = without_bias(best, first.regressor, prepared.campaign) if correct else None
+    model = with_gain_uncertainty(
+        best.model if fixed is None else fixed.model, prepared.campaign.gain_uncertainty
+    )
+    told = prepared.delay if align else left_in
+    left = (best.note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
+    warnings = list_warnings(prepared.campaign, best.states, model, told, align, best.regressor.indistinct_)
     return Discovery(
-        model=fitted_to(model, opened),
+        model=fitted_to(model, campaign),
         verdict=verdict,
         found=bool(model.terms),
-        reason=regressor.selection_result_.reason,
-        skew=delay,
+        reason=best.regressor.selection_result_.reason,
+        skew=prepared.delay,
         warnings=(*checked.warnings, *warnings, *filter(None, left)),
-        states=force_states,
-        regressor=regressor,
-        campaign=campaign,
+        states=best.states,
+        regressor=best.regressor,
+        campaign=prepared.campaign,
         bias=fixed.bias if fixed is not None else None,
         soundness=checked.soundness,
-        measured=measured_campaign,
+        measured=campaign,
         paper=paper,
     )
 
@@ -189,15 +185,14 @@ def _prepare(
     campaign: Campaign,
     regressor: JointRegressor,
     library: Any,
-    states: str,
-    bandwidth: float | None,
+    make_states: Callable[[Campaign], tuple[ForceStates, ...]],
     align: bool,
     say: Callable[[str], None],
 ) -> _Prepared:
     """Return what terms are sought in; with the default library the candidates are those of the angles reached."""
     inertia = campaign.joint.inertia
     say("force states")
-    made = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+    made = make_states(campaign)
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in made)
         found = default_candidates(largest, campaign.joint.motion)
@@ -207,7 +202,7 @@ def _prepare(
     lags = find_lags(made, inertia, campaign.inputs)
     if lags:
         campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
-        made = campaign_states(campaign, states, bandwidth)  # type: ignore[arg-type]
+        made = make_states(campaign)
         regressor.set_params(inputs=campaign.inputs)
     say("time delay between the channels")
     delay = find_delay(made, inertia, campaign.inputs)
@@ -217,36 +212,35 @@ def _prepare(
 
 def _select_terms(
     regressor: JointRegressor,
-    campaign: Campaign,
-    states: Sequence[ForceStates],
+    prepared: _Prepared,
     here: Executor | None,
     bandwidth: float | None,
-    lag: float,
     say: Callable[[str], None],
-) -> tuple[JointRegressor, tuple[SampleCount, ...]]:
+) -> tuple[TermSearch, tuple[SampleCount, ...]]:
     """Fit a regressor to force states, or to runs that are too long for memory; count the samples it saw."""
+    campaign, states = prepared.campaign, prepared.states
     if here is not None:
-        return fit_long(regressor, campaign, states, here, bandwidth=bandwidth, lag=lag, say=say)
-    regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
-    return regressor, tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
+        regressor, counts = fit_long(
+            regressor, campaign, states, here, bandwidth=bandwidth, lag=prepared.lag, say=say
+        )
+    else:
+        regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
+        counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
+    return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states), counts
 
 
 def _judge_terms(
-    regressor: JointRegressor,
-    measured: JointRegressor,
-    model: JointModel,
-    campaign: Campaign,
-    states: Sequence[ForceStates],
-    delay: ChannelDelay | None,
-    correct: bool,
-) -> Verdict:
-    """Return the verdict on the paper's terms, with the delay that is left in the channels."""
+    found: TermSearch, measured: JointRegressor, prepared: _Prepared, correct: bool
+) -> tuple[Verdict, ChannelDelay | None]:
+    """Return the verdict on the paper's terms, and the delay that is left in the channels."""
+    regressor, model, states = found.regressor, found.model, found.states
+    left = unresolved_delay(prepared.delay, regressor, model, states) if prepared.lag == 0.0 else None
     slowest = min(s.sample_rate for s in states)
-    unresolved = delay if delay is not None and delay.unresolved(slowest) else None
+    unresolved = left if left is not None and left.unresolved(slowest) else None
     verdict = judge(regressor, model, measured is not regressor, unresolved)
     if correct and verdict.verdict == "refuted":
-        return softened(verdict, regressor, model, campaign, states)
-    return verdict
+        verdict = softened(verdict, regressor, model, prepared.campaign, states)
+    return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
 
 
 def the_campaign(

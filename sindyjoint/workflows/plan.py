@@ -8,8 +8,9 @@ from math import inf
 from pathlib import Path
 
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.actuator import SINE, TONES, Actuator
@@ -72,7 +73,8 @@ def plan(
         A joint of the paper that the joint resembles: each coefficient within 20 % of its own. Default: the first,
         where neither a model nor a campaign says more.
     model : JointModel or path, optional
-        A model of the joint instead: each coefficient within three standard errors.
+        A model of the joint instead: each coefficient within three standard errors. Its elements with a memory are in
+        every simulation, with the numbers that they have.
     campaign : Campaign or path, optional
         Runs that were made: a model is discovered from them, and what they tell is added. The terms of ``like`` or
         ``model``, where one is given, are then kept in that model, and their ranges hold as well.
@@ -95,11 +97,13 @@ def plan(
         Steps in which ``"moment"`` (N·m) and ``"angle"`` (rad) are read.
     waveforms : sequence of str
         Among which is chosen: ``"sine"``, ``"two-tone-3"`` (a second tone of three times the frequency and 0.8 of the
-        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics).
+        amplitude), ``"two-tone-5"`` (five times, 0.5), ``"triangle"`` (five odd harmonics), ``"multisine"`` (five equal
+        tones), ``"sweep"`` (a sine from the frequency at which it repeats to five times that, and back).
     time : float
         Duration of all runs that are still to be made, s.
     run_time : float, optional
-        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take.
+        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take; where
+        nothing but telling effects apart is the goal, half of the time.
     goal : {"widths", "frequency", "paper", "tell-apart"} or mapping of these to weights
         Make the widest relative interval small; or the widest relative change over the band that could be overlooked;
         or decide which terms the joint has: what the weakest term lacks of being taken by a discovery; or tell effects
@@ -139,53 +143,56 @@ def plan(
     goals = _goals(goal)
     if not 0 < share < 1:
         raise InputError(f"share is {share!r}; expected a share of the moment between 0 and 1")
-    rivals: tuple[Effect, ...] = ()
-    if TELL_APART in goals:
-        rivals = chosen_effects(rivals_of(diagnosis) if diagnosis is not None and not effects else effects)
-    elif effects or diagnosis is not None:
-        raise InputError(
-            "effects were given, but the goal is not to tell them apart; expected goal 'tell-apart'"
-        )
+    rivals = _rivals(goals, effects, diagnosis)
     if until is not None and not 0 < until < inf:
         raise InputError(f"until is {until!r}; expected a positive share")
     duration, count = _durations(actuator, time, run_time)
     given = {"sample_rate": sample_rate, "noise": noise, "moment": moment_noise, "angle": angle_noise}
     stated = {name: value for name, value in given.items() if value is not None}
     stated |= _resolutions(resolution or {})
-    if not waveforms or not {*waveforms} <= TONES.keys():
-        raise InputError(
-            f"waveforms are {', '.join(waveforms) or 'none'}; expected some of {', '.join(TONES)}"
-        )
+    _check_waveforms(waveforms)
     Sensors(**stated)  # refused before anything is worked on
     separating = Separating(rivals, actuator, duration, diagnosed, say)
     if rivals and campaign is not None:
-        law = None if model is None else _opened(model)
-        found = separating.after_runs(campaign, law)
+        law = None if model is None else as_model(model)
+        # Beside no other goal its runs, two at most, have all of the time.
+        longer = duration if len(goals) > 1 or run_time is not None else time / CAMPAIGN.most_runs
+        with_time = replace(separating, actuator=replace(actuator, duration=longer), duration=longer)
+        found = with_time.after_runs(campaign, law)
         if len(goals) == 1:
             return _only_apart(found, actuator, Sensors(**stated))
     known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)
-    if "noise" in stated:
-        # A share that is given holds for both channels.
+    if "noise" in stated:  # a share that is given holds for both channels
         sensors = replace(sensors, moment=None, angle=None)
     sensors = replace(sensors, **stated)
     unit = UNITS[actuator.drive][known.joint.model.joint.motion != "rotation"]
     matter = _places(known.joint.model, terms or known.ids)
-    weights = tuple((name, weight) for name, weight in goals.items() if name != TELL_APART) or (
-        (WIDTHS, 1.0),
-    )
+    weights = tuple(each for each in goals.items() if each[0] != TELL_APART) or ((WIDTHS, 1.0),)
     made = Making(known, actuator, sensors, matter, weights, until, random_state, say, tuple(waveforms))
     if not rivals:
         return made.plan(unit, duration, count)
     if campaign is not None:
-        return _with_apart(
-            made.plan(unit, duration, max(count - len(found.runs), 1)), found.runs, found.apart
-        )
+        plain = made.plan(unit, duration, max(count - len(found.runs), 1))
+        return _with_apart(plain, found.runs, found.apart)
     if count < 2:
         raise InputError(f"time is {time:g} s; expected two runs at least, one of them to tell effects apart")
     plain = made.plan(unit, duration, count - 1)
     joints = known.joint.draws(len(rivals), random_state)
     worlds = worlds_of(joints, rivals, plain.runs, sensors, share, random_state)
     return _with_apart(plain, *separating.before_runs(worlds))
+
+
+def _rivals(
+    goals: Mapping[str, float], effects: Sequence[str], diagnosis: str | Path | None
+) -> tuple[Effect, ...]:
+    """Return the effects that are to be told apart; none where that is no goal."""
+    if TELL_APART in goals:
+        return chosen_effects(rivals_of(diagnosis) if diagnosis is not None and not effects else effects)
+    if effects or diagnosis is not None:
+        raise InputError(
+            "effects were given, but the goal is not to tell them apart; expected goal 'tell-apart'"
+        )
+    return ()
 
 
 def _goals(goal: str | Mapping[str, float]) -> dict[str, float]:
@@ -221,6 +228,13 @@ def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]
     if unknown:
         raise UnknownNameError(f"limit of {sorted(unknown)[0]!r}; expected moment, angle or rate")
     return Actuator(drive, band, **limits)  # type: ignore[arg-type]
+
+
+def _check_waveforms(waveforms: Sequence[str]) -> None:
+    if not waveforms or not {*waveforms} <= TONES.keys():
+        raise InputError(
+            f"waveforms are {', '.join(waveforms) or 'none'}; expected some of {', '.join(TONES)}"
+        )
 
 
 def _resolutions(resolution: Mapping[str, float]) -> dict[str, float]:
@@ -259,11 +273,6 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
     return run_time or time / count, count
 
 
-def _opened(model: JointModel | str | Path) -> JointModel:
-    """Return a model, or that of a file."""
-    return model if isinstance(model, JointModel) else read_model(model)
-
-
 def _what_is_known(
     like: str | None,
     model: JointModel | str | Path | None,
@@ -277,7 +286,7 @@ def _what_is_known(
         raise InputError("a model and a joint that it is like were given; expected one of them")
     before = None
     if model is not None:
-        before = like_model(_opened(model))
+        before = like_model(as_model(model))
     elif like is not None or campaign is None:
         law = named_joint(like or LIKE)
         assert isinstance(law, PaperLaw)

@@ -21,6 +21,7 @@ from sindyjoint.response.output_error_parts import Nuisance as Kind
 from sindyjoint.response.refine import Refinement
 from sindyjoint.response.refine import refine as refine_response
 from sindyjoint.response.run import WINDOW
+from sindyjoint.response.verification import Settings
 from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
@@ -154,16 +155,8 @@ def refine(
         later = fitted_to(tested_on(later, states, usable), given)
     found = _stored(result, applied or TestNuisances(content_hash(given), given.joint.name))
     shown = found.corrected(checked.usable) if found else usable
-    verified = verify_campaign(
-        later,
-        align_channels(shown) if align else shown,
-        tolerance,
-        draws,
-        window,
-        np.random.default_rng(random_state),
-        say,
-        found,
-    )
+    settings = Settings(tolerance, draws, np.random.default_rng(random_state), window)
+    verified = verify_campaign(later, align_channels(shown) if align else shown, settings, say, found)
     known = {each.name: getattr(verified, each.name) for each in fields(verified)}
     if "gain" in result.nuisance:
         notes = (*notes, "the gain that was estimated is not applied where model and campaign are compared")

@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
-from sindyjoint.errors import InputError
-from sindyjoint.mechanics.pulse_test import hinges, with_laws
+from sindyjoint.equation.model_file import as_model
+from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints, joint_range_warnings
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PlacedModels, joint_range_warnings
 from sindyjoint.shown import Shown
 
 Array = NDArray[np.float64]
@@ -122,21 +120,14 @@ def rig_motion(
     say = progress or (lambda stage: None)
     say("reading the rig")
     made = rig if isinstance(rig, Rig) else load_rig(rig, {"model": MODEL_PLACEHOLDER})
-    known, modelled = None, set[str]()
-    if model is not None:
-        known = model if isinstance(model, JointModel) else read_model(model)
-        if known.joint.motion != "rotation":
-            raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-        law, modelled = model_law(known), find_model_joints(made, known)
-        made = with_laws(made, lambda hinge: law if hinge.name in modelled else hinge.law)
-    elif any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(made)):
-        raise InputError(
-            f"the rig {made.name!r} has a joint whose law is 'model', and no model was given; give --model"
-        )
+    known = None if model is None else as_model(model)
+    placed = PlacedModels.in_rig(made, [] if known is None else [known])
+    made = placed.rig
     say("frequencies")
     structure = made.structure()
     slipping, locked = structure.frequencies(MODES), structure.frequencies(MODES, locked=True)
     say(f"simulating {made.duration:g} s")
     response = made.respond()
+    modelled = {h.name for h, stands in zip(hinges(made), placed.models, strict=True) if stands is not None}
     warnings = () if known is None else tuple(joint_range_warnings(known, response, modelled))
     return RigMotion(made, slipping, locked, response, warnings)

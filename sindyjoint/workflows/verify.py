@@ -12,7 +12,7 @@ import numpy as np
 from sindyjoint.discovery.delay import align_channels
 from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.model_file import as_model, read_model
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.judgement.comparison import GivenModel
@@ -22,7 +22,7 @@ from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import TestNuisances, read_test
 from sindyjoint.response.run import WINDOW
-from sindyjoint.response.verification import Verification
+from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
@@ -122,7 +122,7 @@ def verify(
         model = read_model(model)
     if not (model.terms or model.elements):
         raise InputError("the model has no terms: there is nothing to simulate; run discover first")
-    generator = np.random.default_rng(random_state)
+    settings = Settings(tolerance, draws, np.random.default_rng(random_state), window, free_run)
     against = _open_input(against)
     given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
     truth = {name: value for name, value in given.items() if value is not None}
@@ -139,7 +139,7 @@ def verify(
             model, untimed = without_rate(model)
         usable, applied, note = put_right(checked.usable, against, test)
         usable = align_channels(usable) if align else usable
-        result = verify_campaign(model, usable, tolerance, draws, window, generator, say, applied, free_run)
+        result = verify_campaign(model, usable, settings, say, applied)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
         lacking = (untimed,) if against.quasi_static and untimed else ()
         known["warnings"] = (*checked.warnings, *note, *lacking, *result.warnings)
@@ -154,7 +154,7 @@ def verify(
         raise InputError(
             f"accept is {', '.join(accept)}: belongs to a campaign, whose data are checked; a rig is given"
         )
-    return verify_rig(model, against, tolerance, draws, truth, generator, say)
+    return verify_rig(model, against, settings, truth, say)
 
 
 def put_right(
@@ -210,7 +210,7 @@ def is_structure(path: str | Path) -> bool:
 def given_model(model: JointModel | str | Path, campaign: Campaign, accept: Sequence[str]) -> GivenModel:
     """Return how a whole model does on the runs of a campaign, for a comparison."""
     checked = verify(model, campaign, accept=accept, draws=0)
-    known = model if isinstance(model, JointModel) else read_model(model)
+    known = as_model(model)
     return GivenModel(
         known.ids,
         tuple(element.id for element in known.elements),

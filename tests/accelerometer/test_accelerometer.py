@@ -125,8 +125,8 @@ def test_the_noise_of_both_sensors_and_the_drift_are_measured():
     path = integrated_twice(seen - seen.mean(), 1 / RATE)
     expected = 0.005 * np.std(acceleration), 0.02 * np.std(angle), 1e-5
     # Of the drift only what stands out of the acceleration's noise is seen, which it hides in turn.
-    assert sensor_noise(shown, seen, path, RATE)[1:] == pytest.approx(expected[1:], rel=0.5)
-    assert sensor_noise(shown - walk, seen, path, RATE)[:2] == pytest.approx(expected[:2], rel=0.1)
+    assert sensor_noise(shown, path, RATE)[1:] == pytest.approx(expected[1:], rel=0.5)
+    assert sensor_noise(shown - walk, path, RATE)[:2] == pytest.approx(expected[:2], rel=0.1)
     fusion = fuse(angle, seen, RATE, angle=shown, frequency=FREQUENCY)[2]
     assert expected[0] / 2 < fusion.noise < 1.5 * expected[0]
 

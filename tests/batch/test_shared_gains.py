@@ -3,12 +3,14 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sindyjoint.batch.record import CampaignRecord
 from sindyjoint.batch.summary import summarised
+from sindyjoint.errors import InputError
 from sindyjoint.export.samples import batch_samples
 
 GAIN, NOISE, SPREAD, JOINTS = 0.03, 0.002, 0.02, 40
@@ -58,3 +60,28 @@ def test_samples_of_a_batch_move_together_by_the_gain(joints, tmp_path):
     # Of the covariance of relative errors, 3·GAIN² is the gain's; k3 is negative.
     relative = np.array([k1 / k1.mean(), k3 / k3.mean()])
     assert np.cov(relative)[0, 1] == pytest.approx(3 * GAIN**2, rel=0.2)
+
+
+def test_samples_are_drawn_about_a_trend_at_the_value_that_is_given(joints, tmp_path):
+    loads = np.linspace(50.0, 250.0, JOINTS)
+    tested = []
+    for record, load in zip(joints, loads, strict=True):
+        k1, k3 = record.result["terms"]
+        k1 = k1 | {"coefficient": k1["coefficient"] * (1 + 2e-3 * (load - 150)), "calibration": {}}
+        joint = record.joint | {"inputs": {"load": float(load)}, "input_units": {"load": "N"}}
+        tested.append(replace(record, joint=joint, result=record.result | {"terms": [k1, k3]}))
+    found = summarised(tuple(tested), tmp_path)
+    assert found.population.scatters[0].covariate == "load" and found.covariate_units["load"] == "N"
+    (tmp_path / "batch.json").write_text(json.dumps(found.to_dict()))
+
+    def drawn(at):
+        _, *rows = csv.reader(io.StringIO(str(batch_samples(tmp_path, 4000, at=at).files["samples.csv"])))
+        return np.array(rows, dtype=float)[:, 0]
+
+    middle, heavy, also = drawn({}), drawn({"load": "250"}), drawn({"load": "0.25 kN"})
+    assert heavy.mean() / middle.mean() == pytest.approx(1.2, abs=0.02)
+    # The spread of joints, not of the loads that they were tested at, and their mean's error with the gain.
+    assert middle.std() / middle.mean() < 1.6 * SPREAD
+    assert np.array_equal(heavy, also)
+    with pytest.raises(InputError, match="no coefficient has a trend with it; there are trends with load"):
+        batch_samples(tmp_path, 10, at={"heat": "3"})

@@ -10,8 +10,9 @@ from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.record import Run
 from tests.diagnosis.hidden_effects import law_at
 
-TWO_TONES = {"two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": {1: 1.0, 3: 0.8},
-             "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": {1: 1.0, 5: 0.5}}  # fmt: skip
+SEVERAL = {"two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": {1: 1.0, 3: 0.8},
+           "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": {1: 1.0, 5: 0.5},
+           "multisine angle, harmonics 1 to 5 alike": {1: 1.0, 2: 1.0, 3: 1.0, 4: -1.0, 5: 1.0}}  # fmt: skip
 
 
 def one_more(hidden, frequency, level, waveform, noise, index=0):
@@ -56,8 +57,12 @@ def _by_moment(plan, law, frequency, level, waveform):
 def _waveform(words, phase):
     """Return a waveform of peak one and its derivatives by phase, from the words of the advice."""
     tones = {1: 1.0}
-    if words in TWO_TONES:
-        tones = TWO_TONES[words]
+    if words.startswith("swept"):
+        # sin u with u = 3x − 2 sin x.
+        u, first, second = 3 * phase - 2 * np.sin(phase), 3 - 2 * np.cos(phase), 2 * np.sin(phase)
+        return np.sin(u), first * np.cos(u), second * np.cos(u) - first**2 * np.sin(u)
+    if words in SEVERAL:
+        tones = SEVERAL[words]
     elif words.startswith("triangular"):
         tones = {1: 1.0, 3: -1 / 9, 5: 1 / 25, 7: -1 / 49, 9: 1 / 81}
     elif not words.startswith("sinusoidal"):

@@ -31,7 +31,8 @@ def test_a_waveform_has_its_peak_and_its_derivatives(waveform):
     design = Design(2.0, 3e-4, waveform)
     time = np.arange(0, 1.0, 1e-5)
     angle, rate, acceleration = design.motion(time)
-    assert np.abs(angle).max() == pytest.approx(3e-4, rel=1e-5)
+    # The peak is looked for at 2000 instants of a period: of an eighth harmonic it is (8π/2000)²/2 too low at most.
+    assert np.abs(angle).max() == pytest.approx(3e-4, rel=8e-5)
     # Central differences of step 1e-5 s err by (w·h)²/6 of the highest of nine harmonics: 2e-7.
     assert np.allclose(np.gradient(angle, time)[1:-1], rate[1:-1], atol=1e-5 * np.abs(rate).max())
     assert np.allclose(

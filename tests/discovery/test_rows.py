@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from sindyjoint import JointRegressor
 from sindyjoint.discovery import rows as module
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.discovery.rows import RowLabels, gather, state_columns
+from sindyjoint.discovery.rows import RowLabels, Rows, gather, state_columns
 from sindyjoint.equation.catalogue import Reference, load_catalogue
 from sindyjoint.errors import InputError
 
@@ -30,7 +30,7 @@ def scaled(factor):
 def test_factors_are_those_of_a_decomposition(weighted):
     X, y = states()
     weight = np.random.default_rng(1).uniform(0.1, 3, y.size) if weighted else None
-    evidence = gather(TERMS, X, y, RowLabels.of(y.size, None, None, None), weight)
+    evidence = gather(TERMS, Rows(X, y, weight), RowLabels.of(y.size, None, None, None))
     columns = state_columns(TERMS, X)
     assert len(evidence.runs) == 4 and {len(run.blocks) for run in evidence.runs} == {16}
     pooled = Factor.of(columns, y, weight)
@@ -47,7 +47,7 @@ def test_a_motion_that_its_sample_does_not_show(monkeypatch):
     # Only rows beside the sample reach the stop: the first coordinates do not suit, the factors do all the same.
     X, y = states(40_000)
     X[:, 0] *= np.where(np.arange(y.size) % 100 == 57, 1.0, 1e-3)
-    evidence = gather(TERMS, X, y, RowLabels.of(y.size, np.zeros(y.size), None, None))
+    evidence = gather(TERMS, Rows(X, y), RowLabels.of(y.size, np.zeros(y.size), None, None))
     whole = Factor.of(state_columns(TERMS, X), y)
     np.testing.assert_allclose(scaled(evidence.pooled), scaled(whole), rtol=1e-6, atol=1e-8)
 
@@ -69,8 +69,8 @@ def test_labels_in_any_order_give_the_same_evidence():
     X, y = states()
     run, block = np.arange(y.size) * 3 // y.size, np.arange(y.size) * 24 // y.size
     order = np.random.default_rng(2).permutation(y.size)
-    inorder = gather(TERMS, X, y, RowLabels.of(y.size, run, None, block))
-    mixed = gather(TERMS, X[order], y[order], RowLabels.of(y.size, run[order], None, block[order]))
+    inorder = gather(TERMS, Rows(X, y), RowLabels.of(y.size, run, None, block))
+    mixed = gather(TERMS, Rows(X[order], y[order]), RowLabels.of(y.size, run[order], None, block[order]))
     names = {run.name: run for run in mixed.runs}
     for one in inorder.runs:
         other = names[one.name]
@@ -82,4 +82,4 @@ def test_a_term_without_a_finite_value_is_named():
     X, y = states()
     X[7000, 1] = np.nan
     with pytest.raises(InputError, match="term 'linear_damping' .* has no finite value at sample"):
-        gather(TERMS, X, y, RowLabels.of(y.size, None, None, None))
+        gather(TERMS, Rows(X, y), RowLabels.of(y.size, None, None, None))

@@ -1,5 +1,7 @@
 """``[inputs]`` of a campaign: columns, constants, own values of runs, offset temperatures, delays; written and read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,8 +54,10 @@ def test_a_column_a_constant_and_a_value_of_a_run(campaign_of, tmp_path):
     assert (one["load"][0], two["load"][0]) == (120.0, 200.0)
     assert [each.reference for each in campaign.inputs] == pytest.approx([0.0, 283.15, 160.0])
     assert campaign.inputs[1].shown(233.15) == "-40 degC"
+    campaign = replace(campaign, gain_uncertainty={"moment": 0.01, "angle": 0.004})
     write_campaign(campaign, tmp_path / "again")
     again = load_campaign(tmp_path / "again")
+    assert again.gain_uncertainty == campaign.gain_uncertainty
     for run, other in zip(campaign.runs, again.runs, strict=True):
         for name, values in run.inputs.items():
             assert other.inputs[name] == pytest.approx(values)
@@ -80,3 +84,19 @@ def test_a_declared_delay_moves_the_column_ahead(campaign_of):
 def test_faults_are_named(campaign_of, inputs, one, fault, words):
     with pytest.raises(fault, match=words):
         campaign_of(inputs, one, 'inputs = { T = "20 degC" }' if one == "" and "unit = " in inputs else "")
+
+
+def test_uncertain_gains_of_channels_are_those_of_moment_and_motion():
+    from sindyjoint.files.declared import declared_gains
+    from sindyjoint.files.manifest import Channels
+
+    moment = {"column": "M", "unit": "N*m", "gain_uncertainty": "2 %"}
+    sensor = {"column": "a", "unit": "rad/s^2", "gain_uncertainty": 0.01}
+    angle = {"column": "q", "unit": "rad", "gain_uncertainty": "0.4 %"}
+    alone = Channels.model_validate({"rate": 1000.0, "moment": moment, "acceleration": sensor})
+    assert declared_gains(alone, "rotation", "") == {"moment": 0.02, "angle": 0.01}
+    both = alone.model_copy(update={"angle": Channels.model_validate({"angle": angle}).angle})
+    assert declared_gains(both, "rotation", "") == {"moment": 0.02, "angle": 0.01}
+    wrong = Channels.model_validate({"angle": angle | {"gain_uncertainty": "3 mm"}})
+    with pytest.raises(InputError, match="gain_uncertainty"):
+        declared_gains(wrong, "rotation", "")

@@ -7,19 +7,23 @@ import jsonschema
 import numpy as np
 import pytest
 
-from sindyjoint import plan, simulate
+from sindyjoint import diagnose, discover, plan, simulate
+from sindyjoint.diagnosis.campaign.designs import PLANNED
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
 from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.planning import making
-from sindyjoint.planning.information import Sensors
+from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
+from sindyjoint.planning.joints import like_law
 from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.tell_apart import rivals_of
 from sindyjoint.reporting.schemas import record_schema
+from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide
+from tests.equation.test_element import JENKINS, with_elements
 
 FEW = replace(POLICY, joints=3, frequencies=3)
 RANGES = ["--range", "linear_stiffness=5..8 kN*m/rad", "--range", "coulomb_friction=1..3 N*m"]
@@ -56,6 +60,16 @@ def test_it_ends_where_it_is_enough(found):
         f"after {len(shorter.runs)} runs 95 of 100 tests reach a widest relative half-width"
     )
     assert sum(run.duration for run in shorter.grid_runs) == pytest.approx(shorter.seconds)
+
+
+def test_a_joint_with_elements_is_planned_for_its_terms():
+    found = plan(
+        model=with_elements(JENKINS), drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 4.0}
+    )
+    assert len(found.runs) == 8 and set(found.to_dict()["predicted"]) == set(found.model.ids)
+    assert any(text.startswith("Jenkins element: in every simulation") for text in found.warnings)
+    (made,) = play(model_law(found.model), found.runs[:1], replace(found.sensors, noise=1e-9)).runs
+    assert np.abs(made.moment).max() <= 4.0
 
 
 @pytest.fixture(scope="module")
@@ -190,12 +204,22 @@ def hidden():
 PAIR = ("maxwell_branch", "fractional_damping")
 
 
-def test_effects_are_told_apart_by_the_search_of_the_advice(hidden):
+def test_effects_are_told_apart_by_the_search_of_the_advice(hidden, monkeypatch):
+    judged = []
+    monkeypatch.setattr(
+        "sindyjoint.workflows.plan.diagnosed",
+        lambda *given, **options: judged.append(diagnose(*given, **options)) or judged[-1],
+    )
     options = {"campaign": hidden.campaign, "goal": "tell-apart", "drive": "angle", "band": (0.75, 24.0)}
     found = plan(effects=PAIR, time=60.0, **options)
     assert found.goal == "tell-apart" and found.apart.effects == PAIR
     run = found.runs[0]
     assert run.drive == "angle" and 0.75 <= run.frequency <= 24.0 and run.unit == "rad"
+    # The runs are those that a diagnosis advises for this actuator; two at most have all of the time.
+    assert [(run.frequency, run.level, run.waveform) for run in found.runs] == [
+        (each.frequency, each.level, PLANNED[each.waveform]) for each in judged[0].advice
+    ]
+    assert all(run.duration == pytest.approx(30.0) for run in found.runs)
     assert found.apart.before < found.apart.after[-1] <= 1.0
     assert "probability of the true effect" in str(found)
     record = json.loads(json.dumps(found.to_dict()))
@@ -228,7 +252,7 @@ def test_the_rivals_of_a_diagnosis_are_read(tmp_path):
         rivals_of(tmp_path)
 
 
-@pytest.mark.parametrize("waveform", ["two-tone-3", "two-tone-5", "triangle"])
+@pytest.mark.parametrize("waveform", ["two-tone-3", "two-tone-5", "triangle", "multisine", "sweep"])
 @pytest.mark.parametrize("drive, level, unit", [("angle", 5e-4, "rad"), ("moment", 3.0, "N*m")])
 def test_waveforms_of_several_tones_are_played_and_read_back(tmp_path, waveform, drive, level, unit):
     run = PlannedRun(drive, waveform, 2.0, level, unit, 3.0)
@@ -241,6 +265,30 @@ def test_waveforms_of_several_tones_are_played_and_read_back(tmp_path, waveform,
     # A period later it is the same, and it has the tones that it is called by.
     assert signal[:250] == pytest.approx(signal[250:500], abs=1e-4 * level)
     lines = np.abs(np.fft.rfft(signal[:250]))
-    order = {"two-tone-3": 3, "two-tone-5": 5, "triangle": 3}[waveform]
-    share = {"two-tone-3": 0.8, "two-tone-5": 0.5, "triangle": 1 / 9}[waveform]
+    order = {"two-tone-3": 3, "two-tone-5": 5, "triangle": 3, "multisine": 5, "sweep": 4}[waveform]
+    # Of a sweep (J₁(2) + J₇(2))/(J₂(2) − J₄(2)).
+    share = {"two-tone-3": 0.8, "two-tone-5": 0.5, "triangle": 1 / 9, "multisine": 1.0, "sweep": 1.8097}[
+        waveform
+    ]
     assert lines[order] / lines[1] == pytest.approx(share, rel=0.01)
+
+
+def test_runs_of_a_sweep_become_a_campaign_and_tell_what_was_expected(tmp_path):
+    runs = [PlannedRun("angle", "sweep", f, x, "rad", 12.0) for f in (0.8, 1.0, 1.25) for x in (3e-4, 6.5e-4)]
+    sensors = Sensors(500.0, 0.01)
+    (tmp_path / "plan.toml").write_text(plan_text(runs, sensors))
+    simulate("inter-panel", plan=tmp_path, out=tmp_path / "made", random_state=1)
+    (tmp_path / "made" / "campaign.toml").unlink()
+    init(tmp_path / "made")
+    read = load_campaign(tmp_path / "made")
+    assert [run.frequency for run in read.runs] == pytest.approx([run.frequency for run in runs])
+    found = discover(
+        replace(read, joint=replace(read.joint, inertia=INTER_PANEL.inertia)), random_state=0
+    ).model
+    true = like_law(INTER_PANEL).model
+    told = half_widths(stacked([stacked([run_information(run, true, sensors)]) for run in runs]))[0]
+    for term, half in zip(true.terms, told, strict=True):
+        low, high = found[term.id].interval95
+        assert low < term.coefficient < high
+        # Of 42 blocks, the part of a few runs in them: ±15 %.
+        assert (high - low) / 2 == pytest.approx(half, rel=0.5)

@@ -1,16 +1,25 @@
 """Levels keep every joint of a range within the limits; the chosen runs are the ones that tell most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.mechanics.actuator import tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
-from sindyjoint.planning.information import Information
+from sindyjoint.planning.information import Information, Sensors, run_information
 from sindyjoint.planning.joints import like_law, like_model
+from sindyjoint.planning.plan_file import play
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, highest_level, motion
 from sindyjoint.planning.search import Choice, best_runs
+from sindyjoint.record import Campaign, Joint
 from sindyjoint.response.model_law import model_law
+from sindyjoint.soundness.detectors.lines import main_line
+from sindyjoint.soundness.faults import find_faults
+from sindyjoint.soundness.policy import POLICY as SOUNDNESS
+from tests.equation.test_element import JENKINS, with_elements
 from tests.made_models import paper_model
 
 FIXED = {name: (value, value) for name, value in (("cubic_stiffness", -2.684e9), ("linear_damping", 48.13))}
@@ -32,21 +41,51 @@ def test_a_rough_idea_becomes_a_range():
 
 @pytest.mark.parametrize("drive", ["moment", "angle"])
 def test_waveforms_of_several_tones_are_offered_within_the_limits(drive):
-    actuator = Actuator(drive, (4.0, 4.0), rate=0.01)
-    runs, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", waveforms=("two-tone-3", "triangle"))
-    assert {run.waveform for run in runs} == {"two-tone-3", "triangle"} and len(runs) == 2 * len(
-        POLICY.levels
-    )
-    assert {run.waveform for run in grid} == {"sine"}
+    actuator = Actuator(drive, (2.0, 16.0), rate=0.01)
+    few = replace(POLICY, frequencies=2)
+    runs, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", few, ("two-tone-3", "sweep"))
+    # Every tone within the band: the second one has three times the frequency, the last of a sweep eight times.
+    assert {(run.waveform, run.frequency) for run in runs} == {
+        ("two-tone-3", 2.0), ("two-tone-3", 5.33), ("sweep", 2.0)
+    }  # fmt: skip
+    assert {run.waveform for run in grid} == {"sine"} and len(runs) == 3 * len(POLICY.levels)
     for run in runs:
-        moved = motion(LAWS[0], drive, 4.0, run.level, waveform=run.waveform)
+        moved = motion(LAWS[0], drive, run.frequency, run.level, waveform=run.waveform)
         assert np.abs(moved.rate).max() <= 0.01
+
+
+@pytest.mark.parametrize("waveform, duration", [("triangle", 10.0), ("sweep", 10.0), ("multisine", 10.0)])
+def test_a_waveform_without_room_in_the_band_or_the_run_is_refused(waveform, duration):
+    with pytest.raises(InputError, match=f"waveform {waveform} drives from .* no room for it from 2 to 8 Hz"):
+        candidates(LAWS[:1], LAWS[0], Actuator("angle", (2.0, 8.0)), duration, "rad", POLICY, (waveform,))
+
+
+def test_a_sweep_passes_from_its_frequency_to_five_times_that_and_back():
+    """Its series is that of sin(3x − 2 sin x): the phase of a sine whose frequency is 3 − 2 cos x."""
+    time = np.linspace(0.0, 1.0, 2001)
+    x = 2 * np.pi * 0.5 * time
+    assert tones("sweep", 2.0, 0.5)(time) == pytest.approx(2 * np.sin(3 * x - 2 * np.sin(x)), abs=6e-3)
 
 
 def test_a_model_is_a_range_of_its_errors():
     model = paper_model()
     known = like_model(model)
     assert known.high - known.low == pytest.approx(2 * POLICY.model_errors * model.standard_errors)
+
+
+def test_elements_of_a_model_act_in_the_limits_and_in_what_a_run_tells():
+    whole = with_elements(JENKINS)
+    joint, model = like_model(whole), whole.without_elements()
+    laws = [model_law(one) for one in joint.corners()]
+    assert all(len(one.elements) == 1 for one in joint.draws(3))
+    actuator = Actuator("angle", (4.0, 4.0), moment=4.0)
+    # The slider takes its part of the moment, 0.3 N*m of 4.
+    alone = highest_level([model_law(one) for one in like_model(model).corners()], actuator, 4.0)
+    assert highest_level(laws, actuator, 4.0) == pytest.approx(0.85 * alone, rel=0.1)
+    run = PlannedRun("angle", "sine", 4.0, 4e-4, "rad", 5.0)
+    told, plain = (run_information(run, one, Sensors(500.0)) for one in (joint.model, model))
+    # Its moment is no error of the terms; what the terms make of the motion is the same.
+    assert told.bread == pytest.approx(plain.bread) and told.pull == pytest.approx(plain.pull)
 
 
 @pytest.mark.parametrize(
@@ -110,3 +149,15 @@ def test_the_most_telling_runs_are_chosen_with_enough_frequencies_and_levels():
     known = [(2.0, "0"), (4.0, "1"), (8.0, "2")]
     before = Information(*(np.ones((3, 1, 1, 1)),) * 2, np.zeros((3, 1, 1)), np.full((3, 1), 8.0))
     assert best_runs(choice(strength, known=before, known_runs=tuple(known)), 6) == [6] * 6
+
+
+def test_the_high_tone_of_a_planned_run_is_no_disagreement_of_its_channels():
+    """Friction changes its sign with the faster tone: the strongest line of the moment is there."""
+    run = play(
+        INTER_PANEL, [PlannedRun("angle", "two-tone-3", 8.0, 6e-5, "rad", 4.0)], Sensors(2000.0, 0.01)
+    ).runs[0]
+    moment, share = main_line(run.moment, run.sample_rate, 8.0)
+    assert moment == pytest.approx(24.0) and share < SOUNDNESS.line_share
+    assert not {each.id for each in find_faults(Campaign(Joint(), (run,)))} & {"channels_disagree"}
+    slow = replace(run, angle=6e-5 * np.sin(2 * np.pi * 8.0 * run.time))
+    assert "channels_disagree" in {each.id for each in find_faults(Campaign(Joint(), (slow,)))}

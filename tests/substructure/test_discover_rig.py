@@ -134,7 +134,7 @@ def test_the_page_shows_laws_and_sensors(found, tmp_path):
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [
-        ('frequency = "1.5 Hz"', "", "has no frequency"),
+        ('frequency = "1.5 Hz"', 'frequency = "1.5 kg"', "kg"),
         ('between = ["x1", "x2"]', 'between = ["x1", "x3"]', "'x3' is none of the freedoms"),
         ('point = "x1"', 'point = "x9"', "point 'x9'"),
         ('unit = "m/s^2"', 'unit = "kg"', "kg"),

@@ -90,3 +90,18 @@ def test_a_multisine_has_its_lines_and_its_peak():
     lines = np.abs(np.fft.rfft(values)) > 1e-6 * values.size
     assert np.flatnonzero(lines).tolist() == [2, 3, 4, 5, 6]
     assert np.abs(values).max() == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_sweep_is_written_without_frequency_and_recovered_whole(tmp_path):
+    sweep = RIG.replace('shape = "sine"\nfrequency = "3 Hz"', 'shape = "sweep"\nband = ["1 Hz", "6 Hz"]')
+    (tmp_path / "rig.toml").write_text(sweep)
+    with pytest.raises(SystemExit) as ended:
+        main(["simulate", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "test"), "-q"])
+    assert ended.value.code == 0
+    test = load_rig_test(tmp_path / "test" / "rig.toml")
+    (run,) = test.runs
+    assert run.frequency is None
+    recovery = recover(test, run)
+    assert not recovery.spectra.repeats and recovery.ends is not None
+    states = joint_states(recovery, 0, "sweep")
+    assert states.frequency is None and states.n_samples == run.drive.size - 1

@@ -51,6 +51,21 @@ def prescribed_run(frequency=3.0, periods=12):
     return run, elongation, force
 
 
+def passing_run(seconds=12.0):
+    """A run that neither repeats nor rests at its ends: motions of tones without a common period, forces by formula."""
+    time = np.arange(int(seconds * RATE)) / RATE
+    tones = 2 * np.pi * np.array([1.37, 2.91, 5.17])
+
+    def x(sizes, order):
+        return (np.exp(1j * np.outer(time, tones)) @ (np.array(sizes) * (1j * tones) ** order)).real
+
+    first, second = [1e-3, 2e-4j, 3e-5 - 1e-5j], [-2e-3 + 1e-3j, 1e-4, 5e-5j]
+    force = M1 * x(first, 2) + C0 * x(first, 1) + K0 * x(first, 0)
+    drive = M2 * x(second, 2) + force
+    run = RigRun("passing", drive, np.array([x(first, 2), x(second, 2)]), RATE)
+    return run, x(second, 0) - x(first, 0), force
+
+
 def integrated_run(name, frequency, amplitude, law, periods=10, noise=0.0, seed=0):
     """A run by SciPy's integrator, written here: law(d, v) is the joint's force at an elongation and its rate."""
     from scipy.integrate import solve_ivp

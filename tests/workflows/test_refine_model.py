@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign.numbers import refined as refined_numbers
 from sindyjoint.diagnosis.campaign.numbers.refined import simulated_gap
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.model_file import read_model
@@ -13,7 +14,6 @@ from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
 from sindyjoint.response.nuisances import Nuisance, TestNuisances, read_test
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.workflows import refine as refine_workflow
 from sindyjoint.workflows.diagnose import diagnose
 from sindyjoint.workflows.refine import refine
 from sindyjoint.workflows.verify import verify
@@ -115,13 +115,13 @@ def test_a_diagnosis_is_refined_unless_its_response_gap_would_grow(monkeypatch):
     verified = verify(after.whole, runs, test=after.test, draws=0)
     assert verified.response_nrmse == pytest.approx(after.final.response, rel=1e-9)
 
-    honest = refine_workflow.refine_response
+    honest = refined_numbers.refine
 
     def worse(model, *args, **options):
         found = honest(model, *args, **options)
         return replace(found, model=found.model.with_numbers(1.05 * found.model.numbers))
 
-    monkeypatch.setattr(refine_workflow, "refine_response", worse)
+    monkeypatch.setattr(refined_numbers, "refine", worse)
     refused = diagnose(runs, effects=effects, advise=False, refine=True)
     assert refused.whole.numbers.tolist() == before.whole.numbers.tolist()
     assert refused.final == before.final

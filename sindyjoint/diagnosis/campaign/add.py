@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.admissible import off_its_ends, off_the_ends
-from sindyjoint.diagnosis.campaign.candidates import fit_effects
+from sindyjoint.diagnosis.campaign.candidates import fit_effect, fit_effects, refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear, without
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -55,6 +55,14 @@ def add_effect(
         repaired = refit(work.rows, repaired.model, effects, work.policy)
     work = replace(work, model=repaired.model)
     return work, replace(repaired, effects=(*shifts, *repaired.effects)), again
+
+
+def without_term(work: Work, name: str) -> Work:
+    """Return the work less a term of its model that an effect of that name is with free numbers."""
+    ids = work.model.ids
+    if name not in ids or len(ids) < 2:
+        return work
+    return replace(work, model=without(work.model, ids.index(name)))
 
 
 def _aligned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tuple[Work, FittedEffect]:
@@ -105,6 +113,8 @@ def _retested(
     for name in [f.name for f in earlier]:
         each = next(f for f in moving if f.name == name)
         others = [f for f in moving if f is not each]
+        if each.variant.states:
+            others = _hysteresis_searched_anew(work, others)
         problem = work.regression(others)
         taken = {f.name for f in others}
         # Memory effects are many times dearer to fit: they are tried again only in the place of one of their own.
@@ -123,6 +133,23 @@ def _retested(
             moving = [best if f is each else f for f in moving]
             again[name] = ranking
     return moving, again
+
+
+def _hysteresis_searched_anew(work: Work, effects: list[FittedEffect]) -> list[FittedEffect]:
+    """Return effects with their hysteresis searched anew.
+
+    Two hysteretic laws share one loop: by the numbers that they have beside each other neither can go.
+    """
+    later = list(effects)
+    for index, each in enumerate(later):
+        if each.variant.states:
+            problem = work.regression(later[:index] + later[index + 1 :])
+            later[index] = max(fit_effect(problem, each.effect), refine_effect(problem, each), key=_gain)
+    return later
+
+
+def _gain(fitted: FittedEffect) -> float:
+    return fitted.gain
 
 
 def _ranked_again(

@@ -17,8 +17,8 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import constant
-from sindyjoint.mechanics.actuator import TONES, Actuator
-from sindyjoint.response.run import prescribed
+from sindyjoint.mechanics.actuator import TONES, Actuator, driven_at
+from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard
@@ -33,7 +33,10 @@ PLANNED: dict[str, str] = {
     "two-tone angle, sin(2*pi*f*t) + 0.8*sin(6*pi*f*t)": "two-tone-3",
     "two-tone angle, sin(2*pi*f*t) + 0.5*sin(10*pi*f*t)": "two-tone-5",
     "triangular angle, five odd harmonics": "triangle",
+    "multisine angle, harmonics 1 to 5 alike": "multisine",
+    "swept angle, from f to 5*f and back in each period": "sweep",
 }
+PLAIN = 4  # of these, that are advised where nothing is known of the actuator
 WAVEFORMS = {words: TONES[name] for words, name in PLANNED.items()}
 #: What is asked for of a joint that a moment drives.
 BY_MOMENT = "sinusoidal moment that moves the joint so far"
@@ -59,12 +62,15 @@ class Design:
         A key of :data:`WAVEFORMS`, or :data:`BY_MOMENT`.
     series : tuple of (int, float, float), optional
         Order, cosine and sine of each harmonic of the angle; default: those of the waveform.
+    duration : float
+        s, at least; it lasts as long as the longest of the campaign, or four periods, in any case.
     """
 
     frequency: float
     level: float
     waveform: str
     series: tuple[tuple[int, float, float], ...] = ()
+    duration: float = 0.0
 
     @property
     def harmonics(self) -> tuple[tuple[int, float, float], ...]:
@@ -97,31 +103,43 @@ def designs(
 ) -> tuple[Design, ...]:
     """Return the runs to choose from: from a tenth to four times the tested frequencies, up to the largest angle.
 
-    With an actuator: over its band, and of what it prescribes alone.
+    With an actuator: over its band, every tone of them, and of what it prescribes alone.
     """
     tested = [s.frequency for s in states if s.frequency]
     if not tested:
         return ()
     middle = float(np.exp(np.mean(np.log(tested))))
     largest = max(_swing(s) for s in states)
-    frequencies = [f * middle for f in FREQUENCIES]
-    if actuator is not None:
-        frequencies = [*dict.fromkeys(np.geomspace(*actuator.band, len(FREQUENCIES)).tolist())]
-    plan = [(float(f"{f:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(frequencies, LEVELS)]
+    usual = tuple(f * middle for f in FREQUENCIES)
+
+    def planned(lowest: float = 1.0, highest: float = 1.0) -> list[tuple[float, float]]:
+        frequencies = usual if actuator is None else _over_band(actuator, lowest, highest)
+        return [(float(f"{f:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(frequencies, LEVELS)]
+
     driven = [s for s in states if s.frequency and not prescribed(s)]
     # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
     least = min((policy.lowest_level * _swing(s) for s in driven), default=np.inf)
     if 2 * len(driven) < len(tested):
         least = np.inf
+    duration = 0.0 if actuator is None else actuator.duration
     moments = [
-        Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))))
-        for f, x in plan
+        Design(f, x, BY_MOMENT, _series(min(driven, key=lambda s: abs(np.log(_swing(s) / x)))), duration)
+        for f, x in planned()
         if x >= least
     ]
-    angles = [Design(f, x, waveform) for waveform, (f, x) in product(WAVEFORMS, plan)]
-    if actuator is not None:
-        return tuple(moments if actuator.drive == "moment" else angles)
-    return (*moments, *angles)
+    if actuator is not None and actuator.drive == "moment":
+        return tuple(moments)
+    words = [*PLANNED][: None if actuator is not None else PLAIN]
+    angles = [
+        Design(f, x, each, duration=duration) for each in words for f, x in planned(*driven_at(PLANNED[each]))
+    ]
+    return tuple(angles) if actuator is not None else (*moments, *angles)
+
+
+def _over_band(actuator: Actuator, lowest: float, highest: float) -> tuple[float, ...]:
+    """Return frequencies, Hz, of which these multiples lie in the actuator's band."""
+    low, high = actuator.band[0] / lowest, actuator.band[1] / highest
+    return tuple(dict.fromkeys(np.geomspace(low, high, len(FREQUENCIES)).tolist())) if low <= high else ()
 
 
 def within(design: Design, actuator: Actuator, model: JointModel) -> bool:
@@ -149,12 +167,13 @@ def expected_states(
 ) -> ForceStates:
     """Return the force states that a run would have, its moment left at zero.
 
-    It is as long as the longest of the campaign, or four periods, and as noisy as the one of the nearest level.
+    It is as noisy as the one of the nearest level.
     """
     like = min(states, key=lambda s: abs(np.log(_swing(s) / design.level)))
     highest = design.highest
     sample_rate = max(like.sample_rate, SAMPLES_PER_PERIOD * highest)
-    length = max(max(s.n_samples / s.sample_rate for s in states), LEAST_PERIODS / design.frequency)
+    longest = max(s.n_samples / s.sample_rate for s in states)
+    length = max(longest, LEAST_PERIODS / design.frequency, design.duration)
     periods = int(length * design.frequency + 1e-9)
     time = np.arange(round(periods / design.frequency * sample_rate)) / sample_rate
     # Reversals between samples, as anywhere in a record.

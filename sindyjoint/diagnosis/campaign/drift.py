@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
 
@@ -91,3 +93,13 @@ def without_drift(run: Run, drift: ChannelDrift) -> Run:
     if drift.effect == "moment_drift":
         return replace(run, moment=run.moment - ramp)
     return replace(run, angle=run.angle - ramp)
+
+
+def drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
+    """Return the step that a drifting channel put right is."""
+    slope = float(np.median(list(drift.slopes.values())))
+    # A slope of so many standard errors, tempered as likelihoods of effects are.
+    belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2 / policy.temper)))
+    unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
+    units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
+    return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": slope}, (), before, after, units)

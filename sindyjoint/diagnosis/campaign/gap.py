@@ -18,7 +18,8 @@ from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.compared import pooled_errors
-from sindyjoint.response.run import moment_scale, pooled_nrmse, prescribed
+from sindyjoint.response.drive import prescribed
+from sindyjoint.response.run import moment_scale, pooled_nrmse
 from sindyjoint.states import ForceStates, pooled_noise
 
 
@@ -73,7 +74,7 @@ def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:
     """Return the noise of what answers, pooled as responses are: of the moment where the motion was the drive."""
     floors = []
     for s in states:
-        if inertia > 0 and not prescribed(s):
+        if inertia > 0 and not prescribed(s, inertia=inertia):
             scale = float(np.std(s.angle))
             floors.append(("angle", s.noise.angle / scale, scale))
         else:

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import fit_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression
@@ -26,7 +25,6 @@ from sindyjoint.states import ForceStates
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
-Array = NDArray[np.float64]
 
 CONSTANT, ZERO = "constant_moment", "angle_offset"
 # Zeros that are tried, as shares of the largest angle, about that of the terms and a constant; then half as far apart.
@@ -43,7 +41,9 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     constant = next((e for e in straight.candidates if e.id == CONSTANT), None)
     offset = next((e for e in straight.candidates if e.id == ZERO), None)
     centred = [e for e in straight.candidates if _has_middle(e)]
-    if not zeros or constant is None or offset is None or not centred:
+    # An odd and an even law beside each other may be one law about another middle.
+    centres = [e for e in last.found if e.name in {each.id for each in centred}]
+    if not (zeros or len(centres) > 1) or constant is None or offset is None or not centred:
         return None
     if not others and last.gap.moment <= straight.policy.within_floors * last.noise_floor.moment:
         return None

@@ -102,7 +102,19 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     shifts = tuple(e for e in problem.found if e.shifts)
     extra = [t for t in model.terms if t.id not in known and t.id != INERTIA]
     dropped = tuple(sorted(known - set(model.ids)))
-    return later, _steps(later, problem.gap, extra, shifts, dropped)
+    return _as_few_as_needed(later, _steps(later, problem.gap, extra, shifts, dropped))
+
+
+def _as_few_as_needed(problem: Problem, steps: tuple[Step, ...]) -> tuple[Problem, tuple[Step, ...]]:
+    """Return the problem and its steps without the last ones where those before leave noise and nothing repeats."""
+    if problem.noise_measured:
+        return problem, steps
+    for place, step in enumerate(steps[:-1], 1):
+        if problem.within_floor(step.gap_after):
+            smaller = _without(problem.work.model, {later.effect for later in steps[place:]})
+            fewer = problem.with_model(refit(problem.work.rows, smaller, (), problem.policy).model)
+            return fewer, (*steps[: place - 1], replace(step, gap_after=fewer.gap))
+    return problem, steps
 
 
 def _steps(

@@ -15,20 +15,16 @@ Array = NDArray[np.float64]
 
 
 def hidden_pair(
-    problem: GapRegression, fitted: Sequence[FittedEffect], columns: Sequence[Array] | None = None
+    problem: GapRegression, fitted: Sequence[FittedEffect]
 ) -> tuple[FittedEffect, FittedEffect] | None:
     """Return the two effects that together win clearly more than the best one and any companion, or None.
 
     Nonlinear parameters stay as each effect alone has them. The first of the two is the one that wins more alone.
-    ``columns`` are the whitened ones of each effect, where they are not those of the moment.
     """
-    if columns is None:
-        fitted = [f for f in fitted if f.effect.enters == "moment"]
-        columns = [effect_rows(problem.runs, f) for f in fitted]
-    usable = list(fitted)
+    usable = [f for f in fitted if f.effect.enters == "moment"]
     if len(usable) < 3:
         return None
-    columns = [problem.projected(c) for c in columns]
+    columns = [problem.projected(effect_rows(problem.runs, f)) for f in usable]
     best = max(range(len(usable)), key=lambda i: usable[i].gain)
     gains = {
         pair: _gain([columns[i] for i in pair], problem.residual, [usable[i] for i in pair])

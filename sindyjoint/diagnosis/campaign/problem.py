@@ -10,7 +10,8 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
+from sindyjoint.diagnosis.campaign import anew
+from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
 from sindyjoint.diagnosis.campaign.admissible import (
     law_complaint,
     number_complaint,
@@ -18,7 +19,13 @@ from sindyjoint.diagnosis.campaign.admissible import (
     yield_complaint,
 )
 from sindyjoint.diagnosis.campaign.candidates import fit_effects
-from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, with_kept_runs, without_drift
+from sindyjoint.diagnosis.campaign.drift import (
+    ChannelDrift,
+    drift_step,
+    find_drift,
+    with_kept_runs,
+    without_drift,
+)
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
@@ -41,8 +48,8 @@ from sindyjoint.diagnosis.campaign.start import (
     first_model,
     is_free,
 )
-from sindyjoint.diagnosis.campaign.unnamed.budget import explained_by_state, make_budget
-from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
+from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget, unexplained_once
+from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, series_probability
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.inputs import input_effects
@@ -53,7 +60,6 @@ from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
-from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import JointModel
 from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
@@ -63,7 +69,7 @@ from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
 from sindyjoint.text import in_words_of
 
-BASE = "paper"
+BASE, OWN_ZERO = "paper", "the joint's own zero"
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +158,16 @@ class CampaignProblem(Problem):
         """Whether repetition has measured the noise of every row."""
         return self.regression.repeats
 
+    @property
+    def is_noise(self) -> bool:
+        """Whether what runs left out keep is within their floor: where nothing repeats no more can be told."""
+        return not self.noise_measured and not is_free(self.work.campaign) and self.within_floor(self.gap)
+
+    def within_floor(self, gap: Gap) -> bool:
+        """Return whether a gap is noise: the moment within its floor, the response not clearly above its own."""
+        floor = self.noise_floor
+        return gap.moment <= floor.moment and not gap.response > self.policy.within_floors * floor.response
+
     @cached_property
     def regression(self) -> GapRegression:
         """The rows on model and effects."""
@@ -201,11 +217,11 @@ class CampaignProblem(Problem):
         runs = tuple(without_drift(run, drift) for run in work.runs)
         campaign = work.campaign.with_runs(tuple(without_drift(run, drift) for run in work.campaign.runs))
         states = campaign_states(campaign, rate_share=self.policy.rate_share)
-        rows = gap_runs(states, work.model, work.groups, self.policy)
-        repaired = refit(rows, work.model, self.found, self.policy)
+        own = gap_runs(states, work.model, work.groups, self.policy)
+        repaired = refit(own, work.model, self.found, self.policy)
         later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
         straight = replace(self, work=later, repaired=repaired, drift=drift)
-        return straight, (_drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
+        return straight, (drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability, a clearly better pair before the best single effect.
@@ -238,7 +254,7 @@ class CampaignProblem(Problem):
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
         if candidate is not None:
             ends = number_complaint(candidate, self.regression.reference, self.policy)
-            return ends or yield_complaint(candidate, self.work.rows)
+            return ends or yield_complaint(candidate, self.work.rows, self.policy)
         if any(e.shifts and abs(e.coefficients[0]) >= LONGEST for e in self.found):
             return f"the delay between the channels would be longer than {1e3 * LONGEST:.0f} ms"
         effects = tuple(e for e in self.found if e.effect.enters == "moment")
@@ -246,7 +262,8 @@ class CampaignProblem(Problem):
 
     def add(self, best: FittedEffect) -> Added[Self]:
         """Return the problem with an effect more, everything fitted together."""
-        work, repaired, again = add_effect(self.work, self.found, best, self.candidates)
+        begun = without_term(self.work, best.name)
+        work, repaired, again = add_effect(begun, self.found, best, self.candidates)
         return Added(replace(self, work=work, repaired=repaired), again)
 
     def replaced(self, name: str, other: FittedEffect) -> Self | None:
@@ -257,6 +274,18 @@ class CampaignProblem(Problem):
         work, repaired, _ = add_effect(self.work, others, other, ())
         return replace(self, work=work, repaired=repaired)
 
+    zero_errors = anew.zero_errors
+    ranked_again = anew.ranked_again
+
+    def without_delay(self) -> tuple[Self, str] | None:
+        """Return the problem with the channels in their own time, and what its delay is called; None without one."""
+        found = anew.without_delay(self.work, self.repaired)
+        return None if found is None else (replace(self, work=found[0], repaired=found[1]), found[2])
+
+    def gap_without(self, names: Collection[str]) -> Gap:
+        """Return the gap without some of the effects, the others fitted anew."""
+        return anew.gap_without(self.work, self.found, names) if names else self.gap
+
     def units(self, fitted: FittedEffect) -> dict[str, str]:
         """Return the units of an effect's parameters."""
         return fitted.variant.units(self.work.campaign.joint.motion)
@@ -266,12 +295,11 @@ class CampaignProblem(Problem):
 
         The coefficients of free motion are refined on the simulated response instead.
         """
-        if not is_free(self.work.campaign):
-            unbiased, notes = without_bias(self.work, self.repaired)
-            return self if unbiased is self.repaired else replace(self, repaired=unbiased, notes=notes)
-        return replace(
-            self, repaired=refined(self.work.campaign, self.work.states, self.work.rows, self.repaired)
-        )
+        work = self.work
+        if is_free(work.campaign):
+            return replace(self, repaired=refined(work.campaign, work.states, work.rows, self.repaired))
+        unbiased, notes = without_bias(work, self.repaired)
+        return self if unbiased is self.repaired else replace(self, repaired=unbiased, notes=notes)
 
     @cached_property
     def whole(self) -> JointModel:
@@ -297,11 +325,9 @@ class CampaignProblem(Problem):
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
         """Return the start from the joint's own zero, where the search found a zero error."""
-        if self.drift is not None:
-            return None
-        say("the joint's own zero")
-        found = zero_start(straight, last)
-        return None if found is None else Start(*found, "the joint's own zero", straight)
+        say(OWN_ZERO)
+        found = None if self.drift is not None else zero_start(straight, last)
+        return None if found is None else Start(*found, OWN_ZERO, straight)
 
     def with_model(self, model: JointModel) -> Self:
         """Return the problem of another model, fitted to these states; delays removed from them stay so."""
@@ -314,28 +340,18 @@ class CampaignProblem(Problem):
         first, last, policy = straight.regression, self.regression, self.policy
         # Free motion has measured its noise from half-cycle to half-cycle.
         measured = all(run.folded or run.half_cycles is not None for run in first.runs)
-        outside = 0.0
-        if self.found and last.repeats:
-            outside = outside_probability(first, last, self.found)
+        outside, known = 0.0, {*straight.work.model.ids, CONSTANT}
+        terms = len(set(self.repaired.model.ids) - known)
+        if (self.found or terms) and last.repeats:
+            outside = outside_probability(first, last, self.found, terms)
         most = policy.unexplained if measured else policy.unexplained_once
         if self.drift is not None:
             return Residual(0.0, most, outside)
         if measured:
-            share = share_beyond_noise(
-                (first.chi_square, first.degrees), (last.chi_square, last.degrees), policy
-            )
-            return Residual(share, most, outside)
-        return Residual(self._unexplained_once(straight), most, outside)
-
-    def _unexplained_once(self, first: Self) -> float:
-        """Return the same share where nothing repeats: what a law without memory could still win, cross-validated."""
-        # Where no noise is known none is subtracted: what a law could win is then not booked as noise.
-        noise, initial = float(np.nan_to_num(first.noise_floor.moment)), first.gap.moment
-        beyond = initial**2 - noise**2
-        if beyond <= 0 or self.gap.moment <= self.policy.significant_gap * noise:
-            return 0.0
-        could = explained_by_state(self.regression) * (self.gap.moment**2 - noise**2)
-        return float(np.clip(could / beyond, 0.0, 1.0))
+            ends = ((first.chi_square, first.degrees), (last.chi_square, last.degrees))
+            return Residual(share_beyond_noise(*ends, policy), most, outside)
+        share = unexplained_once(straight.gap.moment, self.gap.moment, straight.noise_floor.moment, last)
+        return Residual(share, most, outside, series=series_probability(self.found, terms, known, policy))
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""
@@ -359,8 +375,7 @@ class CampaignProblem(Problem):
         self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
     ) -> tuple[Advice, ...]:
         """Return the runs that would tell the members of a class apart."""
-        rivals = [f.effect for f in ranking.members[1:]]
-        return separating_runs(self.work, self.found, step, rivals, effort, self.actuator)
+        return separating_runs(self.work, self.found, step, ranking.members[1:], effort, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
@@ -381,12 +396,3 @@ class CampaignProblem(Problem):
             if found["steps"]
             else (),
         )
-
-
-def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
-    slope = float(np.median(list(drift.slopes.values())))
-    # A slope of so many standard errors, tempered as likelihoods of effects are.
-    belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2 / policy.temper)))
-    unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
-    units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
-    return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": slope}, (), before, after, units)

@@ -66,7 +66,7 @@ def refit(
             break
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
-        model = _without(model, int(least))
+        model = without(model, int(least))
     model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
     later, k = [], size
     for each in effects:
@@ -169,7 +169,8 @@ def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
     return np.sqrt(np.mean(columns**2, axis=0))
 
 
-def _without(model: JointModel, index: int) -> JointModel:
+def without(model: JointModel, index: int) -> JointModel:
+    """Return a model without one of its terms."""
     terms = tuple(t for i, t in enumerate(model.terms) if i != index)
     keep = [i for i in range(len(model.terms)) if i != index]
     covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()
@@ -200,7 +201,8 @@ def held_out_gap(
         used, rows, others = plain, white, ~white_out
         train = [run for run in runs if run.group != group]
         if train and len(train) < len(runs) and any(e.values.size for e in effects):
-            later = refit_nonlinear([run.rough() for run in train], model, effects, policy)
+            # Along the motion itself: a kink that is followed roughly has its numbers elsewhere.
+            later = refit_nonlinear(train, model, effects, policy)
             used = np.vstack([all_columns(run, model, later) for run in runs])
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])

@@ -33,7 +33,11 @@ def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect])
     return pooled_nrmse(errors)
 
 
-def processing_error(work: Work, most: int = 4) -> float:
+# Runs whose simulations tell what the processing leaves, at most.
+MOST_SIMULATED = 4
+
+
+def processing_error(work: Work) -> float:
     """Return what the processing leaves of the model's own simulation: mean square over that of the moment.
 
     The measured moment drives the model; its angle, with no noise of its own, goes through the same processing. Rows of
@@ -44,7 +48,9 @@ def processing_error(work: Work, most: int = 4) -> float:
     if known:
         own = np.concatenate([row.target for row in work.rows if row.processing is not None])
         return float(np.mean(np.concatenate(known) ** 2) / np.mean(own**2))
-    chosen = [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(most, len(runs))).astype(int))]
+    chosen = [
+        runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(MOST_SIMULATED, len(runs))).astype(int))
+    ]
     made = []
     for run in chosen:
         result = simulated(run, force_states(run), model, (), work.policy)

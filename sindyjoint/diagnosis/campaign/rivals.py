@@ -22,7 +22,6 @@ from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -60,14 +59,17 @@ def separating_runs(
     work: Work,
     found: Sequence[FittedEffect],
     step: Step,
-    rivals: Sequence[Effect],
+    rivals: Sequence[FittedEffect],
     effort: Effort,
     actuator: Actuator | None = None,
 ) -> tuple[Advice, ...]:
     """Return up to two runs that separate the class of a named effect best, as far as the effort goes.
 
+    ``rivals`` are the other members of the class, each as the data have it: what it would do where nothing was measured
+    is what the data say of it, and not what comes nearest to the effect that was named.
     With an actuator: of those that it can make.
-    Where no run does, the advice says so: its frequency and level are zero.
+    Where no run does, the advice says so: its frequency and level are zero. With an actuator it is then the runs along
+    which the rivals, as they are, differ most: what the data hold for true of them may still change with these.
     """
     mine = next((f for f in found if f.name == step.effect), None)
     if mine is None or not rivals:
@@ -77,14 +79,14 @@ def separating_runs(
         runs = tuple(each for each in runs if within(each, actuator, work.model))
     motion = work.model.joint.motion
     if not runs:
-        channels = any(each.enters != "moment" for each in (mine.effect, *rivals))
+        channels = any(each.effect.enters != "moment" for each in (mine, *rivals))
         none = READ_ZEROS if channels else NO_FREQUENCY if actuator is None else NOT_WITHIN
         return (Advice(step.members, 0.0, 0.0, in_words_of(motion, none), step.probability),)
     effort.planned += len(runs)
     others = [f for f in found if f is not mine and not f.shifts]
     rows = shortened(work.rows)
     rivals = _affordable(rows, mine, rivals, effort, work.policy)
-    search = _Rivals(rows, work, others, mine, runs, effort)
+    search = _Rivals(rows, work, others, mine, runs, effort, actuator is not None)
     try:
         search.fit(rivals, step)
     except Spent:
@@ -95,14 +97,14 @@ def separating_runs(
 def _affordable(
     rows: Sequence[GapRun],
     mine: FittedEffect,
-    rivals: Sequence[Effect],
+    rivals: Sequence[FittedEffect],
     effort: Effort,
     policy: DiagnosisPolicy,
-) -> Sequence[Effect]:
+) -> Sequence[FittedEffect]:
     """Return the likeliest rivals, as many as one round of the search can hold against each other; at least one."""
     for count in range(min(len(rivals), policy.most_rivals - 1), 1, -1):
-        every = (mine.effect, *rivals[:count])
-        pairs = sum(trials_of(rows, each) for each in every) * count
+        every = (mine, *rivals[:count])
+        pairs = sum(trials_of(rows, each.effect) for each in every) * count
         # Fitted to each other, refined on a few runs, and searched anew on about as many.
         if 3 * pairs <= effort.work:
             return rivals[:count]
@@ -120,25 +122,25 @@ class _Rivals:
         mine: FittedEffect,
         runs: Sequence[Design],
         effort: Effort,
+        in_any_case: bool = False,
     ) -> None:
+        self.in_any_case = in_any_case
         self.rows, self.states, self.model, self.policy = tuple(rows), work.states, work.model, work.policy
         self.others, self.runs = tuple(others), tuple(runs)
         self.members: tuple[FittedEffect, ...] = (mine,)
         self._effort = [effort]
         # Each rival in the shape in which it comes nearest to each of the others, as far as was measured.
         self.shapes: list[list[FittedEffect]] = []
+        # The runs that promise most with the rivals as they are.
+        self.first: tuple[Design, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         # Other processes do not keep account.
         return {**vars(self), "_effort": []}
 
-    def fit(self, rivals: Sequence[Effect], step: Step) -> None:
-        """Fit the rivals to what the effect that was named adds to the moment, then each to each."""
-        mine = self.members[0]
-        work = [trials_of(self.rows, each) for each in rivals]
-        problem = _as_if(self.rows, self.model, self.others, mine, self.policy)
-        fitted = self._counted("search", rivals, max(work), _fit_rival, [problem], "advice: fitting rivals")
-        self.members = (mine, *fitted)
+    def fit(self, rivals: Sequence[FittedEffect], step: Step) -> None:
+        """Fit each member of the class to each other."""
+        self.members = (self.members[0], *rivals)
         known = {step.effect: step.probability, **dict(step.rivals)}
         weights = np.array([max(known.get(each.name, 0.0), 1e-3) for each in self.members])
         self.weights = weights / weights.sum()
@@ -199,6 +201,11 @@ class _Rivals:
         if advice:
             return advice
         channels = any(each.effect.enters != "moment" for each in self.members)
+        if self.in_any_case and self.first and not channels:
+            return [
+                Advice(names, each.frequency, each.level, in_words_of(motion, each.waveform), before)
+                for each in self.first[: policy.most_runs]
+            ]
         return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else in_words_of(motion, NO_RUN), before)]
 
     def _best(self, added: Sequence[GapRun], least: tuple[float, float]) -> Promise | None:
@@ -238,6 +245,10 @@ class _Rivals:
         tried = [each for each in coarse if each is not None]
         tried.sort(key=lambda each: each[:2], reverse=True)
         best = [each[2:] for each in tried[:FINE]]
+        if not added:
+            # Of each waveform one: of its neighbours the next best says the same.
+            waves = {each[0].waveform: each[0] for each in reversed([each[2:] for each in tried])}
+            self.first = tuple(each for each, _ in (t[2:] for t in tried) if waves[each.waveform] is each)
         stage = "advice: the rivals refined on the best runs"
         work = REFINING * len(self.members) * self.pairs
         return self._counted("refinement", best, work, _fine, [self, tuple(added)], stage, 1)
@@ -332,10 +343,6 @@ class _Rivals:
 
 def _searched(rivals: _Rivals, added: Sequence[GapRun], index: int) -> NDArray[np.float64]:
     return rivals.evidence(added, index, "searched")
-
-
-def _fit_rival(problem: GapRegression, rival: Effect) -> FittedEffect:
-    return fit_effect(problem, rival)
 
 
 def _shapes(rivals: _Rivals, index: int) -> list[FittedEffect]:

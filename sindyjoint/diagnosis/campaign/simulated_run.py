@@ -13,7 +13,8 @@ from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
-from sindyjoint.response.run import SUBSTEPS, Drive, SimulatedRun, prescribed, simulate_run
+from sindyjoint.response.drive import Drive, prescribed
+from sindyjoint.response.run import SUBSTEPS, SimulatedRun, simulate_run
 from sindyjoint.states import ForceStates
 
 
@@ -25,11 +26,16 @@ def simulated(
     policy: DiagnosisPolicy = CAMPAIGN,
     substeps: int = SUBSTEPS,
     response_only: bool = False,
+    spurious: bool = False,
 ) -> SimulatedRun | None:
-    """Return a run beside its simulation with the channel errors that were found put right; None where it failed."""
+    """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
+
+    Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
+    With ``spurious`` a motion whose few harmonics may be noise was the drive, too.
+    """
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
-    motion = prescribed(states)
+    motion = prescribed(states, spurious, inertia=model.inertia)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)

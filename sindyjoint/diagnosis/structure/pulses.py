@@ -6,15 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.result import Advice
 from sindyjoint.diagnosis.structure.output_error import PulseProblem
 from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.mechanics.rigs import MeasuredResponse
-
-Array = NDArray[np.float64]
 
 # Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
 FORCES = (1.0, 0.3, 3.0)

@@ -85,6 +85,9 @@ class RunsProblem:
             raise InputError(
                 f"no model of {missing[0]!r}; every kind of joint needs one: {', '.join(sorted(set(test.kinds)))}"
             )
+        recoveries = [each for each in recoveries if each.spectra.repeats]
+        if not recoveries:
+            raise InputError("no run repeats; the steady response is simulated of runs whose drive does")
         kinds = tuple(
             JointKind.of(name, tuple(np.flatnonzero([k == name for k in test.kinds]).tolist()), models[name],
                          policy.model_error)
@@ -131,7 +134,7 @@ class RunsProblem:
             [free, *(c.high for c in changes)]
         )
 
-    def parts(self, x: Array) -> dict[str, Array]:
+    def parts(self, x: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return the numbers of each kind among those of the base."""
         ends = np.cumsum([self.numbers, *(kind.size for kind in self.kinds)])
         return {k.name: x[a:b] for k, a, b in zip(self.kinds, ends[:-1], ends[1:], strict=True)}

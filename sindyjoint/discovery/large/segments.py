@@ -209,5 +209,5 @@ def _gather_short(
     rows = regression_rows([state], inertia)
     group, run = (np.full(rows.y.size, name, dtype=object) for name in (label, state.run))
     labels = RowLabels.labelled(group, run, rows.blocks)
-    replicate = rows.X_replicate, rows.y_replicate
-    return gather(terms, rows.X, rows.y, labels, None, *replicate, inputs=inputs).runs[0]
+    whole = Rows(rows.X, rows.y)
+    return gather(terms, whole, labels, whole.again(rows.X_replicate, rows.y_replicate), inputs).runs[0]

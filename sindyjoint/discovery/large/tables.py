@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.accumulate import FactorSum, Tiles
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
-from sindyjoint.discovery.large.passes import Segment, largest_of, pass_over, relative
+from sindyjoint.discovery.large.passes import Passed, Segment, largest_of, pass_over, relative
 from sindyjoint.discovery.rows import PARTS, SEGMENTS
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
@@ -30,7 +29,6 @@ from sindyjoint.parallel import executor, ordered_map
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
 
-Array = NDArray[np.float64]
 
 # Rows read at once: a few megabytes.
 READ = 1 << 17
@@ -64,6 +62,10 @@ class RowTask:
     inertia: float | None
     function: TermFunction | None
     size: int = READ
+
+
+# Name, group, file and edges of the blocks of a run.
+RunSegments = tuple[str, str, Path, list[int]]
 
 
 def discover_rows(
@@ -156,14 +158,19 @@ def discover_rows(
             with_acceleration=len(names) == 4 and inertia is None,
             say=say,
         )
+    say("selecting terms")
+    ids = tuple(term.id for term in passed.terms)
+    return regressor.fit_evidence(passed.terms, Evidence(ids, _evidence_of(runs, passed)), passed.reference)
+
+
+def _evidence_of(runs: Sequence[RunSegments], passed: Passed) -> tuple[RunEvidence, ...]:
+    """Return the factors of the segments, run by run."""
     factors = iter(factor for part in passed.segments for factor in part.factors)
     evidence = []
     for name, group, _, edges in runs:
         blocks = tuple(next(factors) for _ in edges[1:])
         evidence.append(RunEvidence(name, group, merge(blocks), blocks))
-    say("selecting terms")
-    ids = tuple(term.id for term in passed.terms)
-    return regressor.fit_evidence(passed.terms, Evidence(ids, tuple(evidence)), passed.reference)
+    return tuple(evidence)
 
 
 def _read_stated_scales(
@@ -212,7 +219,7 @@ def run_rows(task: RowTask) -> Segment:
     return Segment(() if total is None else (total.factor(),), top, rows, rows)
 
 
-def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[tuple[str, str, Path, list[int]]]:
+def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[RunSegments]:
     """Return name, group, file and edges of the blocks of every run."""
     if groups is not None and len(groups) != len(paths):
         raise InputError(f"{len(groups)} group(s) for {len(paths)} file(s); expected one each")

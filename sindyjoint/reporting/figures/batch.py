@@ -9,7 +9,17 @@ import numpy as np
 
 from sindyjoint.batch.summary import TEMPERATURE
 from sindyjoint.reporting.figures.kind import MOST_PANELS, Kind, by_name
-from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, prefixed, shortened
+from sindyjoint.reporting.style import (
+    ACCENT,
+    INK,
+    MUTED,
+    PALETTE,
+    RULE,
+    plain,
+    prefixed,
+    pretty_unit,
+    shortened,
+)
 from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
@@ -77,7 +87,8 @@ def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     factor, unit = _scale(values, result.units[term])
     (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
     use = np.isfinite(values) & np.isfinite(x)
-    shift = KELVIN if trend.covariate == TEMPERATURE else 0.0
+    of = result.covariate_units.get(trend.covariate, "")
+    shift = KELVIN if trend.covariate == TEMPERATURE and of == "K" else 0.0
     _points(ax, x - shift, factor * values, factor * errors, scatter, use)
     centre = float(np.mean(x[use]))
     level = float(np.median(values[use] - trend.slope * (x[use] - centre)))
@@ -86,7 +97,8 @@ def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     half = NORMAL95 * trend.slope_error * np.abs(line - centre)
     ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
     ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
-    ax.set_xlabel("temperature (°C)" if trend.covariate == TEMPERATURE else plain(trend.covariate))
+    unit_of = f" ({'°C' if shift else pretty_unit(of)})" if of else ""
+    ax.set_xlabel(plain(trend.covariate + unit_of))
     ax.set_ylabel(f"{spelled(term, result.motion)} ({unit})")
     ax.set_title(
         f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),

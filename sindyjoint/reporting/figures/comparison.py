@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.figures.evidence import dependence
 from sindyjoint.reporting.figures.kind import Kind, by_name, fixed
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, shortened
@@ -41,12 +40,12 @@ def inclusion(result: Comparison, ax: Axes) -> Axes:
     for y, (_, values) in enumerate(rows):
         for x, value in enumerate(values):
             if value > 0:
-                colour = PALETTE[0] if terms[x] in PAPER_TERMS else PALETTE[1]
+                colour = PALETTE[0] if terms[x] in result.wanted else PALETTE[1]
                 # Area tells the share of replicates; a full square is a certain choice.
                 ax.add_patch(_square(x, y, 0.86 * np.sqrt(value), colour))
     for end in ends:
         ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
-    ax.axvline(len(PAPER_TERMS) - 0.5, color=INK, linewidth=0.8)
+    ax.axvline(len(result.wanted) - 0.5, color=INK, linewidth=0.8)
     ax.set_xlim(-0.5, len(terms) - 0.5)
     ax.set_ylim(len(rows) - 0.5, -0.5)
     names = [spelled(term, result.motion) for term in terms]

@@ -248,7 +248,8 @@ def _trends(result: Batch) -> TextTable:
     """Return the trends, the surest first."""
     rows: list[tuple[str, ...]] = []
     for t in sorted(result.population.trends, key=lambda t: t.p_value):
-        per = f"{pretty_unit(result.units[t.coefficient])} per {'K' if t.covariate == 'temperature' else 'step'}"
+        step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
+        per = f"{pretty_unit(result.units[t.coefficient])} per {step}"
         rows.append(
             (
                 f"{spelled(t.coefficient, result.motion)} with {t.covariate}",

@@ -12,7 +12,6 @@ from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.comparison import KINDS
 from sindyjoint.reporting.page import markup
@@ -124,7 +123,14 @@ class ComparisonView(View[Comparison, Comparison]):
         )
         choices = _choice_rows(result)
         load = quantities(result.motion).moment.lower()
-        columns = ("", "terms", "residual", f"left-out {load}", "response", "instead of the paper's five")
+        columns = (
+            "",
+            "terms",
+            "residual",
+            f"left-out {load}",
+            "response",
+            f"instead of {result.paper_set.removesuffix(' terms')}",
+        )
         print_wrapped(terminal_table(columns, choices, "lrrrrl"), console)
         console.print(f"\n{escape(result.agreement)}")
         if result.tests:
@@ -170,7 +176,7 @@ def _title(result: Comparison) -> str:
 def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
     rows = []
     for term in result.shown_ids:
-        if any(choice[term] for choice in choices) or term in PAPER_TERMS:
+        if any(choice[term] for choice in choices) or term in result.wanted:
             rows.append(
                 (
                     f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})",
@@ -357,7 +363,7 @@ def _given_model(given: GivenModel, motion: str) -> TextTable:
 
 
 def _difference(choice: Choice, motion: str) -> str:
-    """Return what a choice has instead of the paper's five terms."""
+    """Return what a choice has instead of the paper's terms."""
     if not choice.terms:
         return "no model"
     if choice.agrees:

@@ -14,7 +14,7 @@ from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml
 from sindyjoint.reporting.figures import diagnosis, structure
 from sindyjoint.reporting.page import markup, number
-from sindyjoint.reporting.style import prefixed, pretty_unit
+from sindyjoint.reporting.style import amount, pretty_unit
 from sindyjoint.reporting.tables import model_table
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, terminal_table
 from sindyjoint.reporting.view import View
@@ -142,7 +142,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             "badge": badge,
             "headline": headline,
             "facts": [*gaps, ("Effects named", str(len(result.steps)), named)],
-            "advices": [f"T{advice_words(a, _amount(a.level, unit), motion)[1:]}." for a in result.advice],
+            "advices": [f"T{advice_words(a, amount(a.level, unit), motion)[1:]}." for a in result.advice],
             "not_sought": f"{text[:1].upper()}{text[1:]}." if (text := _not_sought(result)) else "",
             "equation": markup("".join(lines)),
         }
@@ -285,8 +285,3 @@ def _pair(gap: Gap) -> tuple[float, float]:
 def _floor(value: float) -> str:
     """Return a noise floor in per cent, or that it could not be measured."""
     return percent(value) if np.isfinite(value) else "unknown"
-
-
-def _amount(value: float, unit: str) -> str:
-    factor, prefixed_unit = prefixed(value, unit)
-    return f"{value * factor:.3g} {prefixed_unit}"

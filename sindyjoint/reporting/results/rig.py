@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.reporting.figures.rig import KINDS, RigFigures, figures_of
-from sindyjoint.reporting.style import prefixed
+from sindyjoint.reporting.style import amount
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.workflows.rig import RigMotion
@@ -78,7 +78,7 @@ class RigView(View[RigMotion, RigFigures]):
             print_whole(terminal_table([column.lower() for column in table.columns], table.rows), console)
             console.print()
         for name, values in result.response.displacement.items():
-            deflection = _amount(float(np.abs(values).max()), "m")
+            deflection = amount(float(np.abs(values).max()), "m")
             console.print(f"largest deflection at {escape(name)}: {deflection}")
         for warning in result.warnings:
             console.print(f"- {escape(warning)}")
@@ -97,21 +97,16 @@ def _joint_rows(result: RigMotion) -> tuple[tuple[str, ...], ...]:
     rows = [
         (
             name,
-            _amount(float(np.abs(response.angle[index]).max()), "rad"),
+            amount(float(np.abs(response.angle[index]).max()), "rad"),
             f"{100 * response.stuck[index].mean():.1f} %",
             f"{result.last_slips[index]:.2f} s",
-            _amount(result.heat[name], "J"),
+            amount(result.heat[name], "J"),
             f"{100 * (result.heat[name] / total):.1f} %",
         )
         for index, name in enumerate(response.joints)
     ]
     lost = response.beam_dissipation
-    return (*rows, ("beams", DASH, DASH, DASH, _amount(lost, "J"), f"{100 * (lost / total):.1f} %"))
-
-
-def _amount(value: float, unit: str) -> str:
-    factor, shown = prefixed(value, unit)
-    return f"{value * factor:.3g} {shown}"
+    return (*rows, ("beams", DASH, DASH, DASH, amount(lost, "J"), f"{100 * (lost / total):.1f} %"))
 
 
 def response_csv(result: RigMotion) -> str:

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from sindyjoint.discovery.delay import estimate_delay, reference_of, shifted
-from sindyjoint.equation.catalogue import load_catalogue, term_columns
+from sindyjoint.discovery.delay import estimate_delay, law_of_channels, reference_of, shifted
+from sindyjoint.equation.catalogue import term_columns
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import scaled_least_squares
@@ -20,6 +21,8 @@ from sindyjoint.states.build import force_states
 from sindyjoint.states.record import ForceStates
 
 Array = NDArray[np.float64]
+# Reaches of memory that are tried, in parts of the swing or of the time in which it is swept.
+MEMORIES = (0.03, 0.1, 0.3, 1.0)
 
 
 def find_broadband_delay(campaign: Campaign, runs: Sequence[Run], words: Words) -> Iterator[Finding]:
@@ -60,10 +63,7 @@ def find_broadband_delay(campaign: Campaign, runs: Sequence[Run], words: Words) 
 def _measure(runs: Sequence[Run], inertia: float | None) -> tuple[float, float] | None:
     """Return a delay that stands out and its standard error, s, or None."""
     states = [force_states(run) for run in runs]
-    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
-    if inertia is None:
-        law = law.union(load_catalogue("inertia"))
-    terms = law.resolve(reference_of(states))
+    terms = law_of_channels(inertia).resolve(reference_of(states))
     delay = estimate_delay(states, terms, inertia)
     size, contrast = abs(delay.time), abs(delay.time) / max(delay.standard_error, 1e-300)
     if not (POLICY.least_delay < size < POLICY.longest_broadband and contrast > POLICY.broadband_contrast):
@@ -71,15 +71,55 @@ def _measure(runs: Sequence[Run], inertia: float | None) -> tuple[float, float] 
     before = _misfit(states, terms, inertia)
     left = _misfit([shifted(s, delay.time) for s in states], terms, inertia)
     won = (before / max(left, 1e-12)) ** 2 - 1
-    stands = won > POLICY.broadband_gain and left < POLICY.broadband_left
-    return (delay.time, delay.standard_error) if stands else None
+    if not (won > POLICY.broadband_gain and left < POLICY.broadband_left):
+        return None
+    # A law with memory lags as well: what it explains better than a delay is no fault of the data.
+    remembered = min(_misfit(states, terms, inertia, memory) for memory in _memories(states))
+    if remembered < POLICY.broadband_memory * left:
+        return None
+    return delay.time, delay.standard_error
 
 
-def _misfit(states: Sequence[ForceStates], terms: Sequence[ResolvedTerm], inertia: float | None) -> float:
-    """Return the RMS that the law leaves of the moving samples, in parts of the moment's."""
+def _memories(states: Sequence[ForceStates]) -> Iterator[Sequence[Array]]:
+    """Yield the states of laws with memory, an array for each of the states given.
+
+    Relaxation, ż = ω − z/τ, over times about that of the motion, and presliding, dz/dθ = 1 − sgn(ω)·z/θ_y (Dahl 1968),
+    over angles below the largest.
+    """
+    swing = max(float(np.max(np.abs(s.angle))) for s in states)
+    fastest = max(float(np.max(np.abs(s.rate))) for s in states)
+    for share in MEMORIES:
+        yield [_relaxed(s.angle, 1 / s.sample_rate, share * swing / fastest) for s in states]
+        yield [_along_path(s.angle, share * swing) for s in states]
+
+
+def _relaxed(angle: Array, step: float, time: float) -> Array:
+    forget = np.exp(-step / time)
+    return np.asarray(lfilter([1.0], [1.0, -forget], np.diff(angle, prepend=angle[0])))
+
+
+def _along_path(angle: Array, reach: float) -> Array:
+    """Return the presliding state: over the travelled path it is a relaxation."""
+    path = np.cumsum(np.abs(np.diff(angle, prepend=angle[0])))
+    # Noise travels, too: no finer than there are samples.
+    grid = np.linspace(0.0, path[-1], int(np.clip(path[-1] / reach * 20, 100, 4 * angle.size)))
+    state = _relaxed(np.interp(grid, path, angle), grid[1], reach)
+    return np.asarray(np.interp(path, grid, state))
+
+
+def _misfit(
+    states: Sequence[ForceStates],
+    terms: Sequence[ResolvedTerm],
+    inertia: float | None,
+    memory: Sequence[Array] = (),
+) -> float:
+    """Return the RMS that the law, with a state of memory if given, leaves of the moving samples, per the moment's."""
     columns = np.vstack(
         [term_columns(terms, s.angle[s.moving], s.rate[s.moving], s.acceleration[s.moving]) for s in states]
     )
+    if memory:
+        state = np.concatenate([z[s.moving] for z, s in zip(memory, states, strict=True)])
+        columns = np.column_stack([columns, state])
     target = np.concatenate([s.transfer_moment(inertia or 0.0)[s.moving] for s in states])
     rest = target - columns @ scaled_least_squares(columns, target)
     return float(np.sqrt(np.mean(rest**2) / max(float(np.mean(target**2)), 1e-300)))

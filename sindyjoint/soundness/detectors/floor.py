@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.soundness.cycle import Spectrum
 from sindyjoint.soundness.finding import Finding
@@ -13,7 +12,6 @@ from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile
 from sindyjoint.soundness.words import Words
 
-Array = NDArray[np.float64]
 MAINS = (50.0, 60.0)
 
 

@@ -94,56 +94,49 @@ class Motions(Protocol):
 M = TypeVar("M", bound=Motions)
 
 
-def rows_of(
-    cycles: Cycles,
-    scale: Scale,
-    inertia: float | None,
-    angle: Complex | None = None,
-    moment: Complex | None = None,
-    columns: Columns = flexible_columns,
-    slowest: float = POLICY.moving_rate,
-) -> Rows:
-    """Return the moving rows of mean cycles; other harmonics of the channels may be put in.
+@dataclass(frozen=True)
+class CommonLaw:
+    """A law that runs may have in common.
 
     Parameters
     ----------
-    cycles : Cycles
     scale : Scale
     inertia : float or None
         kg·m²; None where it is a column.
-    angle, moment : ndarray of complex, optional
     columns : callable
-        The law.
     slowest : float
         Share of a run's largest rate below which a row counts as standstill.
     """
+
+    scale: Scale
+    inertia: float | None
+    columns: Columns = flexible_columns
+    slowest: float = POLICY.moving_rate
+
+
+def rows_of(
+    cycles: Cycles, law: CommonLaw, angle: Complex | None = None, moment: Complex | None = None
+) -> Rows:
+    """Return the moving rows of mean cycles; other harmonics of the channels may be put in."""
     measured = cycles.load()
     load = measured if moment is None else synthesise(moment)
-    return _rows(cycles.motion(angle), load, measured, scale, inertia, columns, slowest)
+    return _rows(cycles.motion(angle), load, measured, law)
 
 
 def rows_of_motions(motions: Motions, scale: Scale, inertia: float | None) -> Rows:
     """Return the moving rows of runs that repeat or do not, under the flexible law."""
     load = motions.load()
-    return _rows(motions.motion(), load, load, scale, inertia, flexible_columns, POLICY.moving_rate)
+    return _rows(motions.motion(), load, load, CommonLaw(scale, inertia))
 
 
-def _rows(
-    motion: tuple[Array, Array, Array],
-    load: Array,
-    measured: Array,
-    scale: Scale,
-    inertia: float | None,
-    columns: Columns,
-    slowest: float,
-) -> Rows:
-    theta, rate, acceleration = motion
+def _rows(motion: tuple[Array, Array, Array], load: Array, measured: Array, law: CommonLaw) -> Rows:
+    (theta, rate, acceleration), scale, inertia = motion, law.scale, law.inertia
     norm = np.std(measured, axis=1, keepdims=True)
     norm[norm == 0] = 1.0
     load = load - (inertia or 0.0) * acceleration
-    moving = np.abs(rate) > slowest * np.abs(rate).max(axis=1, keepdims=True)
+    moving = np.abs(rate) > law.slowest * np.abs(rate).max(axis=1, keepdims=True)
     weight = moving / norm
-    built = columns(theta / scale.angle, rate / scale.rate)
+    built = law.columns(theta / scale.angle, rate / scale.rate)
     if inertia is None:
         built.append(acceleration * scale.angle / scale.rate**2)
     return Rows(np.stack(built, axis=2) * weight[:, :, None], load * weight)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
 from sindyjoint.soundness.detectors.kin import (
     Columns,
+    CommonLaw,
     Scale,
     flexible_columns,
     plain_columns,
@@ -104,15 +105,8 @@ class Fit:
         signals = {"moment": self.cycles.moment, "angle": self.cycles.angle}
         if kind is not None:
             signals[kind.channel] = signals[kind.channel] * kind.inverse(self.cycles.lines, parameter)
-        rows = rows_of(
-            self.cycles,
-            self.scale,
-            self.inertia,
-            signals["angle"],
-            signals["moment"],
-            self.columns,
-            self.slowest,
-        )
+        law = CommonLaw(self.scale, self.inertia, self.columns, self.slowest)
+        rows = rows_of(self.cycles, law, signals["angle"], signals["moment"])
         return float(np.sqrt(solve(rows.products.sum(axis=0))[1] / len(self.cycles)))
 
     def best(self, kind: Kind) -> Undone:

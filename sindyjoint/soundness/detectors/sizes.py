@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.cycle import Cycles, synthesise
-from sindyjoint.soundness.detectors.kin import rows_of, scale_of, solve
+from sindyjoint.soundness.detectors.kin import CommonLaw, rows_of, scale_of, solve
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile
@@ -56,7 +56,7 @@ def find_inertia(cycles: Cycles, campaign: Campaign, words: Words) -> Iterator[F
         return
     scale = scale_of(cycles)
     declared, free = (
-        np.sqrt(solve(rows_of(cycles, scale, value).products.sum(axis=0))[1] / len(cycles))
+        np.sqrt(solve(rows_of(cycles, CommonLaw(scale, value)).products.sum(axis=0))[1] / len(cycles))
         for value in (inertia, None)
     )
     # At resonance the moment of the inertia is above the measured one, and rightly so.

@@ -1,25 +1,27 @@
 """What processing and noise do to the numbers of a repaired model with elements, taken out of them.
 
-A mean period rounds off the corners of a slider. Numbers θ̂ are fitted to the measurement; b(θ) is by how much the same
-fit to synthetic replicates of a model with numbers θ misses these. θ = θ̂ − b(θ) is solved by repetition (indirect
-inference; Gourieroux, Monfort and Renault, J. Applied Econometrics 8, S85, 1993). Replicates with noise then tell how
-far θ̂ scatters, and what noise adds to b (parametric bootstrap; Efron and Tibshirani 1993, section 6.5).
+A mean period rounds off the corners of a slider, so that numbers fitted to it are wrong, and say little of what they
+should be: they snap to where corners meet the grid. What a fit leaves is therefore held beside what the same law, with
+the same numbers, leaves of synthetic replicates of a model; the numbers of that model are fitted until both are alike
+(indirect inference by the residuals of an auxiliary model; Gourieroux, Monfort and Renault, J. Applied Econometrics 8,
+S85, 1993). Replicates with noise tell what that adds on average (parametric bootstrap; Efron and Tibshirani 1993,
+section 6.5).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
-from sindyjoint.diagnosis.campaign.numbers.replicates import LEAST_LEFT, Replicates
-from sindyjoint.diagnosis.campaign.numbers.whole import Numbers, is_element, numbers_of, with_numbers
+from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
+from sindyjoint.diagnosis.campaign.numbers.whole import is_element, numbers_of, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import Repaired, modelled, refit
+from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, modelled, refit, scaled_covariance
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -29,42 +31,35 @@ Array = NDArray[np.float64]
 
 # Beyond this share of a number and so many of its standard errors the processing is not known to move it so.
 LARGEST, LARGEST_SIGMAS = 0.5, 2.0
-# Repetitions of θ = θ̂ − b(θ), and the change, in standard errors, at which they end.
-ROUNDS, SAME = 6, 0.1
-# Forms of an element whose unlikeness to the measurement differs by less than this share are not told apart: in five of
-# seven campaigns in which a moment drives a play a wrong form was ahead, by up to 8 %.
-FORM_LEAD = 0.1
-# How many times the last change a step may go beyond it.
-FURTHEST = 3.0
+# Trials of the numbers, and the step, in standard errors, at which they end.
+ROUNDS, SAME = 8, 0.1
+# A nonlinear parameter of an effect stays above this share of where its fit began.
+LEAST_LEFT = 0.05
+# Forms of an element whose unlikeness to the measurement, a χ², is within this of the least are not told apart: they
+# are as probable as one to twenty.
+FORM_LEAD = 6.0
 # Draws of noise, each used with both signs: what is linear in it then leaves the mean.
 PAIRS = 4
-# Steps of a fit to replicates.
-MOST_STEPS = 12
 
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """A repaired model whose numbers θ solve θ = θ̂ − b(θ).
+    """A repaired model, and the numbers with which its replicates are most like the measurement.
 
     Parameters
     ----------
     fitted : Repaired
-        With θ̂.
-    numbers : Numbers
-        θ̂ and its covariance.
-    moved : ndarray
-        b(θ).
-    replicates : Replicates
-        Of the model with θ.
+        With the numbers that fit the rows.
+    values, covariance : ndarray
+        The numbers found, in the order of :func:`numbers_of`.
     unlikeness : float
-        Sum of squares of the difference of the residuals that the fit leaves of the measurement and of these
-        replicates, in units of noise.
+        Sum of squares of the difference of the residuals that the fit leaves of the measurement and of the replicates,
+        in units of noise.
     """
 
     fitted: Repaired
-    numbers: Numbers
-    moved: Array
-    replicates: Replicates
+    values: Array
+    covariance: Array
     unlikeness: float
 
 
@@ -72,9 +67,9 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     """Return a repaired model whose numbers are freed of what the processing of repeating runs does to them, and notes.
 
     An element is used in the form, of those that the catalogue has of it, whose replicates are most like the
-    measurement: rounded corners of one form look like another, and where two are alike a note says so. The model stays
-    as it is where it has no element, where runs do not repeat, where a simulation does not follow them, or where a
-    number would move by more than its half. A share of the correction stays in the errors, as of any correction.
+    measurement: rounded corners of one form look like another. Of forms that are alike the plainest is used, and a note
+    names the others. The model stays as it is where it has no element, where runs do not repeat, where a simulation
+    does not follow them, or where a number would move by more than its half.
     """
     if not any(is_element(e) for e in repaired.effects) or not all(row.folded for row in work.rows):
         return repaired, ()
@@ -85,15 +80,11 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     solved = [found for form in forms if (found := _solve(work, form)) is not None]
     if not solved:
         return repaired, ()
-    best = min(solved, key=lambda each: each.unlikeness)
-    values, covariance = best.numbers.values, best.numbers.covariance
-    by_noise, scatter = _by_noise(best)
-    # One factor for all numbers: a few draws do not tell the scatter of each.
-    wider = max(1.0, float(np.mean(scatter / np.diag(covariance))))
-    total = best.moved + by_noise
-    covariance = covariance * wider + np.outer(total, total) * BIAS.uncertain_share**2
-    alike = [each for each in solved if each.unlikeness < (1 + FORM_LEAD) * best.unlikeness]
-    return with_numbers(best.fitted, values - total, covariance), _undetermined_forms(best, alike)
+    least = min(each.unlikeness for each in solved)
+    alike = [each for each in solved if each.unlikeness < least + FORM_LEAD]
+    # The catalogue begins with the plainest form.
+    best = min(alike, key=lambda each: [_rank(e) for e in each.fitted.effects])
+    return with_numbers(best.fitted, best.values, best.covariance), _undetermined_forms(best, alike)
 
 
 def _undetermined_forms(best: _Solved, alike: Sequence[_Solved]) -> tuple[str, ...]:
@@ -101,13 +92,20 @@ def _undetermined_forms(best: _Solved, alike: Sequence[_Solved]) -> tuple[str, .
     notes = []
     for place, mine in enumerate(best.fitted.effects):
         others = [each.fitted.effects[place].variant for each in alike]
-        forms = [_formulas(v) for v in others if v is not mine.variant]
+        forms = [form for v in others if (form := _formulas(v)) != _formulas(mine.variant)]
         if forms:
             notes.append(
                 f"these runs do not determine the form of {mine.effect.name}: {_formulas(mine.variant)} is used, and "
                 f"{' or '.join(forms)} fits as well; its numbers hold for the form used"
             )
     return tuple(notes)
+
+
+def _rank(effect: FittedEffect) -> int:
+    """Return which form of its effect in the catalogue an effect has; past the last one where it has another."""
+    forms = [_formulas(variant) for variant in effect.effect.variants]
+    mine = _formulas(effect.variant)
+    return forms.index(mine) if mine in forms else len(forms)
 
 
 def _formulas(variant: Variant) -> str:
@@ -122,55 +120,101 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     """Return the solution for a model in one form; None where there is none."""
     numbers = numbers_of(fitted, work.rows)
     errors = np.sqrt(np.diag(numbers.covariance))
-    most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
-    left = np.concatenate(
-        [row.white(row.target - modelled(row, fitted.model, fitted.effects)) for row in work.rows]
-    )
-    inner = np.r_[tuple(numbers.inner.values())] if numbers.inner else np.empty(0, dtype=int)
-    trial, last, found = np.zeros_like(errors), None, None
+    free = np.ones(errors.size, dtype=bool)
+    for each in fitted.effects:
+        # A delay is out of the states already and does not move.
+        free[numbers.coefficients[each.name]] = not each.shifts
+    inner = np.r_[tuple(numbers.inner.values())].astype(int)
+    own = np.r_[(*numbers.coefficients.values(), *numbers.inner.values())].astype(int)
+    own = own[free[own]]
+    least = np.full(errors.size, -np.inf)
+    least[inner] = LEAST_LEFT * numbers.values[inner]
+    target = _left(work.rows, fitted)
+
+    def left(values: Array) -> tuple[Replicates, Array] | None:
+        there = Replicates.of(work, with_numbers(fitted, values, numbers.covariance))
+        return None if there is None else (there, _left(there.rows(), fitted))
+
+    values, step, best = numbers.values, np.zeros_like(errors), np.inf
+    slopes = np.zeros((target.size, errors.size))
     for _ in range(ROUNDS):
-        # ``trial`` is θ - θ̂, ``short`` is what θ̂ - b(θ) - θ has still to go.
-        if np.any((numbers.values + trial)[inner] <= LEAST_LEFT * numbers.values[inner]):
-            return None
-        there = Replicates.of(work, with_numbers(fitted, numbers.values + trial, numbers.covariance))
-        if there is None:
-            return None
-        missed, own = there.fit(there.rows(), most=MOST_STEPS)
-        moved = missed - there.numbers.values
-        found = _Solved(fitted, numbers, moved, there, float(np.sum((left - own) ** 2)))
-        short = numbers.values - missed
-        if np.any(np.abs(moved) > most):
-            return None
-        if np.all(np.abs(short) < SAME * errors):
+        tried = left(np.maximum(values + step, least))
+        if tried is None or not np.sum((target - tried[1]) ** 2) < best:
+            if not np.isfinite(best):
+                return None
+            step = step / 2
+        else:
+            # Slopes by the coefficients of the terms hardly change on the way.
+            places = np.flatnonzero(free) if np.isinf(best) else own
+            values, (found, rest) = np.maximum(values + step, least), tried
+            best = float(np.sum((target - rest) ** 2))
+            if not _renew(slopes, places, values, errors, rest, left):
+                return None
+            step = np.zeros_like(errors)
+            step[free] = least_squares(slopes[:, free], target - rest)[0] * errors[free]
+        if np.all(np.abs(step) < SAME * errors):
             break
-        trial, last = _next_trial(trial, short, last, errors), (trial, short)
-    return found
+    covariance = np.diag(np.where(free, 0.0, errors**2))
+    covariance[np.ix_(free, free)] = scaled_covariance(slopes[:, free], target - rest) * np.outer(
+        errors[free], errors[free]
+    )
+    by_noise, scatter = _by_noise(found, fitted, rest, slopes[:, free])
+    # One factor for all numbers: a few draws do not tell the scatter of each.
+    wider = max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
+    values = values.copy()
+    values[free] -= by_noise * errors[free]
+    most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
+    if np.any(np.abs(values - numbers.values) > most):
+        return None
+    return _Solved(fitted, values, covariance * wider, best)
 
 
-def _next_trial(trial: Array, short: Array, last: tuple[Array, Array] | None, errors: Array) -> Array:
-    """Return the next trial of a fixed point, by the last two (Anderson, J. ACM 12(4), 1965, with one earlier step)."""
-    if last is None:
-        return trial + short
-    change = (short - last[1]) / errors
-    share = float(change @ (short / errors)) / max(float(change @ change), 1e-300)
-    share = float(np.clip(share, -FURTHEST, 0.5))
-    return np.asarray(trial + short - share * (trial + short - last[0] - last[1]))
+def _left(rows: Sequence[GapRun], fitted: Repaired) -> Array:
+    """Return what a repaired model leaves of rows, in units of noise."""
+    return np.concatenate(
+        [row.white(row.target - modelled(row, fitted.model, fitted.effects)) for row in rows]
+    )
 
 
-def _by_noise(solved: _Solved) -> tuple[Array, Array]:
-    """Return by how much noise moves numbers on average beyond the processing, and their variance by it.
+def _renew(
+    slopes: Array,
+    places: NDArray[np.intp],
+    values: Array,
+    errors: Array,
+    rest: Array,
+    left: Callable[[Array], tuple[Replicates, Array] | None],
+) -> bool:
+    """Write by how much what is left of replicates changes with some numbers, each by its standard error.
+
+    Return whether they could be simulated, on either side of each number.
+    """
+    for place in places:
+        for sign in (1.0, -1.0):
+            later = values.copy()
+            later[place] += sign * errors[place]
+            if (moved := left(later)) is not None:
+                slopes[:, place] = sign * (moved[1] - rest)
+                break
+        else:
+            return False
+    return True
+
+
+def _by_noise(there: Replicates, fitted: Repaired, own: Array, slopes: Array) -> tuple[Array, Array]:
+    """Return by how much noise moves numbers on average, and their variance by it, in units of their errors.
 
     Pairs of opposite noise: the mean of a pair holds what is quadratic in it, half of the difference what is linear.
     """
-    rng, replicates = np.random.default_rng(0), solved.replicates
-    fitted = replicates.numbers.values + solved.moved
+    rng = np.random.default_rng(0)
     means, halves = [], []
     for _ in range(PAIRS):
-        noise = replicates.draw_noise(rng)
-        both = []
-        for sign in (1.0, -1.0):
-            rows = replicates.rows([(sign * moment, sign * angle) for moment, angle in noise])
-            both.append(replicates.fit(rows, fitted)[0] - fitted)
+        noise = there.draw_noise(rng)
+        both = [
+            least_squares(slopes, _left(there.rows([(sign * m, sign * a) for m, a in noise]), fitted) - own)[
+                0
+            ]
+            for sign in (1.0, -1.0)
+        ]
         means.append((both[0] + both[1]) / 2)
         halves.append((both[0] - both[1]) / 2)
     return np.mean(means, axis=0), np.mean(np.square(halves), axis=0)
@@ -179,14 +223,14 @@ def _by_noise(solved: _Solved) -> tuple[Array, Array]:
 def _other_forms(effect: FittedEffect) -> list[FittedEffect]:
     """Return an effect in the other forms that the catalogue has of it, with the same numbers."""
     mine = effect.variant
-    return [
-        replace(effect, variant=other)
-        for other in effect.effect.variants
-        if other is not mine
-        and other.names == mine.names
-        and [c.symbol for c in other.columns] == [c.symbol for c in mine.columns]
-        and [s.name for s in other.states] == [s.name for s in mine.states]
-    ]
+    other = {
+        _formulas(each): each
+        for each in effect.effect.variants
+        if each.names == mine.names
+        and [c.symbol for c in each.columns] == [c.symbol for c in mine.columns]
+        and [s.name for s in each.states] == [s.name for s in mine.states]
+    }
+    return [replace(effect, variant=each) for form, each in other.items() if form != _formulas(mine)]
 
 
 def _in_form(work: Work, repaired: Repaired, place: int, form: FittedEffect) -> Repaired:

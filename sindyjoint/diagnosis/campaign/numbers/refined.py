@@ -12,9 +12,10 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.record import Campaign
+from sindyjoint.response.drive import Drive, prescribed
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.refine import refine
-from sindyjoint.response.run import pooled_nrmse, prescribed, simulate_run
+from sindyjoint.response.run import pooled_nrmse, simulate_run
 from sindyjoint.states import campaign_states, force_states, one_after_another
 
 if TYPE_CHECKING:
@@ -124,9 +125,9 @@ def simulated_gap(model: JointModel, campaign: Campaign, test: TestNuisances) ->
     runs = {run.name: run for run in campaign.validation_runs or campaign.runs}
     errors = []
     for states in one_after_another(campaign, [force_states(run) for run in runs.values()]):
-        motion = prescribed(states)
-        run = simulate_run(
-            test.law(model, states), runs[states.run], states, drive="motion" if motion else None
-        )
+        law = test.law(model, states)
+        motion = prescribed(states, inertia=law.inertia)
+        drive: Drive | None = "motion" if motion else None
+        run = simulate_run(law, runs[states.run], states, drive=drive, response_only=True)
         errors.append(("moment" if motion else "angle", run.response_nrmse, run.response_scale))
     return pooled_nrmse(errors)

@@ -47,7 +47,6 @@ def gap_runs(
     model: JointModel,
     groups: Sequence[str],
     policy: DiagnosisPolicy = CAMPAIGN,
-    phases: int = PHASES,
     errors: Sequence[float] | None = None,
     free: bool = False,
 ) -> tuple[GapRun, ...]:
@@ -61,8 +60,6 @@ def gap_runs(
     groups : sequence of str
         What is held out together, one label per run.
     policy : DiagnosisPolicy
-    phases : int
-        Samples of the mean period.
     errors : sequence of float, optional
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     free : bool
@@ -72,7 +69,7 @@ def gap_runs(
     # The processing itself errs (truncated series, folded phases); below that nothing is claimed.
     least = policy.processing_error * model.fitted.moment_rms
     return tuple(
-        _folded(s, model, g, phases, least)
+        _folded(s, model, g, least)
         if s.method == "periodic"
         else (free and _free_decay(s, model, g, policy))
         or _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples)
@@ -80,8 +77,21 @@ def gap_runs(
     )
 
 
-def _folded(states: ForceStates, model: JointModel, group: str, phases: int, error: float) -> GapRun:
+def _folded(states: ForceStates, model: JointModel, group: str, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
+    assert states.frequency is not None
+    motion, moment, count = _mean_period(states, model, PHASES)
+    keep, size = motion.keep, motion.angle.size
+    sigma = np.sqrt(states.noise.moment**2 / np.maximum(count, 1)[keep] + error**2)
+    factor = folded_whitener(states, model, motion, sigma, np.arange(size)[keep] / size)
+    target = moment[keep] - (model.joint.inertia or 0.0) * motion.acceleration[keep]
+    return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
+
+
+def _mean_period(
+    states: ForceStates, model: JointModel, phases: int
+) -> tuple[MeasuredMotion, Array, NDArray[np.intp]]:
+    """Return motion and moment of the mean period of a run, and how many samples each phase has."""
     assert states.frequency is not None
     # An internal state has not settled in the first period: what is averaged over periods is what repeats.
     settled = np.arange(states.n_samples) >= (0 if states.dropped else settling(states))
@@ -112,11 +122,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, phases: int, err
     step = 1 / (states.frequency * phases)
     motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
     motion = replace(motion, inputs={name: mean(values) for name, values in states.inputs.items()})
-    inertia = model.joint.inertia
-    sigma = np.sqrt(states.noise.moment**2 / filled[keep] + error**2)
-    factor = folded_whitener(states, model, motion, sigma, np.arange(phases)[keep] / phases)
-    target = moment[keep] - (inertia or 0.0) * acceleration[keep]
-    return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
+    return motion, moment, count
 
 
 def _always(share: Array, seen: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -205,6 +211,10 @@ def _lead(states: ForceStates, step: float) -> tuple[Array, Array] | None:
 
 def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, model: JointModel) -> GapRun:
     """Return the rows of a run made of the states of its synthetic replicate; weights are the run's own."""
+    if run.folded:
+        motion, moment, _ = _mean_period(replicate, model, run.motion.angle.size)
+        target = moment - (model.joint.inertia or 0.0) * motion.acceleration
+        return replace(run, motion=motion, target=target[motion.keep])
     every = _stride(states)
     rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
         int

@@ -106,7 +106,7 @@ def stop_columns(run: GapRun, largest: float) -> Array:
     return np.hstack([z, *(np.sign(z) * np.maximum(np.abs(z) - gap * thresholds, 0.0) for gap in GAPS)])
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def stopped(angle, thresholds, repeats):
     """Return stop operators along an angle, z ← min(max(z + Δθ, −r), r), shape (n, thresholds), rad.
 
@@ -123,7 +123,7 @@ def stopped(angle, thresholds, repeats):
     return states
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def forgotten(angle, step, times, repeats):
     """Return relaxations along an angle, exact where it is linear between samples, shape (n, times), rad."""
     states = np.empty((angle.size, times.size))

@@ -1,0 +1,58 @@
+"""What a search looks at again at its end: zeros of the channels, a delay removed first, the members of a class."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Any
+
+from sindyjoint.diagnosis.campaign.admissible import off_the_ends
+from sindyjoint.diagnosis.campaign.candidates import fit_effects
+from sindyjoint.diagnosis.campaign.gap import gap_of
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO
+from sindyjoint.diagnosis.campaign.regression import rank_effects
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit
+from sindyjoint.diagnosis.campaign.start import Work
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.result import Gap
+from sindyjoint.discovery.delay import shifted
+
+# The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
+Problem = Any
+
+
+def zero_errors(problem: Problem, refused: Collection[str]) -> Ranking[FittedEffect] | None:
+    """Return the zero errors of the channels in order of probability; None where none is believed."""
+    taken = {*refused, *(each.name for each in problem.found)}
+    zeros = [e for e in problem.candidates if e.id in (CONSTANT, ZERO) and e.id not in taken]
+    if not zeros:
+        return None
+    ranking = rank_effects(problem.regression, fit_effects(problem.regression, zeros))
+    return ranking if 1 - ranking.nothing >= problem.policy.belief else None
+
+
+def without_delay(work: Work, repaired: Repaired) -> tuple[Work, Repaired, str] | None:
+    """Return work and law with the channels in their own time, and what the delay is called; None without one."""
+    delay = next((f for f in repaired.effects if f.shifts), None)
+    if delay is None:
+        return None
+    others = [f for f in repaired.effects if not f.shifts]
+    back = tuple(shifted(s, -delay.coefficients[0]) for s in work.states)
+    later = work.again(repaired.model, others, back)
+    fitted = refit(later.rows, later.model, others, keeping(work.policy))
+    return replace(later, model=fitted.model), fitted, delay.name
+
+
+def ranked_again(problem: Problem, name: str, members: Collection[str]) -> Ranking[FittedEffect] | None:
+    """Return the members of a class that one effect leads, ranked beside the others; None without any."""
+    regression = problem.work.regression([f for f in problem.found if f.name != name and not f.shifts])
+    fitted = fit_effects(regression, [each for each in problem.candidates if each.id in members])
+    return off_the_ends(regression, rank_effects(regression, fitted)) if fitted else None
+
+
+def gap_without(work: Work, found: Sequence[FittedEffect], names: Collection[str]) -> Gap:
+    """Return the gap of the model without some of its effects, the others fitted anew."""
+    kept = [f for f in found if f.name not in names]
+    fitted = refit(work.rows, work.model, [f for f in kept if not f.shifts], work.policy)
+    return gap_of(work, fitted.model, (*(f for f in kept if f.shifts), *fitted.effects))

@@ -1,0 +1,230 @@
+"""One question, which terms the joint has, put to every method, frequency and library on the same evidence."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from sindyjoint.discovery.crossvalidation import CrossValidation, Fold, Found, cross_validate, find
+from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.methods import NOT_GIVEN
+from sindyjoint.discovery.selection import Selection
+from sindyjoint.equation.catalogue import as_catalogue
+from sindyjoint.equation.without_rate import rate_free
+from sindyjoint.errors import InputError
+from sindyjoint.inputs import run_levels
+from sindyjoint.judgement.against_paper import wanted_terms
+from sindyjoint.judgement.comparison import Choice, ChosenTerm, SizeScore
+from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.parallel import side_by_side
+
+# Over the angles of such joints sin θ is θ: no test tells gravity from stiffness.
+NEVER_VISIBLE = ("gravity_moment",)
+# Not a method of its own but the same rows in weak form: only where it is asked for.
+WEAK = "weak"
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is put to every method, frequency and library.
+
+    Parameters
+    ----------
+    found : Discovery
+    names : tuple of str
+        Of the methods; the first one leads.
+    random_state : int or None
+    rule : dict
+        How a model is chosen on a path.
+    """
+
+    found: Discovery
+    names: tuple[str, ...]
+    random_state: Any
+    rule: dict[str, Any]
+
+    @classmethod
+    def of(cls, found: Discovery, names: tuple[str, ...], random_state: Any) -> Question:
+        """Return the question with the rule of a discovery."""
+        regressor = found.regressor
+        rule = {"significance": regressor.significance, "least_share": regressor.least_share_}
+        return cls(found, names, random_state, rule)
+
+    @property
+    def evidence(self) -> Evidence:
+        """Of the discovery."""
+        return self.found.regressor.evidence_
+
+    def choice(self, evidence: Evidence, name: str) -> Choice:
+        """Return what a method finds."""
+        return _method(evidence, self.random_state, self.rule, name)
+
+    def left_out(self, evidence: Evidence, labels: Sequence[str] | None = None) -> CrossValidation:
+        """Return what the first method finds without the runs of each label."""
+        return cross_validate(
+            evidence, labels, method=self.names[0], random_state=self.random_state, **self.rule
+        )
+
+
+def parts_of(found: Discovery) -> Literal["frequency", "level", "run"]:
+    """Return what runs are grouped by."""
+    groups = set(found.regressor.evidence_.groups)
+    if all(group.endswith(" Hz") for group in groups) and any(state.frequency for state in found.states):
+        return "frequency"
+    return "level" if groups == {state.level for state in found.states} else "run"
+
+
+def by_method(question: Question) -> tuple[Choice, ...]:
+    """Return what each method finds; the weak form has rows of its own and the first method's way through them."""
+    plain = [name for name in question.names if name != WEAK]
+    shared = [question.evidence, question.random_state, question.rule]
+    by_name = dict(zip(plain, side_by_side(_method, plain, shared, threads=False), strict=True))
+    if WEAK in question.names:
+        by_name[WEAK] = _weak(question)
+    return tuple(by_name[name] for name in question.names)
+
+
+def _weak(question: Question) -> Choice:
+    """Return what the weak form finds."""
+    from sindyjoint.discovery.weak import weak_evidence
+
+    found = question.found
+    start, terms = time.perf_counter(), found.regressor.terms_
+    try:
+        evidence = weak_evidence(terms, found.states, found.campaign.joint.inertia)
+    except InputError as cause:
+        # The other methods have their answers.
+        return Choice(WEAK, (), str(cause), len(terms))
+    fixed, spent = found.regressor.fixed, time.perf_counter() - start
+    evidence = evidence.fixing(fixed) if fixed else evidence
+    choice = question.choice(evidence, question.names[0])
+    held_out = choice.held_out
+    if np.isfinite(held_out):
+        held_out = _sample_error(question.left_out(evidence).folds, question.evidence)
+    # Its residual is one of integrals, which compares with no other.
+    return replace(
+        choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out, residual=float("nan")
+    )
+
+
+def _sample_error(folds: Sequence[Fold], samples: Evidence) -> float:
+    """Return the error of held-out samples of the moment, as of the other methods, not of its integrals."""
+    errors = []
+    for fold in folds:
+        coefficients = np.zeros(len(samples.ids))
+        coefficients[[samples.ids.index(name) for name in fold.kept]] = fold.coefficients
+        held_out = [run.pooled for run in samples.runs if run.name in fold.runs]
+        total = sum(factor.squared_target for factor in held_out)
+        errors.append(sum(factor.squared_error(coefficients) for factor in held_out) / total)
+    return float(np.sqrt(np.mean(errors)))
+
+
+def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: str) -> Choice:
+    start = time.perf_counter()
+    found = find(evidence, name, random_state, **rule)
+    seconds = time.perf_counter() - start
+    held_out = float("nan")
+    if len(evidence.groups) > 1:
+        held_out = cross_validate(evidence, method=name, random_state=random_state, **rule).moment_error
+    target = evidence.target_rms
+    path = tuple(
+        SizeScore(
+            step.size,
+            tuple(found.candidates[c] for c in step.columns),
+            step.fit.residual_rms / target,
+            step.held_out_rms / target,
+        )
+        for step in found.selection.path
+    )
+    return Choice(
+        name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path,
+        not_given=NOT_GIVEN[name], residual=_residual(found.selection, target),
+    )  # fmt: skip
+
+
+def _residual(selection: Selection, target: float) -> float:
+    """Return the residual of the chosen model relative to the RMS of what was fitted; NaN without one."""
+    return selection.step.fit.residual_rms / target if selection.step is not None else float("nan")
+
+
+def _terms(found: Found) -> tuple[ChosenTerm, ...]:
+    from scipy.special import stdtrit
+
+    step = found.selection.step
+    if step is None:
+        return ()
+    half = stdtrit(np.maximum(step.fit.effective_degrees, 1.0), 0.975) * found.standard_errors
+    return tuple(
+        ChosenTerm(name, float(c), float(e), (float(c - h), float(c + h)))
+        for name, c, e, h in zip(found.kept, found.coefficients, found.standard_errors, half, strict=True)
+    )
+
+
+def by_group(question: Question) -> tuple[Choice, ...]:
+    """Select terms from the runs of each single group; the parts of a single run are no frequencies."""
+    if len(question.found.states) < 2:
+        return ()
+    choices = []
+    for group in question.evidence.groups:
+        evidence = question.evidence.only([group])
+        single = find(evidence, question.names[0], question.random_state, **question.rule)
+        left = _residual(single.selection, evidence.target_rms)
+        choices.append(
+            Choice(group, _terms(single), single.selection.reason, len(single.candidates), residual=left)
+        )
+    return tuple(choices)
+
+
+def by_library(
+    question: Question, libraries: Sequence[str], forbidden: Sequence[str]
+) -> tuple[tuple[Choice, dict[str, str]], ...]:
+    """Fit each library to the force states that are there already; return choices and the units of their terms."""
+    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.states import regression_rows
+
+    found = question.found
+    rows = regression_rows(found.states, found.campaign.joint.inertia).fit_arguments()
+    result = []
+    for name in libraries:
+        catalogue = as_catalogue([part.strip() for part in name.split("+")])
+        catalogue = rate_free(catalogue) if found.campaign.quasi_static else catalogue
+        left_out = [term for term in (*forbidden, *NEVER_VISIBLE) if term in catalogue]
+        regressor = JointRegressor(
+            catalogue,
+            method=question.names[0],
+            forbidden=left_out,
+            motion=found.campaign.joint.motion,
+            inputs=found.regressor.inputs,
+            random_state=question.random_state,
+        ).fit(**rows)
+        terms = tuple(
+            ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in regressor.model_.terms
+        )
+        offered = all(term in regressor.evidence_.ids for term in wanted_terms(found))
+        reason = regressor.selection_result_.reason
+        left = _residual(regressor.selection_result_, regressor.evidence_.target_rms)
+        choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered, residual=left)
+        result.append((choice, {t.id: t.unit for t in regressor.model_.terms}))
+    return tuple(result)
+
+
+def hold_out_groups(question: Question) -> dict[str, CrossValidation]:
+    """Leave out frequencies, levels, and levels of each input, where there are several; of a single run its parts."""
+    found, evidence = question.found, question.evidence
+    result: dict[str, CrossValidation] = {}
+    if len(evidence.groups) > 1:
+        kind = parts_of(found) if len(found.states) > 1 else "time"
+        result[kind] = question.left_out(evidence)
+    levels = [state.level or state.run for state in found.states]
+    if "level" not in result and len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
+        result["level"] = question.left_out(evidence, levels)
+    for each in found.campaign.inputs:
+        at = run_levels({s.run: s.inputs[each.name] for s in found.states}, each.tested)
+        named = [each.shown(at[run.name]) for run in evidence.runs if run.name in at]
+        if len(named) == len(evidence.runs) and len(set(named)) > 1:
+            result[each.label] = question.left_out(evidence, named)
+    return result

@@ -1,0 +1,57 @@
+"""Limits of what is recovered of joints inside a structure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sindyjoint.policy import limit
+
+
+@dataclass(frozen=True)
+class SubstructurePolicy:
+    """Limits that decide what of a joint inside a structure is known; the meaning of each is in its metadata."""
+
+    band: float = limit(
+        0.37,
+        "share of the sampling rate up to which harmonics of the sensors are used",
+        source="above it recorders' filters fall; at 0.25 the missing harmonics cost 0.7 % in k3, at 0.35 0.3 % "
+        "(noise-free pulse rig)",
+    )
+    line: float = limit(
+        3.5,
+        "standard errors beyond which a harmonic is signal, where a drive has many lines and each may be there or not",
+    )
+    hardly_seen: float = limit(
+        0.003,
+        "standard error of a harmonic of the angle below the strongest one, as a share of that one, beyond which the "
+        "law tells it and not the sensors",
+    )
+    hardly_seen_record: float = limit(
+        0.01,
+        "RMS error of the angle, as a share of it, that the harmonics of a record that does not repeat may leave: "
+        "slower ones the law tells",
+    )
+    edge: float = limit(
+        4.0,
+        "periods of the highest harmonic left out at either end of a record that does not repeat: its series rings",
+    )
+    not_shown: float = limit(
+        0.3, "relative standard error of a joint's moment beyond which the sensors do not show the joint"
+    )
+    together: float = limit(
+        0.98, "correlation of the errors of two joints' moments beyond which they show only together"
+    )
+    disagrees: float = limit(
+        2.0,
+        "mean square of what is left of the sensors, in their noise, beyond which they disagree with the structure as "
+        "described",
+        source="noise alone makes 1",
+    )
+    well_known: float = limit(
+        0.01,
+        "noise of a run's states, as a share of the moment, below which less noise gives it no more weight",
+    )
+    differ: float = limit(0.01, "level at which joints that are declared alike are said to differ")
+
+
+POLICY = SubstructurePolicy()
