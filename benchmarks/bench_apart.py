@@ -52,7 +52,7 @@ PAIRS = (
     ("amplitude_dependent_damping", "position_dependent_friction"),
     ("quadratic_damping", "cubic_damping"),
     ("quadratic_damping", "stribeck_friction"),
-    ("quintic_stiffness", "stop"),
+    ("quintic_stiffness", "dead_zone"),
 )
 # Of the moment, that the effect adds; noise of each channel.
 CASES = ((0.04, 0.02), (0.03, 0.05))

@@ -2,14 +2,14 @@
 
 Each is held beside the plain 3 x 3 grid, whose runs are made longer until its widest interval is as narrow.
 
-    python -m benchmarks.bench_stopping [moment|angle] [JOINTS] [FIRST SEED] [ENOUGH]
+    python -m benchmarks.bench_stopping [moment|angle] [JOINTS] [FIRST SEED] [--until ENOUGH] [--alone]
 
-Ranges are those of `bench_plan`. ENOUGH is the relative half-width that is the goal.
+Ranges are those of `bench_plan`. ENOUGH is the relative half-width that is the goal. ``--alone`` leaves the grid out.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from dataclasses import replace
 
@@ -91,7 +91,7 @@ def grid_time(first: Plan, true: JointModel, seed: int, until: float) -> float:
     return np.inf
 
 
-def main(drive: str = "moment", count: int = 40, seed: int = 3000, until: float | None = None) -> None:
+def main(drive: str, count: int, seed: int, until: float | None = None, alone: bool = False) -> None:
     """Print a line for each joint, and the shares."""
     until = until or ENOUGH[drive]
     began = time.perf_counter()
@@ -105,12 +105,13 @@ def main(drive: str = "moment", count: int = 40, seed: int = 3000, until: float 
         test, last, longest = tested(first, true, number, drive, until)
         assert test.campaign is not None
         widest, holds, error = widest_of(test.campaign, true)
-        grid, mine = grid_time(first, true, number, until), len(test.runs) * RUN
+        grid = np.nan if alone else grid_time(first, true, number, until)
+        mine = len(test.runs) * RUN
         quiet = replace(first.sensors, noise=1e-9)
         made = replace(first, runs=tuple(test.planned))
         broken += broken_limits(made, true, play(model_law(true), test.planned, quiet, 0))
         reached.append(bool(last.now and last.now.reached and widest <= until))
-        shares.append(mine / grid if np.isfinite(grid) else 0.0)
+        shares.append(0.0 if grid == np.inf else mine / grid)
         held += holds
         steps.append(longest)
         errors.append(error <= until)
@@ -123,4 +124,12 @@ def main(drive: str = "moment", count: int = 40, seed: int = 3000, until: float 
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2], *(int(text) for text in sys.argv[2:4]), *(float(text) for text in sys.argv[4:5]))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("drive", choices=RANGES, nargs="?", default="moment")
+    parser.add_argument("count", type=int, nargs="?", default=40)
+    parser.add_argument("seed", type=int, nargs="?", default=3000)
+    parser.add_argument("--until", type=float)
+    parser.add_argument("--alone", action="store_true")
+    main(**vars(parser.parse_args()))

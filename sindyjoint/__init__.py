@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.check import check
     from sindyjoint.workflows.compare import compare
     from sindyjoint.workflows.curves import curves
-    from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
+    from sindyjoint.workflows.diagnose import diagnose, diagnose_rig, diagnose_structure
     from sindyjoint.workflows.discover import discover, discover_rig
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
@@ -38,6 +38,7 @@ __all__ = [
     "compare",
     "curves",
     "diagnose",
+    "diagnose_rig",
     "diagnose_structure",
     "discover",
     "discover_rig",
@@ -62,6 +63,7 @@ _HOMES = {
     "compare": "workflows.compare",
     "curves": "workflows.curves",
     "diagnose": "workflows.diagnose",
+    "diagnose_rig": "workflows.diagnose",
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
     "discover_rig": "workflows.discover",

@@ -185,6 +185,20 @@ def run_levels(values: Mapping[str, Array], tested: tuple[float, float] | None) 
     return found
 
 
+def fixed_notes(inputs: Iterable[Input], elements: Iterable[str]) -> tuple[str, ...]:
+    """Return that elements do not depend on inputs, where there are both.
+
+    Examples
+    --------
+    >>> fixed_notes([Input("oil", "K", levels=3), Input("load", "N")], ["Jenkins element"])
+    ('Jenkins element: the same at every value of oil, for elements depend on no input',)
+    """
+    moved, named = " and ".join(each.label for each in inputs if each.levels > 1), " and ".join(elements)
+    if not moved or not named:
+        return ()
+    return (f"{named}: the same at every value of {moved}, for elements depend on no input",)
+
+
 def reference_values(inputs: Iterable[Input]) -> tuple[tuple[str, float], ...]:
     """Return the numbers that formulas use of inputs: each one's reference by its name, and its ``NAME_mid``."""
     pairs = [(each.name, each.reference, sum(each.tested or (each.reference,) * 2) / 2) for each in inputs]

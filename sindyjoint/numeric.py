@@ -24,6 +24,12 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
+def rms(values: ArrayLike) -> float:
+    """Root mean square; infinite for what has run away."""
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
+
+
 def chunks(count: int, size: int) -> Iterator[slice]:
     """Yield slices that cut ``count`` items into runs of ``size``; the last one may be shorter.
 

@@ -262,3 +262,12 @@ def test_private_names_stay_in_their_module(path):
 def test_a_folder_says_in_a_sentence_what_it_holds(folder):
     text = ast.get_docstring(tree(folder / "__init__.py"))
     assert text and text.split("\n")[0].endswith(".") and len(text.split("\n")[0].split()) > 4
+
+
+def test_rooms_stay_small():
+    # A folder that a person can look through; verbs that only call what stands below.
+    for folder in {path.parent for path in files()}:
+        assert len(list(folder.glob("*.py"))) <= 25, folder
+    verbs = list((PACKAGE / "workflows").glob("*.py"))
+    assert len(verbs) <= 14
+    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in verbs) <= 3500

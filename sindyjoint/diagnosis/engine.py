@@ -12,6 +12,7 @@ from sindyjoint.diagnosis.loop import (
     Progress,
     add_effects,
     cost_of,
+    led_by,
     other_members,
     without_needless_delay,
 )
@@ -147,10 +148,15 @@ def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTim
     end = _judged(first, start, progress)
     if end.verdict != "partly_named":
         return end
+
     # The data hardly tell the members of a class apart; the one that they leave least of is the best of them.
-    ends = (progress, *other_members(progress))
-    best = min(ends, key=lambda each: cost_of(each.problem.gap, each.problem, first.policy))
-    return end if best is progress else _judged(first, start, best)
+    def cost(problem: P) -> float:
+        return cost_of(problem.gap, problem, first.policy)
+
+    best = min(other_members(progress), key=lambda each: cost(each[2]), default=None)
+    if best is None or cost(best[2]) >= cost(progress.problem):
+        return end
+    return _judged(first, start, led_by(progress, *best))
 
 
 def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:

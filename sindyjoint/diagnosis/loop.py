@@ -195,7 +195,11 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     # What made another effect needless was ranked again, in its place.
     ranking = added.again.get(ranking.fitted[0].name) or ranking
     steps = []
+    # A term that discovery found is a step, too: needless beside what was added, or the same law with free numbers.
+    gone = {*problem.dropped, ranking.fitted[0].name} - {f.name for f in here.problem.found}
     for step in here.steps:
+        if step.effect in gone:
+            continue
         again = added.again.get(step.effect)
         if step.effect not in added.again:
             steps.append(step)
@@ -206,12 +210,16 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     steps.append(_step(problem, ranking, here.gap, after))
     rankings[steps[-1].effect] = ranking
     now = {f.name: f.parameters for f in problem.found}
-    told = tuple(replace(s, parameters=now.get(s.effect, s.parameters)) for s in steps)
+    ends = [here.steps[0].gap_before if here.steps else here.gap, *(s.gap_after for s in steps)]
+    told = tuple(
+        replace(s, parameters=now.get(s.effect, s.parameters), gap_before=before)
+        for s, before in zip(steps, ends, strict=False)
+    )
     return Progress(problem, after, told, rankings)
 
 
-def other_members(here: Progress[P]) -> Iterator[Progress[P]]:
-    """Yield the progress with one effect replaced by another member of its class."""
+def other_members(here: Progress[P]) -> Iterator[tuple[int, Any, P]]:
+    """Yield the places of steps, another member of the class of each, and the problem with that in its place."""
     for place, step in enumerate(here.steps):
         ranking = here.rankings.get(step.effect)
         for member in ranking.members if ranking else ():
@@ -219,10 +227,10 @@ def other_members(here: Progress[P]) -> Iterator[Progress[P]]:
                 continue
             problem = here.problem.replaced(step.effect, member)
             if problem is not None and not problem.complaint():
-                yield _led_by(here, place, member, problem)
+                yield place, member, problem
 
 
-def _led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P]:
+def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P]:
     """Return the progress with another member of its class at the place of a step; later gaps are told anew."""
     step = here.steps[place]
     ranking = here.rankings[step.effect]

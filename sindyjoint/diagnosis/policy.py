@@ -87,6 +87,12 @@ class DiagnosisPolicy:
         0.05, "share of the time in which dry friction may push before that is refused"
     )
 
+    sticking_share: float = limit(
+        0.75,
+        "share of the way, in half-cycles, along which a slider may stick before it is refused as a spring",
+        source="a Jenkins element of another integrator that sticks along 55 %; springs in its guise stick along 100 %",
+    )
+
     # The verdict.
     within_floors: float = limit(
         1.5,

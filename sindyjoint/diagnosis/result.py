@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.in_place import InPlace
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.substructure.update import Update
 
 Array = NDArray[np.float64]
 
@@ -173,44 +173,6 @@ class RecordGap:
     noise_floor: float
     quantity: str = "displacement"
     unit: str = "m"
-
-
-@dataclass(frozen=True, eq=False)
-class InPlace:
-    """What a diagnosis from the runs of a structure says of its joints and of itself.
-
-    Parameters
-    ----------
-    lead : str
-        The kind of joint whose model the diagnosis leads with.
-    models : dict of str to JointModel
-        By kind of joint, effects among them.
-    update : Update or None
-        Of the structure's uncertain numbers.
-    """
-
-    lead: str
-    models: dict[str, JointModel]
-    update: Update | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "lead": self.lead,
-            "kinds": {
-                name: {
-                    "terms": {term.id: [term.coefficient, term.standard_error] for term in model.terms},
-                    "elements": {
-                        each.id: {
-                            number.name: [number.value, number.standard_error] for number in each.numbers
-                        }
-                        for each in model.elements
-                    },
-                }
-                for name, model in self.models.items()
-            },
-            "structure": [] if self.update is None else self.update.to_list(),
-        }
 
 
 NOT_SOUGHT, NOT_NEEDED, COMPLETE, STOPPED = "not_sought", "not_needed", "complete", "stopped"

@@ -29,6 +29,8 @@ class Residual:
         Share above which something unknown is there.
     outside : float
         Probability that the effects stand in for something outside the catalogue.
+    series : float
+        Probability that effects which leave nothing more are the parts of one other law.
     data : str
         What cannot tell effects apart: "these runs", "this record".
     """
@@ -36,6 +38,7 @@ class Residual:
     share: float
     most: float
     outside: float = 0.0
+    series: float = 0.0
     data: str = "these runs"
 
 
@@ -184,13 +187,16 @@ def discount(
     """Give what is outside the catalogue its probability, taken from all names of each step.
 
     Where something unknown remains, no name may be near certain: it may stand in for what is not known. Beside a
-    remainder that is as likely as the share of the gap that remains, within ``partly_outside``.
+    remainder that is as likely as the share of the gap that remains, within ``partly_outside``; without one, where
+    nothing repeats, as it is that so many laws are the parts of one other.
     """
     outside = residual.outside
     if verdict in ("unknown", "undecided"):
         outside = max(outside, policy.outside)
     elif verdict == "partly_named":
         outside = max(outside, float(np.clip(gaps.remains(), *policy.partly_outside)))
+    else:
+        outside = max(outside, residual.series)
     if outside < policy.least_outside:
         return tuple(steps)
     inside = 1 - outside

@@ -11,7 +11,8 @@ import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.blocks import open_blocks
-from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys, declared_gains, declared_noise
+from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys
+from sindyjoint.files.declared import declared_gains, declared_noise
 from sindyjoint.files.inputs import DeclaredInputs
 from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
 from sindyjoint.files.readers import read_table, sha256_of

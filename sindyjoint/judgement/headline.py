@@ -119,9 +119,10 @@ def make_headline(
     if not model.terms:
         nothing = (data, Light("fit", "poor", "no set of terms passed"))
         return Headline(nothing, _next_steps(nothing, tested, found=False))
+    rms = model.fitted.moment_rms or math.nan
     lights = (
         data,
-        _fit(model),
+        judge_fit(model.fitted.residual_rms / rms, model.fitted.noise_floor / rms, model.joint.motion),
         _held_out(model, held_out_rms),
         judge_coverage(tested),
     )
@@ -152,15 +153,20 @@ def colour_of_misfit(gap: float) -> Colour:
     )
 
 
-def _fit(model: JointModel) -> Light:
-    fitted = model.fitted
-    load = quantities(model.joint.motion).moment.lower()
-    relative = fitted.residual_rms / fitted.moment_rms if fitted.moment_rms > 0 else math.nan
-    if not math.isfinite(fitted.noise_floor):
+def judge_fit(relative: float, floor: float, motion: str) -> Light:
+    """Return how well a model fits, as a light.
+
+    Parameters
+    ----------
+    relative, floor : float
+        RMS residual and noise floor of the moment relative to its RMS; the floor is NaN where it is unknown.
+    motion : str
+    """
+    load = quantities(motion).moment.lower()
+    if not math.isfinite(floor):
         colour: Colour = "fair" if relative <= EQUATION.tolerated_misfit else "poor"
         return Light("fit", colour, f"residual {percent(relative)} of the RMS {load}; its noise is unknown")
-    floor = fitted.noise_floor / fitted.moment_rms if fitted.moment_rms > 0 else math.nan
-    gap = fitted.misfit
+    gap = math.sqrt(max(relative**2 - floor**2, 0.0))
     colour = colour_of_misfit(gap)
     sentence = f"residual {percent(relative)} of the RMS {load}, noise floor {percent(floor)}"
     return Light("fit", colour, sentence if colour == "good" else f"{sentence}: {percent(gap)} is neither")

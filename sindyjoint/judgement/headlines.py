@@ -18,6 +18,7 @@ from sindyjoint.judgement.headline import (
     advise_runs,
     colour_of_misfit,
     judge_coverage,
+    judge_fit,
     judge_soundness,
 )
 from sindyjoint.judgement.policy import POLICY
@@ -29,6 +30,7 @@ from sindyjoint.text import list_some, percent, quantities, spelled
 Step = tuple[str, str]
 DISCOVER = ("sindyjoint discover CAMPAIGN --out RESULTS", "find the terms of the joint’s equation")
 OWN_EFFECTS = ("sindyjoint diagnose CAMPAIGN --library EFFECTS.toml", "try effects of your own catalogue")
+LACKING = ("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks")
 # A step more than these is a list, not an advice.
 MOST_STEPS = 2
 NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
@@ -162,6 +164,8 @@ def judge_comparison(result: Comparison) -> Headline:
     if not ids:
         lights.append(Light("model", "poor", result.model.reason))
         return Headline(tuple(lights), (SEE_FAULTS,))
+    if math.isfinite(result.model.residual):
+        lights.append(judge_fit(result.model.residual, result.noise_floor, result.motion))
     lights.append(_agreement("methods", "methods", ids, result.methods))
     if result.frequencies:
         lights.append(_agreement("single", f"single {result.several}", ids, result.frequencies))
@@ -181,6 +185,8 @@ def judge_comparison(result: Comparison) -> Headline:
         lights.append(_constancy(result))
     weak = {light.name for light in lights if light.colour != "good"}
     steps = [SEE_FAULTS] if "data" in weak else []
+    if "fit" in weak:
+        steps.append(LACKING)
     if "frequency" in weak:
         steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
     if weak & {"methods", "single", "resampled"}:

@@ -200,15 +200,7 @@ class Crossing:
                     held.add(j)
                 continue
 
-            def room(fraction: float, wrong: list[int] = wrong, x: float = x, now: Array = now) -> float:
-                return (
-                    float(min(now[wrong]))
-                    if fraction == 0
-                    else float(min(self.trial(fraction * x)[3][wrong]))
-                )
-
-            fraction = float(brentq(room, 0.0, 1.0, xtol=1e-12, rtol=1e-10))
-            cut = self.trial(fraction * x)
+            fraction, cut = self._first_change(x, wrong, now, whole[3])
             j = wrong[int(np.argmin(cut[3][wrong]))]
             if self.direction[j] != 0:
                 cut[1][j] = 0.0
@@ -219,6 +211,24 @@ class Crossing:
             "reduce the step",
             time=self.time,
         )
+
+    def _first_change(self, x: float, wrong: list[int], now: Array, then: Array) -> tuple[float, tuple]:
+        """Return at which share of a time x the first of some joints changes, and the trial step up to there.
+
+        `now` and `then` are the rooms of all joints at both ends.
+        """
+        ends = {0.0: float(min(now[wrong])), 1.0: float(min(then[wrong]))}
+        last: tuple[float, tuple] = -1.0, ()
+
+        def room(share: float) -> float:
+            nonlocal last
+            if share in ends:
+                return ends[share]
+            last = share, self.trial(share * x)
+            return float(min(last[1][3][wrong]))
+
+        share = float(brentq(room, 0.0, 1.0, xtol=1e-12, rtol=1e-10))
+        return share, last[1] if last[0] == share else self.trial(share * x)
 
     def _change(self, j: int) -> None:
         if self.direction[j] != 0:

@@ -99,9 +99,7 @@ def _words(
 ) -> str:
     who = list_some([spelled(name, motion) for name in names], "effects")
     if after and after[-1] < before + CAMPAIGN.little_confidence:
-        return (
-            f"{who}: no run that was tried separates them as they are known; along this one they differ most"
-        )
+        return f"{who}: no run that was tried separates them as they are known; along the planned they differ most"
     if after:
         return f"{who}: the true one is then expected to have {percent(after[-1])}"
     said = next((each.waveform for each in advice), "the search for a run was ended before it found one")

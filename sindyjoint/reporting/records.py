@@ -325,6 +325,21 @@ class AdviceSearchPart(Part):
     planned: int
 
 
+class InPlaceKind(Part):
+    """Numbers of a kind of joint: value and standard error by name."""
+
+    terms: dict[str, list[Known]]
+    elements: dict[str, dict[str, list[Known]]]
+
+
+class InPlacePart(Part):
+    """Of a diagnosis from the runs of a structure: models by kind of joint, and the structure's numbers."""
+
+    lead: str
+    kinds: dict[str, InPlaceKind]
+    structure: list[dict[str, str | float]]
+
+
 class DiagnosisRecord(Part):
     """``diagnose --json`` and ``diagnosis.json``, which also tells what a virtual test had hidden."""
 
@@ -339,6 +354,7 @@ class DiagnosisRecord(Part):
     advice_search: AdviceSearchPart
     warnings: list[str]
     soundness: SoundnessPart | None = None
+    in_place: InPlacePart | None = None
     hidden: str | None = None
 
 

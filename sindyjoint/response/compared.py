@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.run import WINDOW, Drive, SimulatedRun, pooled_nrmse, prescribed, simulate_run
+from sindyjoint.response.drive import Drive, prescribed
+from sindyjoint.response.run import WINDOW, SimulatedRun, pooled_nrmse, simulate_run
 from sindyjoint.states import ForceStates, force_states, one_after_another
 from sindyjoint.states.build import Choice
 

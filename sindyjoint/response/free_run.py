@@ -12,8 +12,9 @@ from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, simulate, transfer_moment
 from sindyjoint.record import Run
+from sindyjoint.response.drive import choose_drive
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import RTOL, SimulatedRun, angle_limits, choose_drive, cut_states, span_of
+from sindyjoint.response.run import RTOL, SimulatedRun, angle_limits, cut_states, span_of
 from sindyjoint.states import ForceStates, force_states
 
 Array = NDArray[np.float64]

@@ -15,24 +15,16 @@ from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, PaperLaw, as_compiled
 from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
+from sindyjoint.numeric import rms
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Motion, Run
+from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.element_law import number_names, parts_of, sum_law
 from sindyjoint.response.model_law import law_terms, model_law
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import (
-    Drive,
-    along_motion,
-    angle_limits,
-    choose_drive,
-    measured_drive,
-    prescribed,
-    rms,
-    settling,
-    span_of,
-)
+from sindyjoint.response.run import along_motion, angle_limits, measured_drive, settling, span_of
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 

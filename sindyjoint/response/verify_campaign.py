@@ -13,11 +13,12 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import finite
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import compare_run, compared_states
+from sindyjoint.response.drive import prescribed
 from sindyjoint.response.free_run import free_run_states, simulate_free
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import SimulatedRun, prescribed
+from sindyjoint.response.run import SimulatedRun
 from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import (
     Band,

@@ -14,7 +14,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.mechanics.rigs import Rig
-from sindyjoint.numeric import main_frequency
+from sindyjoint.numeric import main_frequency, rms
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import (
     Oscillation,
@@ -22,7 +22,6 @@ from sindyjoint.response.oscillation import (
     oscillation,
     white_noise,
 )
-from sindyjoint.response.run import rms
 from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
 

@@ -6,32 +6,24 @@ Of a joint tested alone, or of one that is simulated in a structure: the verbs o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.result import Diagnosis, Gap
-from sindyjoint.diagnosis.verdict import UNDECIDED
-from sindyjoint.discovery.delay import ChannelDelay, delay_to_remove, without_delay
-from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
-from sindyjoint.equation.calibration import with_gain_uncertainty
+from sindyjoint.diagnosis.result import Diagnosis
+from sindyjoint.discovery.delay import delay_to_remove, without_delay
 from sindyjoint.equation.catalogue import Catalogue
-from sindyjoint.equation.element import Value
-from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.discovery import fitted_to
+from sindyjoint.judgement.tested import Tested, followed, stopped
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import Nuisance, TestNuisances
-from sindyjoint.soundness.check import Check, check_accepted, check_campaign
-from sindyjoint.states import campaign_states
-from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.soundness.check import check_accepted, check_campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
@@ -144,15 +136,15 @@ def diagnose(
         say("checking the data")
         checked = check_campaign(campaign, accept)
         if checked.stopping:
-            return replace(_stop(checked, model), hidden=hidden)
+            return replace(stopped(checked, model), hidden=hidden)
         say("force states")
         usable = checked.usable
         delay = delay_to_remove(usable) if align else None
         if delay is not None:
             usable = without_delay(usable, delay)
-        usable, lags = _followed(usable, model)
+        usable, lags = followed(usable, model)
         problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
-        tested = _Tested(campaign, checked, delay, lags, hidden)
+        tested = Tested(campaign, checked, delay, lags, hidden)
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
@@ -169,93 +161,6 @@ def diagnose(
             refined if refine else lambda last: (last, ()),
         )
         return tested.told(result)
-
-
-def _followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
-    """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
-    if not campaign.inputs or campaign.quasi_static:
-        return campaign, ()
-    if model is not None:
-        campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
-    lags = find_lags(campaign_states(campaign), campaign.joint.inertia, campaign.inputs)
-    return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
-
-
-@dataclass(frozen=True, eq=False)
-class _Tested:
-    """What a diagnosis says of the campaign that it is of.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        As it was given, but for the runs that are kept out.
-    checked : Check
-    delay : ChannelDelay or None
-        That was removed beforehand.
-    lags : tuple of InputLag
-    hidden : HiddenCampaign or None
-        What a virtual test hides.
-    """
-
-    campaign: Campaign
-    checked: Check
-    delay: ChannelDelay | None
-    lags: tuple[InputLag, ...]
-    hidden: Any
-
-    def told(self, result: Diagnosis) -> Diagnosis:
-        """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
-        whole = None if result.whole is None else self._fitted(result.whole)
-        test = self.nuisances(result.test or TestNuisances(""))
-        warnings = (*self.checked.warnings, *result.warnings, *lag_notes(self.lags))
-        result = replace(
-            result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
-            warnings=warnings, hidden=self.hidden,
-        )  # fmt: skip
-        if self.checked.soundness.verdict != "unsound":
-            return result
-        faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in self.checked.undecided_by()))
-        without = f"{result.verdict.replace('_', ' ')}, {result.reason}"
-        reason = f"the data are not sound ({faults}); without that: {without}"
-        return replace(result, verdict=UNDECIDED, reason=reason)
-
-    def nuisances(self, test: TestNuisances) -> TestNuisances:
-        """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
-        found = test.nuisances
-        if self.delay is not None:
-            time, error = self.delay.time, self.delay.standard_error
-            known = Value("tau", time, error, (time - 1.96 * error, time + 1.96 * error), "s")
-            found = (Nuisance("channel_delay", "time shift", known), *found)
-        kept = tuple(run.name for run in self.campaign.validation_runs)
-        digest = content_hash(self.campaign)
-        return replace(test, campaign=digest, joint=self.campaign.joint.name, nuisances=found, kept_out=kept)
-
-    def _fitted(self, model: JointModel) -> JointModel:
-        return with_gain_uncertainty(fitted_to(model, self.campaign), self.campaign.gain_uncertainty)
-
-
-def _stop(checked: Check, model: JointModel | None) -> Diagnosis:
-    """Return the diagnosis of data that nothing is concluded from."""
-    unknown = float("nan")
-    gap = Gap(unknown, unknown)
-    if model is None:
-        fitted = Fitted(unknown, unknown, unknown, unknown, 0, len(checked.campaign.runs), unknown, unknown)
-        model = JointModel(checked.campaign.joint, (), (), fitted)
-    return Diagnosis(
-        verdict=UNDECIDED,
-        reason=checked.reason,
-        initial=gap,
-        final=gap,
-        noise_floor=gap,
-        budget=Budget(unknown, unknown, unknown, unknown, unknown),
-        where=(),
-        steps=(),
-        advice=(),
-        warnings=(checked.reason, *checked.warnings),
-        model=model,
-        soundness=checked.soundness,
-        stopped=checked,
-    )
 
 
 @checks_options()

@@ -85,7 +85,6 @@ def test_twins_move_as_the_joint_did(campaign, states):
         np.testing.assert_array_equal(again, motion)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("states", ["auto", "broadband"])
 def test_corrected_errors_are_of_the_size_that_is_stated(campaign, states):
     _, tested = campaign
@@ -98,7 +97,6 @@ def test_corrected_errors_are_of_the_size_that_is_stated(campaign, states):
     assert np.abs((found.model.coefficients - TRUTH) / found.model.standard_errors).max() < 4
 
 
-@pytest.mark.slow
 def test_smoothing_alone_would_leave_the_joint_outside_its_interval():
     """Negative control: low-passed data at 5 % noise, where the correction is many standard errors."""
     tested = virtual_campaign(noise=0.05, **SMALL)

@@ -53,7 +53,6 @@ def test_the_completed_acceleration_is_nearer_to_the_truth(campaign):
     assert POLICY.harmonic_as_measured > 5
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False])
 def test_a_heavy_joint_is_not_refuted(declared):
     verdicts = []
@@ -77,7 +76,6 @@ def test_a_heavy_joint_is_not_refuted(declared):
     assert "refuted" not in verdicts and verdicts.count("confirmed") >= 2
 
 
-@pytest.mark.slow
 def test_an_effect_that_is_there_is_still_found():
     found = discover(virtual_campaign(HEAVY, hidden=DAMPING, **TESTED))
     assert found.states[0].completed

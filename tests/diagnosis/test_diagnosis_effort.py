@@ -14,6 +14,7 @@ from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
+from tests.light_tasks import square_sum
 
 
 class Clock:
@@ -52,16 +53,12 @@ def test_the_estimate_is_of_the_work_ahead_and_never_beyond_the_limit():
     assert said == ["runs", "runs, about 5 s more", "runs, about 20 s more"]
 
 
-def _work(count):
-    return sum(i * i for i in range(count))
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_processor_time_holds_what_other_processes_did(jobs):
     with spread(jobs), ProcessorTime() as clock:
-        found = side_by_side(_work, [2_000_000] * 3)
+        found = side_by_side(square_sum, [2_000_000] * 3)
         seconds = clock.seconds
-    assert found == [_work(2_000_000)] * 3
+    assert found == [square_sum(2_000_000)] * 3
     # Three sums of some 0.1 s each; the parent waits.
     assert seconds > 0.1
 
@@ -73,11 +70,17 @@ def ambiguous():
     return hide("constant_moment", 0, duration=4.0).campaign, [e for e in load_effects() if e.id in wanted]
 
 
-def test_the_diagnosis_is_handed_over_whole_before_advice_begins(ambiguous):
+@pytest.fixture(scope="module")
+def sought(ambiguous):
+    """Its diagnosis with advice, what was handed over before that, and what was said on the way."""
     campaign, effects = ambiguous
     kept, said = [], []
     result = diagnose(campaign, effects=effects, before_advice=kept.append, progress=said.append)
-    (before,) = kept
+    return result, kept, said
+
+
+def test_the_diagnosis_is_handed_over_whole_before_advice_begins(sought):
+    result, (before,), said = sought
     assert before.search.status == "not_sought" and before.advice == ()
     assert result.search.status == "complete" and result.search.tried == result.search.planned > 50
     first, last = before.to_dict(), result.to_dict()
@@ -86,22 +89,19 @@ def test_the_diagnosis_is_handed_over_whole_before_advice_begins(ambiguous):
     assert counts and "s more" in counts[-1]
 
 
-def test_a_search_that_is_stopped_says_so_and_changes_no_name(ambiguous):
+def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_runs(ambiguous, sought):
     campaign, effects = ambiguous
-    whole = diagnose(campaign, effects=effects, advise=False)
+    whole = sought[0]
     policy = replace(CAMPAIGN, advice_work=2e6)
     short = diagnose(campaign, effects=effects, policy=policy)
     assert short.search.status == "stopped" and short.advice == ()
     assert "ended after as many trials as are allowed" in short.warnings[0]
     assert [s.effect for s in short.steps] == [s.effect for s in whole.steps]
-    # The same on every machine: the count of runs that were tried, and with other processes.
-    assert diagnose(campaign, effects=effects, policy=policy, jobs=2).search == short.search
+    # The same on every machine: the count of runs that were tried, and with other processes, started once for both.
+    with spread(2):
+        assert diagnose(campaign, effects=effects, policy=policy).search == short.search
+        assert diagnose(campaign, effects=effects).advice == whole.advice
     assert diagnose(campaign, effects=effects, policy=replace(CAMPAIGN, advice_seconds=0.0)).search.tried == 0
-
-
-def test_advice_does_not_depend_on_who_tries_the_runs(ambiguous):
-    campaign, effects = ambiguous
-    assert diagnose(campaign, effects=effects, jobs=2).advice == diagnose(campaign, effects=effects).advice
 
 
 def test_an_interruption_of_advice_leaves_the_diagnosis(ambiguous, tmp_path, monkeypatch, sindyjoint):

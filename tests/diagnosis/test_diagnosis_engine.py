@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis.strategies import booleans, floats, just, one_of, tuples
 
-from sindyjoint.diagnosis.loop import Outcome, Progress, add_effects, other_members, try_effect
+from sindyjoint.diagnosis.loop import (
+    Outcome,
+    Progress,
+    add_effects,
+    led_by,
+    other_members,
+    try_effect,
+    without_needless_delay,
+)
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
 from sindyjoint.diagnosis.problem import Added, Proposal
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
@@ -318,13 +326,69 @@ def test_beside_a_remainder_an_effect_at_the_end_that_hardly_helps_is_no_name():
     assert added(candidates=(great, idle), noise=0.4) == ["great", "idle"]
 
 
+def test_a_law_found_first_may_give_its_place_to_another_of_its_class_and_later_gaps_are_told_anew():
+    first, alike = (
+        Effect("first", 500.0, Gap(0.5, 0.5, 0.5)),
+        Effect("alike", 499.0, Gap(0.3, 0.4, 0.4)),
+    )
+    last = Effect("last", 300.0, Gap(0.4, 0.3, 0.3))
+    problem = Made(candidates=(first, alike, last))
+    say = lambda words: None  # noqa: E731
+    one = try_effect(Progress(problem, problem.gap), frozenset(), 2, say).progress
+    two = try_effect(one, frozenset({"alike"}), 2, say).progress
+    assert [s.effect for s in two.steps] == ["first", "last"]
+    (other,) = (led_by(two, *each) for each in other_members(two))
+    assert [s.effect for s in other.steps] == ["alike", "last"]
+    assert other.steps[1].gap_before == other.steps[0].gap_after and other.steps[0].gap_before == problem.gap
+
+
+def test_a_delay_goes_that_the_law_found_does_not_need():
+    delay, law = Effect("delay", 500.0, GOOD), Effect("law", 400.0, Gap(0.1, 0.1, 0.1))
+
+    @dataclass(frozen=True)
+    class Late(Made):
+        other: Gap = Gap(0.1, 0.1, 0.1)
+        numbers: int = 0
+
+        def without_delay(self):
+            return replace(self, found=(law,), gap=self.other), "delay"
+
+    problem = Late(candidates=(delay, law))
+    here = add_effects(Progress(problem, problem.gap), 4, lambda words: None)
+    assert [s.effect for s in here.steps] == ["delay", "law"]
+    (step,) = without_needless_delay(here).steps
+    assert step.effect == "law" and step.gap_before == problem.gap
+    needed = replace(here, problem=replace(here.problem, other=Gap(0.2, 0.1, 0.1)))
+    assert without_needless_delay(needed) is needed
+
+
+def test_a_zero_error_is_told_beside_a_law_that_is_refused():
+    zero, spring = Effect("zero", 300.0, GOOD), Effect("spring", 600.0, GOOD)
+
+    @dataclass(frozen=True)
+    class Shifted(Made):
+        def zero_errors(self, refused):
+            return rank([zero], [1], EvidenceScale(2000.0, 1000.0, 1000.0, 0.0), self.policy)
+
+    problem = Shifted(candidates=(spring, zero), impossible=("spring",))
+    tried = try_effect(Progress(problem, problem.gap), frozenset(), 4, lambda words: None)
+    assert tried.outcome is Outcome.ACCEPT and tried.effect == "zero"
+
+
+def test_many_laws_that_leave_nothing_may_be_parts_of_one():
+    steps, figures = one_step(), gaps(0.5, 0.1, FLOOR)
+    (step,) = discount(steps, "named", replace(SMALL, series=0.4), figures, CAMPAIGN)
+    assert step.probability == pytest.approx(0.6 * steps[0].probability)
+    assert dict(step.rivals)["unknown"] == 0.4
+
+
 def test_the_members_of_the_last_class_are_tried_in_its_place():
     first = Effect("first", 500.0, Gap(0.5, 0.5, 0.5))
     alike = Effect("alike", 499.0, Gap(0.3, 0.4, 0.4))
     problem = Made(candidates=(first, alike), impossible=("none",))
     here = try_effect(Progress(problem, problem.gap), frozenset(), 1, lambda words: None).progress
     assert set(here.steps[-1].members) == {"first", "alike"}
-    (other,) = other_members(here)
+    (other,) = (led_by(here, *each) for each in other_members(here))
     assert other.steps[-1].effect == "alike" and other.steps[-1].members == ("alike", "first")
     assert other.gap.moment == other.steps[-1].gap_after.moment == 0.3
     assert other.steps[-1].probability < 0.5 and set(other.rankings) == {"alike"}

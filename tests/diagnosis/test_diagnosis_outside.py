@@ -5,10 +5,11 @@ import pytest
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, prior
+from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, prior, series_probability
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 
@@ -98,6 +99,13 @@ def test_many_effects_are_less_likely_than_one_that_nobody_knows():
     # A channel's error comes with any joint; two dependences on frequency are one.
     assert prior([*one, *fitted("channel_delay", "angle_offset")]) == prior(one)
     assert prior([*one, *fitted("frequency_dependent_stiffness")]) > 0
+
+
+def test_terms_that_discovery_found_count_among_the_laws():
+    one = fitted("quintic_stiffness")
+    assert prior(one, terms=1) == prior([*one, *fitted("dead_zone")])
+    assert series_probability(one, 0) < 0.02 < series_probability(one, 2) < series_probability(one, 5)
+    assert series_probability(one, 9) <= CAMPAIGN.outside
 
 
 @pytest.mark.slow

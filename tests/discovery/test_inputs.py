@@ -13,6 +13,7 @@ from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, lagged, levels, run_levels
+from sindyjoint.judgement.at_each_level import changed_term
 from sindyjoint.judgement.verdict import judge
 from sindyjoint.states import campaign_states
 
@@ -130,6 +131,17 @@ def test_hierarchy_and_levels_bound_what_is_offered():
     assert load["coulomb_friction_proportional_to_load"].unit_for("translation") == "1"
     signal = with_dependences(paper, [Input("signal", "V", levels=3, tested=(0.0, 2.0))])
     assert "coulomb_friction_switched_by_signal" in signal
+
+
+@pytest.mark.parametrize("unit", ["K", "N", "V"])
+def test_each_of_the_five_is_offered_straight_and_bent(unit):
+    paper = load_catalogue("paper")
+    offered = with_dependences(paper, [Input("T", unit, 1.0, levels=4, tested=(0.0, 2.0))])
+    found = {term.id for term in paper}
+    for term in offered:
+        if term.inputs and "switched" not in term.id:
+            found.add((changed_term(term.expression), "squared" in term.id))
+    assert found == {*paper.ids, *((name, bent) for name in paper.ids for bent in (False, True))}
 
 
 def test_no_set_holds_a_dependence_without_its_coefficient(regressor):

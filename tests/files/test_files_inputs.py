@@ -87,7 +87,7 @@ def test_faults_are_named(campaign_of, inputs, one, fault, words):
 
 
 def test_uncertain_gains_of_channels_are_those_of_moment_and_motion():
-    from sindyjoint.files.channels import declared_gains
+    from sindyjoint.files.declared import declared_gains
     from sindyjoint.files.manifest import Channels
 
     moment = {"column": "M", "unit": "N*m", "gain_uncertainty": "2 %"}

@@ -1,6 +1,5 @@
 """A plan from a rough idea of the joint to a virtual test of its runs, in Python and on the command line."""
 
-import importlib
 import json
 from dataclasses import replace
 
@@ -22,7 +21,9 @@ from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.tell_apart import rivals_of
 from sindyjoint.reporting.schemas import record_schema
+from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide
+from tests.equation.test_element import JENKINS, with_elements
 
 FEW = replace(POLICY, joints=3, frequencies=3)
 RANGES = ["--range", "linear_stiffness=5..8 kN*m/rad", "--range", "coulomb_friction=1..3 N*m"]
@@ -59,6 +60,16 @@ def test_it_ends_where_it_is_enough(found):
         f"after {len(shorter.runs)} runs 95 of 100 tests reach a widest relative half-width"
     )
     assert sum(run.duration for run in shorter.grid_runs) == pytest.approx(shorter.seconds)
+
+
+def test_a_joint_with_elements_is_planned_for_its_terms():
+    found = plan(
+        model=with_elements(JENKINS), drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 4.0}
+    )
+    assert len(found.runs) == 8 and set(found.to_dict()["predicted"]) == set(found.model.ids)
+    assert any(text.startswith("Jenkins element: in every simulation") for text in found.warnings)
+    (made,) = play(model_law(found.model), found.runs[:1], replace(found.sensors, noise=1e-9)).runs
+    assert np.abs(made.moment).max() <= 4.0
 
 
 @pytest.fixture(scope="module")
@@ -196,8 +207,7 @@ PAIR = ("maxwell_branch", "fractional_damping")
 def test_effects_are_told_apart_by_the_search_of_the_advice(hidden, monkeypatch):
     judged = []
     monkeypatch.setattr(
-        importlib.import_module("sindyjoint.workflows.plan"),
-        "diagnosed",
+        "sindyjoint.workflows.plan.diagnosed",
         lambda *given, **options: judged.append(diagnose(*given, **options)) or judged[-1],
     )
     options = {"campaign": hidden.campaign, "goal": "tell-apart", "drive": "angle", "band": (0.75, 24.0)}

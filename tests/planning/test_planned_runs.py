@@ -10,10 +10,15 @@ from sindyjoint.mechanics.actuator import tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
 from sindyjoint.planning.information import Information, Sensors, run_information
 from sindyjoint.planning.joints import like_law, like_model
+from sindyjoint.planning.plan_file import play
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, highest_level, motion
 from sindyjoint.planning.search import Choice, best_runs
+from sindyjoint.record import Campaign, Joint
 from sindyjoint.response.model_law import model_law
+from sindyjoint.soundness.detectors.lines import main_line
+from sindyjoint.soundness.faults import find_faults
+from sindyjoint.soundness.policy import POLICY as SOUNDNESS
 from tests.equation.test_element import JENKINS, with_elements
 from tests.made_models import paper_model
 
@@ -144,3 +149,15 @@ def test_the_most_telling_runs_are_chosen_with_enough_frequencies_and_levels():
     known = [(2.0, "0"), (4.0, "1"), (8.0, "2")]
     before = Information(*(np.ones((3, 1, 1, 1)),) * 2, np.zeros((3, 1, 1)), np.full((3, 1), 8.0))
     assert best_runs(choice(strength, known=before, known_runs=tuple(known)), 6) == [6] * 6
+
+
+def test_the_high_tone_of_a_planned_run_is_no_disagreement_of_its_channels():
+    """Friction changes its sign with the faster tone: the strongest line of the moment is there."""
+    run = play(
+        INTER_PANEL, [PlannedRun("angle", "two-tone-3", 8.0, 6e-5, "rad", 4.0)], Sensors(2000.0, 0.01)
+    ).runs[0]
+    moment, share = main_line(run.moment, run.sample_rate, 8.0)
+    assert moment == pytest.approx(24.0) and share < SOUNDNESS.line_share
+    assert not {each.id for each in find_faults(Campaign(Joint(), (run,)))} & {"channels_disagree"}
+    slow = replace(run, angle=6e-5 * np.sin(2 * np.pi * 8.0 * run.time))
+    assert "channels_disagree" in {each.id for each in find_faults(Campaign(Joint(), (slow,)))}

@@ -17,7 +17,6 @@ from sindyjoint.workflows.discover import discover
 STANDARD = dict(frequencies=(3.0, 4.0, 5.0, 6.0), levels=(0.92, 0.63, 0.35), sample_rate=500.0, duration=5.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(9))
 def test_exact_terms_at_one_per_cent_noise(seed):
     plan = random_plan(seed, sample_rate=500.0, duration=5.0)
@@ -28,7 +27,6 @@ def test_exact_terms_at_one_per_cent_noise(seed):
     assert np.abs(found.model.coefficients / plan.truth - 1).max() < 0.05
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [7, 147, 174])
 def test_a_share_below_the_noise_is_undecided_and_not_a_wrong_confirmed(seed):
     """These three of 210 joints are missed at 5 % noise: another even term takes the place of a small k2."""
@@ -39,7 +37,6 @@ def test_a_share_below_the_noise_is_undecided_and_not_a_wrong_confirmed(seed):
         assert "may replace quadratic stiffness" in found.verdict.reason
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("drive", ["moment", "rig", "displacement"])
 def test_three_frequencies_of_two_levels_at_five_per_cent(drive):
     """Six runs are the least that the random joints hold; no such campaign may confirm a wrong set."""
@@ -55,7 +52,6 @@ def test_viscous_joint_has_no_friction():
     assert found.verdict.verdict == "refuted" and "Coulomb friction" in found.verdict.reason
 
 
-@pytest.mark.slow
 def test_bias_is_found_and_taken_out_at_five_per_cent_noise():
     """The damping of a moment-driven joint comes out some per cent low; over seeds the corrected mean is right."""
     plan = random_plan(0, drive="moment", **{**STANDARD, "sample_rate": 1000.0})
@@ -72,7 +68,6 @@ def test_bias_is_found_and_taken_out_at_five_per_cent_noise():
     assert np.mean(raw) < -1.0 and abs(np.mean(fixed)) < abs(np.mean(raw))
 
 
-@pytest.mark.slow
 def test_dependence_on_frequency_is_reported():
     plan = random_plan(1, **STANDARD)
     rising = discover(rising_stiffness(plan, 0.01, 0.10), library="paper")
@@ -92,7 +87,6 @@ def test_dependence_on_frequency_is_reported():
     assert {t.answer for t in tests.values()} <= {"independent within margin", "cannot tell"}
 
 
-@pytest.mark.slow
 def test_what_the_processing_makes_of_the_paper_s_law_refutes_nothing():
     """At 5 % noise two kinds of damping stand five standard errors out here; a replicate without them shows as much."""
     campaign = random_plan(204).campaign(0.05)

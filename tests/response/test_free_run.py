@@ -9,9 +9,10 @@ from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FunctionLaw, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.numeric import rms
 from sindyjoint.record import Run
 from sindyjoint.response.free_run import free_run_states, simulate_free
-from sindyjoint.response.run import rms, simulate_run
+from sindyjoint.response.run import simulate_run
 
 RATE = 500.0
 SPRING = PaperLaw(k1=400.0, c1=0.3, inertia=0.02)

@@ -8,13 +8,14 @@ import pytest
 from sindyjoint.equation.element import ElementState, JointElement, Value
 from sindyjoint.mechanics.laws import FunctionLaw, LawWithNumbers, PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.record import Run
 from sindyjoint.response import refine as refine_module
+from sindyjoint.response.drive import prescribed
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.refine import refine
 from sindyjoint.response.refine_starts import spread_starts
-from sindyjoint.response.run import prescribed
-from sindyjoint.states import campaign_states
+from sindyjoint.states import campaign_states, force_states
 from tests.made_models import model_of, term
 
 LAW = PaperLaw(k1=4000.0, c1=60.0, M_F=0.4, name="joint with a slider")
@@ -209,3 +210,23 @@ def test_a_start_that_no_simulation_can_follow_is_said():
     )
     found = refine(model_with(wild), campaign(SLIDER, frequencies=[4.0], levels=[1.0]))
     assert not found.refined and found.reason.startswith("not refined: an internal state is no longer finite")
+
+
+def test_a_motion_that_does_not_repeat_was_prescribed_where_the_joint_does_not_answer_to_friction_s_steps():
+    rng, time = np.random.default_rng(0), np.arange(2000) / 400.0
+    pulses = 2 * np.pi * np.array([0.53, 1.37, 2.71])
+    angle = 1e-3 * np.sum(np.sin(np.outer(time, pulses)), axis=1)
+    rate = 1e-3 * np.cos(np.outer(time, pulses)) @ pulses
+    acceleration = -1e-3 * np.sin(np.outer(time, pulses)) @ pulses**2
+    smooth = 0.5 * acceleration + 6000.0 * angle + 20.0 * rate
+
+    def states_of(moment):
+        noisy = (x + 0.005 * np.std(x) * rng.standard_normal(x.size) for x in (moment, angle))
+        return force_states(Run("one", *noisy, 400.0), "broadband")
+
+    stepped = states_of(smooth + 1.0 * np.sign(rate))
+    assert prescribed(stepped, inertia=0.5)
+    # Without an inertia nothing is known of its answer; a moment without steps may be the drive.
+    assert not prescribed(stepped) and not prescribed(states_of(smooth), inertia=0.5)
+    # A joint so heavy that friction's steps would not move it visibly.
+    assert not prescribed(stepped, inertia=500.0)

@@ -12,6 +12,7 @@ from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
+from tests.light_tasks import where
 
 # Rivals, so that runs are advised; their internal states are searched roughly, then refined.
 EFFECTS = ("dahl_friction", "bouc_wen_hysteresis")
@@ -37,13 +38,6 @@ def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
     alone = diagnose(campaign, effects=effects, max_effects=1, advise=False, progress=stages.append).to_dict()
     search = {"status": "not_sought", "tried": 0, "planned": 0}
     assert alone == {**record, "advice": [], "advice_search": search} and "advice" not in stages
-
-
-def where(shared, task):
-    """Return the process that a task runs in, and what it was given."""
-    import os
-
-    return os.getpid(), shared[task]
 
 
 def test_tasks_deep_inside_run_where_they_are_spread_to():

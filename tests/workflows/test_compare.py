@@ -166,7 +166,6 @@ def test_wrong_options_are_refused(campaign):
         compare(campaign, margin=-1)
 
 
-@pytest.mark.slow
 def test_left_out_response_of_any_terms():
     """Sets beyond the paper's five are simulated, too; what no simulation of angle and rate can hold says why."""
     theta, omega = sympy.symbols("theta omega", real=True)

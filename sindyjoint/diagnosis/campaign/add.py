@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.admissible import off_its_ends, off_the_ends
 from sindyjoint.diagnosis.campaign.candidates import fit_effect, fit_effects, refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear, without
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -55,6 +55,14 @@ def add_effect(
         repaired = refit(work.rows, repaired.model, effects, work.policy)
     work = replace(work, model=repaired.model)
     return work, replace(repaired, effects=(*shifts, *repaired.effects)), again
+
+
+def without_term(work: Work, name: str) -> Work:
+    """Return the work less a term of its model that an effect of that name is with free numbers."""
+    ids = work.model.ids
+    if name not in ids or len(ids) < 2:
+        return work
+    return replace(work, model=without(work.model, ids.index(name)))
 
 
 def _aligned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tuple[Work, FittedEffect]:

@@ -13,7 +13,7 @@ from sindyjoint.diagnosis.campaign.regression import GapRegression, evidence_sca
 from sindyjoint.diagnosis.campaign.repair import FRICTION, Repaired, all_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import Ranking, weights_of
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.text import spelled
@@ -87,7 +87,7 @@ def _inner_bounds(fitted: FittedEffect, reference: Reference, policy: DiagnosisP
     return bounds
 
 
-def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun]) -> str:
+def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun], policy: DiagnosisPolicy = CAMPAIGN) -> str:
     """Return whether a slider sticks along most of the way of the measured motion: it is then a spring, and no slider.
 
     Of sliders with a sharp limit: smooth hysteresis dissipates long before it yields. Half-cycles count by their
@@ -98,7 +98,7 @@ def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun]) -> str:
     limit = fitted.values[fitted.variant.names.index(YIELD)]
     strokes = np.concatenate([np.abs(np.diff(_reversals(run))) for run in runs] or [np.empty(0)])
     stuck = float(strokes[strokes / 2 < limit].sum() / max(strokes.sum(), 1e-300))
-    if stuck > 0.5:
+    if stuck > policy.sticking_share:
         return (
             f"{spelled(fitted.name)} would not yield along {100 * stuck:.0f} % of the way: that is a spring"
         )

@@ -18,7 +18,7 @@ from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import constant
 from sindyjoint.mechanics.actuator import TONES, Actuator, driven_at
-from sindyjoint.response.run import prescribed
+from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard

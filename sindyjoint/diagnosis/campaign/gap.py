@@ -18,7 +18,8 @@ from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.compared import pooled_errors
-from sindyjoint.response.run import moment_scale, pooled_nrmse, prescribed
+from sindyjoint.response.drive import prescribed
+from sindyjoint.response.run import moment_scale, pooled_nrmse
 from sindyjoint.states import ForceStates, pooled_noise
 
 

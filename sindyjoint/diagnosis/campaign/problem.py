@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign import anew
-from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect
+from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
 from sindyjoint.diagnosis.campaign.admissible import (
     law_complaint,
     number_complaint,
@@ -49,7 +49,7 @@ from sindyjoint.diagnosis.campaign.start import (
     is_free,
 )
 from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget, unexplained_once
-from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability
+from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, series_probability
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.inputs import input_effects
@@ -69,7 +69,7 @@ from sindyjoint.soundness.warnings import warn_of_negative_damping
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
 from sindyjoint.text import in_words_of
 
-BASE = "paper"
+BASE, OWN_ZERO = "paper", "the joint's own zero"
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +254,7 @@ class CampaignProblem(Problem):
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
         if candidate is not None:
             ends = number_complaint(candidate, self.regression.reference, self.policy)
-            return ends or yield_complaint(candidate, self.work.rows)
+            return ends or yield_complaint(candidate, self.work.rows, self.policy)
         if any(e.shifts and abs(e.coefficients[0]) >= LONGEST for e in self.found):
             return f"the delay between the channels would be longer than {1e3 * LONGEST:.0f} ms"
         effects = tuple(e for e in self.found if e.effect.enters == "moment")
@@ -262,7 +262,8 @@ class CampaignProblem(Problem):
 
     def add(self, best: FittedEffect) -> Added[Self]:
         """Return the problem with an effect more, everything fitted together."""
-        work, repaired, again = add_effect(self.work, self.found, best, self.candidates)
+        begun = without_term(self.work, best.name)
+        work, repaired, again = add_effect(begun, self.found, best, self.candidates)
         return Added(replace(self, work=work, repaired=repaired), again)
 
     def replaced(self, name: str, other: FittedEffect) -> Self | None:
@@ -324,11 +325,9 @@ class CampaignProblem(Problem):
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
         """Return the start from the joint's own zero, where the search found a zero error."""
-        if self.drift is not None:
-            return None
-        say("the joint's own zero")
-        found = zero_start(straight, last)
-        return None if found is None else Start(*found, "the joint's own zero", straight)
+        say(OWN_ZERO)
+        found = None if self.drift is not None else zero_start(straight, last)
+        return None if found is None else Start(*found, OWN_ZERO, straight)
 
     def with_model(self, model: JointModel) -> Self:
         """Return the problem of another model, fitted to these states; delays removed from them stay so."""
@@ -339,19 +338,20 @@ class CampaignProblem(Problem):
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
         first, last, policy = straight.regression, self.regression, self.policy
-        noise = float(np.nan_to_num(straight.noise_floor.moment))
         # Free motion has measured its noise from half-cycle to half-cycle.
         measured = all(run.folded or run.half_cycles is not None for run in first.runs)
-        outside = 0.0
-        if self.found and last.repeats:
-            outside = outside_probability(first, last, self.found)
+        outside, known = 0.0, {*straight.work.model.ids, CONSTANT}
+        terms = len(set(self.repaired.model.ids) - known)
+        if (self.found or terms) and last.repeats:
+            outside = outside_probability(first, last, self.found, terms)
         most = policy.unexplained if measured else policy.unexplained_once
         if self.drift is not None:
             return Residual(0.0, most, outside)
         if measured:
             ends = ((first.chi_square, first.degrees), (last.chi_square, last.degrees))
             return Residual(share_beyond_noise(*ends, policy), most, outside)
-        return Residual(unexplained_once(straight.gap.moment, self.gap.moment, noise, last), most, outside)
+        share = unexplained_once(straight.gap.moment, self.gap.moment, straight.noise_floor.moment, last)
+        return Residual(share, most, outside, series=series_probability(self.found, terms, known, policy))
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
-from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
+from sindyjoint.diagnosis.campaign.regression import ROUGH_STEPS, GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -66,7 +66,7 @@ def refit(
             break
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
-        model = _without(model, int(least))
+        model = without(model, int(least))
     model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
     later, k = [], size
     for each in effects:
@@ -169,7 +169,8 @@ def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
     return np.sqrt(np.mean(columns**2, axis=0))
 
 
-def _without(model: JointModel, index: int) -> JointModel:
+def without(model: JointModel, index: int) -> JointModel:
+    """Return a model without one of its terms."""
     terms = tuple(t for i, t in enumerate(model.terms) if i != index)
     keep = [i for i in range(len(model.terms)) if i != index]
     covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()
@@ -200,7 +201,9 @@ def held_out_gap(
         used, rows, others = plain, white, ~white_out
         train = [run for run in runs if run.group != group]
         if train and len(train) < len(runs) and any(e.values.size for e in effects):
-            # Along the motion itself: a kink that is followed roughly has its numbers elsewhere.
+            # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
+            if sum(run.motion.angle.size for run in train) > ROUGH_STEPS:
+                train = [run.rough() for run in train]
             later = refit_nonlinear(train, model, effects, policy)
             used = np.vstack([all_columns(run, model, later) for run in runs])
             rows = whitened(runs, used)

@@ -68,8 +68,8 @@ def separating_runs(
     ``rivals`` are the other members of the class, each as the data have it: what it would do where nothing was measured
     is what the data say of it, and not what comes nearest to the effect that was named.
     With an actuator: of those that it can make.
-    Where no run does, the advice says so: its frequency and level are zero. With an actuator it is then the run along
-    which the rivals, as they are, differ most: what the data hold for true of them may still change with it.
+    Where no run does, the advice says so: its frequency and level are zero. With an actuator it is then the runs along
+    which the rivals, as they are, differ most: what the data hold for true of them may still change with these.
     """
     mine = next((f for f in found if f.name == step.effect), None)
     if mine is None or not rivals:
@@ -131,8 +131,8 @@ class _Rivals:
         self._effort = [effort]
         # Each rival in the shape in which it comes nearest to each of the others, as far as was measured.
         self.shapes: list[list[FittedEffect]] = []
-        # The run that promises most with the rivals as they are.
-        self.first: Design | None = None
+        # The runs that promise most with the rivals as they are.
+        self.first: tuple[Design, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         # Other processes do not keep account.
@@ -201,10 +201,11 @@ class _Rivals:
         if advice:
             return advice
         channels = any(each.effect.enters != "moment" for each in self.members)
-        if self.in_any_case and self.first is not None and not channels:
-            first = self.first
-            words = in_words_of(motion, first.waveform)
-            return [Advice(names, first.frequency, first.level, words, before)]
+        if self.in_any_case and self.first and not channels:
+            return [
+                Advice(names, each.frequency, each.level, in_words_of(motion, each.waveform), before)
+                for each in self.first[: policy.most_runs]
+            ]
         return [Advice(names, 0.0, 0.0, READ_ZEROS if channels else in_words_of(motion, NO_RUN), before)]
 
     def _best(self, added: Sequence[GapRun], least: tuple[float, float]) -> Promise | None:
@@ -244,8 +245,10 @@ class _Rivals:
         tried = [each for each in coarse if each is not None]
         tried.sort(key=lambda each: each[:2], reverse=True)
         best = [each[2:] for each in tried[:FINE]]
-        if not added and best:
-            self.first = best[0][0]
+        if not added:
+            # Of each waveform one: of its neighbours the next best says the same.
+            waves = {each[0].waveform: each[0] for each in reversed([each[2:] for each in tried])}
+            self.first = tuple(each for each, _ in (t[2:] for t in tried) if waves[each.waveform] is each)
         stage = "advice: the rivals refined on the best runs"
         work = REFINING * len(self.members) * self.pairs
         return self._counted("refinement", best, work, _fine, [self, tuple(added)], stage, 1)

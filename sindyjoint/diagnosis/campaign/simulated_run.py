@@ -13,7 +13,8 @@ from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Run
-from sindyjoint.response.run import SUBSTEPS, Drive, SimulatedRun, prescribed, simulate_run
+from sindyjoint.response.drive import Drive, prescribed
+from sindyjoint.response.run import SUBSTEPS, SimulatedRun, simulate_run
 from sindyjoint.states import ForceStates
 
 

@@ -12,9 +12,8 @@ from sindyjoint.diagnosis.localisation import Place, Regions
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
-from sindyjoint.numeric import main_frequency
+from sindyjoint.numeric import main_frequency, rms
 from sindyjoint.response.oscillation import hilbert_envelope
-from sindyjoint.response.run import rms
 
 Array = NDArray[np.float64]
 

@@ -115,7 +115,7 @@ class RunsDiagnosis(StructureProblem):
         weight = size / size.sum() if alike else np.full(size.size, 1 / size.size)
         return Gap(float("nan"), float(np.sqrt(weight @ values**2)))
 
-    def budget(self, first: RunsDiagnosis, last: RunsDiagnosis) -> Budget:  # type: ignore[override]
+    def budget(self, first: RunsDiagnosis, last: RunsDiagnosis) -> Budget:
         """Return what the mean square gap is made of, relative to what the sensors show."""
         problem = first.pulse
         start = problem.residuals(problem.start())
@@ -158,7 +158,7 @@ class RunsDiagnosis(StructureProblem):
         """Return none: further runs of a structure are not searched for."""
         return ()
 
-    def diagnosis(self, first: RunsDiagnosis, found: Mapping[str, Any]) -> Diagnosis:  # type: ignore[override]
+    def diagnosis(self, first: RunsDiagnosis, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: the model of each kind of joint, and the structure's numbers."""
         problem, x = self.pulse, self.best.x
         covariance = problem.covariance(x)

@@ -8,6 +8,7 @@ the numbers of effects.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -20,10 +21,10 @@ from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
-from sindyjoint.substructure.simulated.steady import Steady
+from sindyjoint.substructure.simulated.steady import Condensed, Steady
 from sindyjoint.substructure.update import Update, with_numbers
 
 Array = NDArray[np.float64]
@@ -133,7 +134,7 @@ class RunsProblem:
             [free, *(c.high for c in changes)]
         )
 
-    def parts(self, x: Array) -> dict[str, Array]:
+    def parts(self, x: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return the numbers of each kind among those of the base."""
         ends = np.cumsum([self.numbers, *(kind.size for kind in self.kinds)])
         return {k.name: x[a:b] for k, a, b in zip(self.kinds, ends[:-1], ends[1:], strict=True)}
@@ -181,24 +182,39 @@ class RunsProblem:
         setup = self.setup(x, extra)
         if not all(np.isfinite(value) for own in setup.kinds.values() for value in own.numbers.values()):
             raise InputError("a number of the law is not finite")
-        balance = run.balance(self.structure(setup, x), self.laws(setup))
+        structure, condensed = self._condensed(run, setup, x)
+        balance = run.balance(structure, self.laws(setup), condensed)
         return (balance if setup.pulse == 1 else balance.with_drive(setup.pulse * run.drive)), setup
+
+    def _condensed(self, run: SteadyRun, setup: Setup, x: Array) -> tuple[Structure, Condensed]:
+        """Return the structure of a setup at the harmonics of a run; most candidates leave it as it is."""
+        rest = tuple(item for item in setup.items if not isinstance(item, Hinge))
+        key = "structure", run.omega, rest, setup.compliance, x[: self.numbers].tobytes()
+        found = self._kept.get(key)
+        if found is None:
+            structure = self.structure(setup, x)
+            found = self._keep(key, (structure, run.condensed(structure)))
+        return found
+
+    def _keep(self, key: object, value: Any) -> Any:
+        if len(self._kept) > KEPT:
+            self._kept.clear()
+        self._kept[key] = value
+        return value
 
     def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
         """Return the motion of a run and what its sensors record; None where there is none."""
         key = place, x.tobytes(), id(extra), tuple(map(id, self.found))
-        if key not in self._kept:
-            run = self.runs[place]
-            try:
-                balance, setup = self.balance(run, x, extra)
-                answer = run.answer(balance)
-                found = answer, recorded(run, answer.shown, setup)
-            except (SimulationError, InputError, np.linalg.LinAlgError):
-                found = None
-            if len(self._kept) > KEPT:
-                self._kept.clear()
-            self._kept[key] = found
-        return self._kept[key]
+        known = self._kept.get(key, self)
+        if known is not self:
+            return known
+        run, found = self.runs[place], None
+        with suppress(SimulationError, InputError, np.linalg.LinAlgError):
+            balance, setup = self.balance(run, x, extra)
+            answer = run.answer(balance)
+            found = answer, recorded(run, answer.shown, setup)
+        self._keep(key, found)
+        return found
 
     def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
         """Return simulated less measured in units of noise, run by run, then the prior rows; None without a motion."""
@@ -276,6 +292,11 @@ class RunsProblem:
         prior = np.array([number.uncertainty for number in self.test.uncertain])
         own = covariance[: self.numbers, : self.numbers] * np.outer(prior, prior)
         return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
+
+    @property
+    def threads(self) -> bool:
+        """One after the other: side by side on threads, memory was freed twice."""
+        return False
 
     def near(self, x: Array) -> RunsProblem:
         """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look."""

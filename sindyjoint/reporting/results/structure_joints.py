@@ -13,7 +13,7 @@ from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.structure_joints import KINDS, RecoveredLoop, StructureFigures
 from sindyjoint.reporting.page import markup
-from sindyjoint.reporting.style import prefixed, pretty_unit
+from sindyjoint.reporting.style import amount, pretty_unit
 from sindyjoint.reporting.text_table import TextTable, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded
@@ -56,7 +56,7 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
         seen = [
             (
                 each.joint,
-                _amount(each.largest_angle),
+                amount(each.largest_angle, "rad"),
                 f"{100 * each.angle_error:.2g} %",
                 f"{100 * each.moment_error:.2g} %",
             )
@@ -171,11 +171,6 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             name = result.test.structure.hinges[joint].name
             run = state.run.removesuffix(f" · {name}")
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
-
-
-def _amount(value: float) -> str:
-    factor, unit = prefixed(value, "rad")
-    return f"{value * factor:.3g} {unit}"
 
 
 def _refined(result: RigDiscovery) -> str:

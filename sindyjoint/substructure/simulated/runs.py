@@ -21,6 +21,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.steady import (
+    Condensed,
     Factors,
     Steady,
     coefficients,
@@ -133,9 +134,15 @@ class SteadyRun:
         """Number of its residuals."""
         return 2 * self.measured.size
 
-    def balance(self, structure: Structure, laws: Sequence[Any]) -> Steady:
+    def condensed(self, structure: Structure) -> Condensed:
+        """Return a structure at the harmonics of the run."""
+        return condense(structure, self.test.at, self.test.sensors, self.omega, self.drive.size - 1)
+
+    def balance(
+        self, structure: Structure, laws: Sequence[Any], condensed: Condensed | None = None
+    ) -> Steady:
         """Return the balance of a structure with laws in its joints under the measured drive."""
-        return steady(structure, laws, self.test.at, self.test.sensors, self.omega, self.drive)
+        return steady(structure, laws, self.test.at, self.test.sensors, self.omega, self.drive, condensed)
 
     def answer(self, balance: Steady) -> Answer:
         """Return the steady motion near where the search for it begins.
@@ -202,10 +209,8 @@ class SteadyRun:
             replace(structure, stiffness=structure.stiffness + elastic),
             replace(structure, loss=structure.loss + elastic),
         ):
-            condensed = condense(
-                changed, self.test.at, self.test.sensors, self.omega, answer.balance.harmonics
-            )
-            yield from self._by_harmonic(answer, answer.balance.with_structure(condensed), first)
+            other = answer.balance.with_structure(self.condensed(changed))
+            yield from self._by_harmonic(answer, other, first)
 
     def _by_harmonic(self, answer: Answer, other: Steady, first: float) -> Iterator[Complex]:
         """Yield what the sensors show where one harmonic alone is that of another structure."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,17 +27,19 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Factors = tuple[Array, NDArray[np.int32]]
 
-STEPS = 40
+# Newton steps, from a motion that was recovered and from one nearby.
+STEPS, FURTHER_STEPS = 40, 6
 SAMPLES = 8  # per harmonic
 # Of the largest moment: what may be out of balance.
-BALANCED = 1e-7
+BALANCED = 1e-6
 # Steps with the derivatives of a balance nearby, each of which leaves less than this share of the one before.
 CHORDS, LEADS_ON = 30, 0.6
 # Halvings of a Newton step that makes the balance worse, before it is taken nevertheless.
 HALVINGS = 3
 
 
-class Condensed(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Condensed:
     """A structure at the harmonics 0 to H of a drive, its joint angles held.
 
     Parameters
@@ -56,6 +58,18 @@ class Condensed(NamedTuple):
     load: Complex
     from_drive: Complex
     from_angles: Complex
+
+    @cached_property
+    def linear(self) -> Array:
+        """S_h on the real coefficients of all angles, shape (size, size)."""
+        joints, width = self.stiffness.shape[1], 2 * len(self.stiffness) - 1
+        rows: NDArray[np.intp] = np.arange(joints) * width
+        matrix = np.zeros((joints * width,) * 2)
+        matrix[np.ix_(rows, rows)] = self.stiffness[0].real
+        for order in range(1, len(self.stiffness)):
+            pairs: NDArray[np.intp] = np.ravel(rows[:, None] + np.array([2 * order - 1, 2 * order]))
+            matrix[np.ix_(pairs, pairs)] = real_blocks(self.stiffness[order])
+        return matrix
 
 
 def condense(structure: Structure, at: str, sensors: Sequence[Sensor], omega: float, count: int) -> Condensed:
@@ -119,17 +133,10 @@ class Steady:
         """Return the same joints in another structure."""
         return replace(self, condensed=condensed)
 
-    @cached_property
+    @property
     def linear(self) -> Array:
         """The condensed structure on the coefficients of all angles, shape (size, size)."""
-        stiffness, width = self.condensed.stiffness, 2 * self.harmonics + 1
-        rows = np.arange(len(self.laws)) * width
-        matrix = np.zeros((rows.size * width,) * 2)
-        matrix[np.ix_(rows, rows)] = stiffness[0].real
-        for order in range(1, self.harmonics + 1):
-            pairs = np.ravel(rows[:, None] + [2 * order - 1, 2 * order])
-            matrix[np.ix_(pairs, pairs)] = real_blocks(stiffness[order])
-        return matrix
+        return self.condensed.linear
 
     def load(self, drive: Complex) -> Array:
         """Return the loads of a drive on the joints as coefficients, shape (size,)."""
@@ -168,7 +175,7 @@ class Steady:
         if balanced:
             return angles
         out, jacobian = self.residual(angles)
-        for _ in range(STEPS):
+        for _ in range(STEPS if factors is None else FURTHER_STEPS):
             worst = float(np.abs(out).max())
             if not np.isfinite(worst):
                 break
@@ -217,10 +224,11 @@ def steady(
     sensors: Sequence[Sensor],
     omega: float,
     drive: Complex,
+    condensed: Condensed | None = None,
 ) -> Steady:
     """Return the balance of a structure with laws in its joints under a drive of amplitudes 0 to H."""
     joints = np.arange(structure.n_joints)
-    condensed = condense(structure, at, sensors, omega, drive.size - 1)
+    condensed = condensed or condense(structure, at, sensors, omega, drive.size - 1)
     tangents = np.array([_tangent(law) for law in laws])
     main = int(np.argmax(np.abs(drive[1:]))) + 1
     hold = HOLD * (np.abs(tangents) + (main * omega) ** 2 * structure.mass[joints, joints])

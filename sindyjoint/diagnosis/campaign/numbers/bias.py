@@ -35,9 +35,9 @@ LARGEST, LARGEST_SIGMAS = 0.5, 2.0
 ROUNDS, SAME = 8, 0.1
 # A nonlinear parameter of an effect stays above this share of where its fit began.
 LEAST_LEFT = 0.05
-# Forms of an element whose unlikeness to the measurement differs by less than this share are not told apart: in five of
-# seven campaigns in which a moment drives a play a wrong form was ahead, by up to 8 %.
-FORM_LEAD = 0.1
+# Forms of an element whose unlikeness to the measurement, a χ², is within this of the least are not told apart: they
+# are as probable as one to twenty.
+FORM_LEAD = 6.0
 # Draws of noise, each used with both signs: what is linear in it then leaves the mean.
 PAIRS = 4
 
@@ -67,9 +67,9 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     """Return a repaired model whose numbers are freed of what the processing of repeating runs does to them, and notes.
 
     An element is used in the form, of those that the catalogue has of it, whose replicates are most like the
-    measurement: rounded corners of one form look like another, and where two are alike a note says so. The model stays
-    as it is where it has no element, where runs do not repeat, where a simulation does not follow them, or where a
-    number would move by more than its half.
+    measurement: rounded corners of one form look like another. Of forms that are alike the plainest is used, and a note
+    names the others. The model stays as it is where it has no element, where runs do not repeat, where a simulation
+    does not follow them, or where a number would move by more than its half.
     """
     if not any(is_element(e) for e in repaired.effects) or not all(row.folded for row in work.rows):
         return repaired, ()
@@ -80,8 +80,10 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     solved = [found for form in forms if (found := _solve(work, form)) is not None]
     if not solved:
         return repaired, ()
-    best = min(solved, key=lambda each: each.unlikeness)
-    alike = [each for each in solved if each.unlikeness < (1 + FORM_LEAD) * best.unlikeness]
+    least = min(each.unlikeness for each in solved)
+    alike = [each for each in solved if each.unlikeness < least + FORM_LEAD]
+    # The catalogue begins with the plainest form.
+    best = min(alike, key=lambda each: [_rank(e) for e in each.fitted.effects])
     return with_numbers(best.fitted, best.values, best.covariance), _undetermined_forms(best, alike)
 
 
@@ -90,13 +92,20 @@ def _undetermined_forms(best: _Solved, alike: Sequence[_Solved]) -> tuple[str, .
     notes = []
     for place, mine in enumerate(best.fitted.effects):
         others = [each.fitted.effects[place].variant for each in alike]
-        forms = [_formulas(v) for v in others if v is not mine.variant]
+        forms = [form for v in others if (form := _formulas(v)) != _formulas(mine.variant)]
         if forms:
             notes.append(
                 f"these runs do not determine the form of {mine.effect.name}: {_formulas(mine.variant)} is used, and "
                 f"{' or '.join(forms)} fits as well; its numbers hold for the form used"
             )
     return tuple(notes)
+
+
+def _rank(effect: FittedEffect) -> int:
+    """Return which form of its effect in the catalogue an effect has; past the last one where it has another."""
+    forms = [_formulas(variant) for variant in effect.effect.variants]
+    mine = _formulas(effect.variant)
+    return forms.index(mine) if mine in forms else len(forms)
 
 
 def _formulas(variant: Variant) -> str:
@@ -214,14 +223,14 @@ def _by_noise(there: Replicates, fitted: Repaired, own: Array, slopes: Array) ->
 def _other_forms(effect: FittedEffect) -> list[FittedEffect]:
     """Return an effect in the other forms that the catalogue has of it, with the same numbers."""
     mine = effect.variant
-    return [
-        replace(effect, variant=other)
-        for other in effect.effect.variants
-        if other is not mine
-        and other.names == mine.names
-        and [c.symbol for c in other.columns] == [c.symbol for c in mine.columns]
-        and [s.name for s in other.states] == [s.name for s in mine.states]
-    ]
+    other = {
+        _formulas(each): each
+        for each in effect.effect.variants
+        if each.names == mine.names
+        and [c.symbol for c in each.columns] == [c.symbol for c in mine.columns]
+        and [s.name for s in each.states] == [s.name for s in mine.states]
+    }
+    return [replace(effect, variant=each) for form, each in other.items() if form != _formulas(mine)]
 
 
 def _in_form(work: Work, repaired: Repaired, place: int, form: FittedEffect) -> Repaired:

@@ -12,9 +12,10 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.record import Campaign
+from sindyjoint.response.drive import Drive, prescribed
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.refine import refine
-from sindyjoint.response.run import Drive, pooled_nrmse, prescribed, simulate_run
+from sindyjoint.response.run import pooled_nrmse, simulate_run
 from sindyjoint.states import campaign_states, force_states, one_after_another
 
 if TYPE_CHECKING:

@@ -18,7 +18,8 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.record import Run
-from sindyjoint.response.run import SimulatedRun, prescribed, span_of
+from sindyjoint.response.drive import prescribed
+from sindyjoint.response.run import SimulatedRun, span_of
 from sindyjoint.states import ForceStates
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics, replicate_states

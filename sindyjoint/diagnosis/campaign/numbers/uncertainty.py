@@ -24,9 +24,10 @@ from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import rms
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import with_coefficients
-from sindyjoint.response.run import SimulatedRun, pooled_nrmse, rms
+from sindyjoint.response.run import SimulatedRun, pooled_nrmse
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 

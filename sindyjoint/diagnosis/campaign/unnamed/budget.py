@@ -71,6 +71,7 @@ def unexplained_once(initial: float, final: float, noise: float, regression: Gap
     Cross-validated, of relative RMS values. Where no noise is known none is subtracted: what a law could win is then
     not booked as noise.
     """
+    noise = float(np.nan_to_num(noise))
     beyond = initial**2 - noise**2
     if beyond <= 0 or final <= regression.policy.significant_gap * noise:
         return 0.0

@@ -8,7 +8,7 @@ state. Each form is a rival without a name, as likely as its gain allows, less w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,9 @@ OF_FREQUENCY = ("inertia_error", "frequency_dependent_stiffness", "maxwell_branc
 CELLS, FINE = 6, 24
 
 
-def outside_probability(first: GapRegression, last: GapRegression, found: Sequence[FittedEffect]) -> float:
+def outside_probability(
+    first: GapRegression, last: GapRegression, found: Sequence[FittedEffect], terms: int = 0
+) -> float:
     """Return the probability that something outside the catalogue is there.
 
     Parameters
@@ -34,6 +36,8 @@ def outside_probability(first: GapRegression, last: GapRegression, found: Sequen
     first, last : GapRegression
         Before the first effect, and with all of them. Rows must be mean periods, whose noise is known.
     found : sequence of FittedEffect
+    terms : int
+        That discovery found beside them.
 
     Notes
     -----
@@ -46,19 +50,37 @@ def outside_probability(first: GapRegression, last: GapRegression, found: Sequen
     formed = max(gain - cost for gain, cost in unnamed_gains(last)) - policy.found_error**2 * explained
     shapeless = last.chi_square - policy.noise_known * last.degrees - policy.shapeless * explained
     nats = 0.5 * max(formed, shapeless, 0.0) / inflated
-    return float(1 / (1 + np.exp(-np.clip(nats + prior(found, policy), -50.0, 50.0))))
+    return float(1 / (1 + np.exp(-np.clip(nats + prior(found, policy, terms), -50.0, 50.0))))
 
 
-def prior(found: Sequence[FittedEffect], policy: DiagnosisPolicy = CAMPAIGN) -> float:
+def prior(found: Sequence[FittedEffect], policy: DiagnosisPolicy = CAMPAIGN, terms: int = 0) -> float:
     """Return the logarithm of the odds that effects stand in for something else, their number alone considered.
 
     Errors of the channels come with any joint and count for nothing. Two effects that both only make the stiffness
     depend on frequency are one dependence that neither of them is.
     """
     own = [f for f in found if f.effect.family != "measurement"]
-    odds = policy.outside_prior
     one_dependence = sum(f.effect.id in OF_FREQUENCY for f in own) > 1
-    return max(odds[min(len(own), len(odds) - 1)], odds[-1] if one_dependence else -np.inf)
+    return max(_odds(len(own) + terms, policy), policy.outside_prior[-1] if one_dependence else -np.inf)
+
+
+def series_probability(
+    found: Sequence[FittedEffect],
+    terms: int,
+    known: Collection[str] = (),
+    policy: DiagnosisPolicy = CAMPAIGN,
+) -> float:
+    """Return the probability that effects and terms that explain a gap together stand in for one other law.
+
+    By their number alone, less terms ``known`` before that come back: no residual is left that tells. They explain what
+    was left out of the fit, and so it is never above ``policy.outside``, where they would be no answer.
+    """
+    laws = terms + sum(f.effect.family != "measurement" and f.name not in known for f in found)
+    return float(min(1 / (1 + np.exp(-_odds(laws, policy))), policy.outside))
+
+
+def _odds(laws: int, policy: DiagnosisPolicy) -> float:
+    return policy.outside_prior[min(laws, len(policy.outside_prior) - 1)]
 
 
 def unnamed_gains(problem: GapRegression) -> list[tuple[float, float]]:

@@ -1,0 +1,113 @@
+"""A diagnosis and the campaign that it is of: what the check of its data, delays and lags have to say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sindyjoint.diagnosis.budget import Budget
+from sindyjoint.diagnosis.result import Diagnosis, Gap
+from sindyjoint.diagnosis.verdict import UNDECIDED
+from sindyjoint.discovery.delay import ChannelDelay
+from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
+from sindyjoint.equation.calibration import with_gain_uncertainty
+from sindyjoint.equation.element import Value
+from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.inputs import fixed_notes
+from sindyjoint.judgement.discovery import fitted_to
+from sindyjoint.record import Campaign
+from sindyjoint.response.nuisances import Nuisance, TestNuisances
+from sindyjoint.soundness.check import Check
+from sindyjoint.states import campaign_states
+from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.text import spelled
+
+
+def followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
+    """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
+    if not campaign.inputs or campaign.quasi_static:
+        return campaign, ()
+    if model is not None:
+        campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
+    lags = find_lags(campaign_states(campaign), campaign.joint.inertia, campaign.inputs)
+    return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """What a diagnosis says of the campaign that it is of.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As it was given, but for the runs that are kept out.
+    checked : Check
+    delay : ChannelDelay or None
+        That was removed beforehand.
+    lags : tuple of InputLag
+    hidden : HiddenCampaign or None
+        What a virtual test hides.
+    """
+
+    campaign: Campaign
+    checked: Check
+    delay: ChannelDelay | None
+    lags: tuple[InputLag, ...]
+    hidden: Any
+
+    def told(self, result: Diagnosis) -> Diagnosis:
+        """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
+        whole = None if result.whole is None else self._fitted(result.whole)
+        test = self.nuisances(result.test or TestNuisances(""))
+        elements = () if result.whole is None else result.whole.elements
+        named = [spelled(each.effect, self.campaign.joint.motion) for each in elements]
+        notes = (*lag_notes(self.lags), *fixed_notes(self.campaign.inputs, named))
+        warnings = (*self.checked.warnings, *result.warnings, *notes)
+        result = replace(
+            result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
+            warnings=warnings, hidden=self.hidden,
+        )  # fmt: skip
+        if self.checked.soundness.verdict != "unsound":
+            return result
+        faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in self.checked.undecided_by()))
+        without = f"{result.verdict.replace('_', ' ')}, {result.reason}"
+        reason = f"the data are not sound ({faults}); without that: {without}"
+        return replace(result, verdict=UNDECIDED, reason=reason)
+
+    def nuisances(self, test: TestNuisances) -> TestNuisances:
+        """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
+        found = test.nuisances
+        if self.delay is not None:
+            time, error = self.delay.time, self.delay.standard_error
+            known = Value("tau", time, error, (time - 1.96 * error, time + 1.96 * error), "s")
+            found = (Nuisance("channel_delay", "time shift", known), *found)
+        kept = tuple(run.name for run in self.campaign.validation_runs)
+        digest = content_hash(self.campaign)
+        return replace(test, campaign=digest, joint=self.campaign.joint.name, nuisances=found, kept_out=kept)
+
+    def _fitted(self, model: JointModel) -> JointModel:
+        return with_gain_uncertainty(fitted_to(model, self.campaign), self.campaign.gain_uncertainty)
+
+
+def stopped(checked: Check, model: JointModel | None) -> Diagnosis:
+    """Return the diagnosis of data that nothing is concluded from."""
+    unknown = float("nan")
+    gap = Gap(unknown, unknown)
+    if model is None:
+        fitted = Fitted(unknown, unknown, unknown, unknown, 0, len(checked.campaign.runs), unknown, unknown)
+        model = JointModel(checked.campaign.joint, (), (), fitted)
+    return Diagnosis(
+        verdict=UNDECIDED,
+        reason=checked.reason,
+        initial=gap,
+        final=gap,
+        noise_floor=gap,
+        budget=Budget(unknown, unknown, unknown, unknown, unknown),
+        where=(),
+        steps=(),
+        advice=(),
+        warnings=(checked.reason, *checked.warnings),
+        model=model,
+        soundness=checked.soundness,
+        stopped=checked,
+    )

@@ -1,0 +1,78 @@
+"""A diagnosis from the runs of a structure: two masses by SciPy, the joint and the structure as suspects."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.reporting.output import write_results
+from sindyjoint.reporting.records import DiagnosisRecord
+from sindyjoint.workflows.diagnose import diagnose_rig
+
+from .test_refine_rig import K3, C, K, few_harmonics, model  # noqa: F401
+from .two_masses import integrated_run, rig_test
+
+DRIVES = [(1.5, 5.0), (2.5, 6.0), (2.5, 3.0), (4.0, 12.0)]
+FIFTH = 3e9
+EFFECTS = [e for e in load_effects() if e.id in ("quintic_stiffness", "quadratic_damping", "dahl_friction")]
+
+
+def recorded(law, **options):
+    runs = [
+        integrated_run(f"{f:g} Hz {a:g} N", f, a, law, noise=0.005, seed=i) for i, (f, a) in enumerate(DRIVES)
+    ]
+    return rig_test(runs, **options)
+
+
+@pytest.fixture(scope="module")
+def richer():
+    return recorded(lambda d, v: K * d + K3 * d**3 + FIFTH * d**5 + C * v)
+
+
+@pytest.fixture(scope="module")
+def known():
+    """The joint as its bench knows it: within a half per cent."""
+    given = model(K, K3, C)
+    return given.with_numbers(given.numbers, given.covariance_matrix / 16)
+
+
+@pytest.fixture()
+def found(richer, known):
+    return diagnose_rig(richer, known, effects=EFFECTS, max_effects=2)
+
+
+def test_the_missing_stiffness_is_named_and_measured(found, tmp_path):
+    (step,) = found.steps
+    assert step.effect == "quintic_stiffness" and found.verdict == "named"
+    assert step.parameters["k5"] == pytest.approx(FIFTH, rel=0.02)
+    assert found.initial.response > 5 * found.noise_floor.response
+    assert found.final.response < 1.5 * found.noise_floor.response
+    terms = {term.id: term for term in found.in_place.models["joint"].terms}
+    fifth = terms["quintic_stiffness"]
+    assert abs(fifth.coefficient - FIFTH) < 4 * fifth.standard_error
+    write_results(found, tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert DiagnosisRecord.model_validate(record)
+    assert "quintic_stiffness" in record["in_place"]["kinds"]["joint"]["terms"]
+    saved = json.loads((tmp_path / "out" / "model.json").read_text())
+    assert "quintic_stiffness" in [term["id"] for term in saved["terms"]]
+
+
+def test_nothing_is_missing_where_nothing_is(known):
+    found = diagnose_rig(recorded(lambda d, v: K * d + K3 * d**3 + C * v), known, effects=EFFECTS)
+    assert found.verdict == "nothing_missing" and not found.steps
+
+
+def test_a_late_sensor_is_no_fault_of_the_joint(known):
+    """All sensors 2 ms behind the drive: the delay is named, and the joint's law stays."""
+    test = recorded(lambda d, v: K * d + K3 * d**3 + C * v)
+    late = []
+    for run in test.runs:
+        spectrum = np.fft.rfft(run.responses, axis=1)
+        shift = np.exp(-2j * np.pi * np.fft.rfftfreq(run.drive.size, 1 / run.sample_rate) * 2e-3)
+        late.append(replace(run, responses=np.fft.irfft(spectrum * shift, run.drive.size, axis=1)))
+    found = diagnose_rig(replace(test, runs=tuple(late)), known, effects=EFFECTS)
+    assert [step.effect for step in found.steps] == ["sensor_delay"]
+    assert found.steps[0].parameters == {"tau": pytest.approx(2e-3, rel=0.05)}
