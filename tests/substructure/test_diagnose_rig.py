@@ -43,6 +43,7 @@ def found(richer, known):
     return diagnose_rig(richer, known, effects=EFFECTS, max_effects=2)
 
 
+@pytest.mark.slow
 def test_the_missing_stiffness_is_named_and_measured(found, tmp_path):
     (step,) = found.steps
     assert step.effect == "quintic_stiffness" and found.verdict == "named"
