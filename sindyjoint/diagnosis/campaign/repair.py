@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
-from sindyjoint.diagnosis.campaign.regression import ROUGH_STEPS, GapRegression, effect_rows, stack
+from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -20,6 +20,7 @@ from sindyjoint.response.model_law import with_coefficients
 Array = NDArray[np.float64]
 
 FRICTION = "friction"  # the family
+MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +203,7 @@ def held_out_gap(
         train = [run for run in runs if run.group != group]
         if train and len(train) < len(runs) and any(e.values.size for e in effects):
             # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
-            if sum(run.motion.angle.size for run in train) > ROUGH_STEPS:
+            if sum(run.motion.angle.size for run in train) > MOST_FOLLOWED:
                 train = [run.rough() for run in train]
             later = refit_nonlinear(train, model, effects, policy)
             used = np.vstack([all_columns(run, model, later) for run in runs])
