@@ -195,6 +195,12 @@ def _reach_verdict(
         term for term in missing if _find_largest_share(regressor, model, term) > POLICY.negligible_share
     ]
     absent = [term for term in missing if term not in hidden]
+    if absent and _is_needed(regressor, absent):
+        return (
+            "undecided",
+            f"{_spell_terms(absent)} stands out of the noise beside the other four terms, yet carries too little to be "
+            f"chosen: less than {100 * POLICY.negligible_share:.0f} % of the {word}; higher levels would tell",
+        )
     if absent:
         return (
             "refuted",
@@ -216,9 +222,9 @@ def _tolerated(model: JointModel, least: float) -> float:
 
 
 def _is_needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
-    """Return whether any of the extra terms is significant when all of the paper's terms are in the law with them."""
+    """Return whether any of the given terms is significant when all of the paper's terms are in the law with them."""
     ids = regressor.evidence_.ids
-    columns = [ids.index(term) for term in (*extra, *PAPER_TERMS) if term in ids]
+    columns = [ids.index(term) for term in dict.fromkeys((*extra, *PAPER_TERMS)) if term in ids]
     fit = fit_columns(regressor.evidence_, columns)
     others = [i for i, column in enumerate(columns) if ids[column] in extra]
     return bool(np.any(fit.t_ratios[others] >= regressor.significance))
