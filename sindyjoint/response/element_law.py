@@ -30,9 +30,14 @@ class Instant:
 
     @classmethod
     def of(cls, states: ForceStates) -> Instant:
-        """Return when a run's states are: what repeats is as it is in its middle, elsewhere time runs on."""
-        steady = states.method == "periodic"
-        return cls(float(np.mean(states.time) if steady else states.time[0]), states.began, not steady)
+        """Return when a run's states are: what repeats is as it is in its middle, elsewhere time runs on.
+
+        It runs from the first sample along which internal states are brought, that of the lead where there is one.
+        """
+        if states.method == "periodic":
+            return cls(float(np.mean(states.time)), states.began)
+        early = 0 if states.lead is None else states.lead[0].size
+        return cls(float(states.time[0]) - early / states.sample_rate, states.began, True)
 
 
 class Part(NamedTuple):

@@ -76,7 +76,8 @@ def test_every_target_takes_a_law_with_inputs(model, target):
     text = "\n".join(str(content) for content in made.files.values())
     held = [row for row in made.fidelity if row.term == "load"]
     assert "load" in text and bool(held) == (target not in ("json", "latex"))
-    assert not held or (not held[0].carried and held[0].error > 0.05)
+    # A parameter, or decks on a grid of values: friction in proportion to the load is straight between two of them.
+    assert not held or (held[0].carried and held[0].error < 1e-12)
 
 
 def test_diagnosis_is_offered_what_the_model_lacks(model):
