@@ -261,10 +261,9 @@ def _levels(
     reached = levels
     if drive == "moment":
         # Friction holds the joint up to a level that is not small beside the highest.
-        moved = [
-            float(np.abs(motion(law, drive, frequency, x, waveform=waveform).angle).max()) for x in levels[1:]
-        ]
-        reached = np.maximum.accumulate(np.array([0.0, *moved]))
+        moved = np.array([0.0, *(_swing(law, frequency, x, waveform) for x in levels[1:])])
+        known = np.isfinite(moved)
+        levels, reached = levels[known], np.maximum.accumulate(moved[known])
 
     def level(share: float) -> float:
         found = float(np.interp(share * reached[-1], reached, levels))
@@ -273,3 +272,11 @@ def _levels(
         return float(f"{np.floor(found / step * (1 + 1e-12)) * step:.4g}")
 
     return level
+
+
+def _swing(law: Law, frequency: float, level: float, waveform: str) -> float:
+    """Return the largest angle under a moment, rad; NaN where the joint does not repeat."""
+    try:
+        return float(np.abs(motion(law, "moment", frequency, level, waveform=waveform).angle).max())
+    except SimulationError:
+        return float("nan")

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.actuator import tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
+from sindyjoint.planning import runs
 from sindyjoint.planning.information import Information, Sensors, run_information
 from sindyjoint.planning.joints import like_law, like_model
 from sindyjoint.planning.plan_file import play
@@ -43,7 +44,7 @@ def test_a_rough_idea_becomes_a_range():
 def test_waveforms_of_several_tones_are_offered_within_the_limits(drive):
     actuator = Actuator(drive, (2.0, 16.0), rate=0.01)
     few = replace(POLICY, frequencies=2)
-    runs, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", few, ("two-tone-3", "sweep"))
+    offered, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", few, ("two-tone-3", "sweep"))
     # Every tone within the band: the second one has three times the frequency, the last of a sweep eight times.
     assert {(run.waveform, run.frequency) for run in runs} == {
         ("two-tone-3", 2.0), ("two-tone-3", 5.33), ("sweep", 2.0)
@@ -113,10 +114,28 @@ def test_without_any_limit_there_is_no_highest_level():
         highest_level([PaperLaw(6000.0, c1=40.0)], Actuator("angle", (4.0, 4.0)), 4.0)
 
 
+def test_a_level_at_which_the_joint_does_not_repeat_is_passed_over(monkeypatch):
+    actuator = Actuator("moment", (4.0, 4.0), moment=4.0)
+    whole, _ = candidates([INTER_PANEL], INTER_PANEL, actuator, 5.0, "N*m")
+    refused = []
+
+    def sometimes(law, drive, frequency, level, *given, **options):
+        if not refused and level > 1.0:
+            refused.append(level)
+            raise SimulationError("the joint does not repeat")
+        return motion(law, drive, frequency, level, *given, **options)
+
+    monkeypatch.setattr(runs, "motion", sometimes)
+    some, _ = candidates([INTER_PANEL], INTER_PANEL, actuator, 5.0, "N*m")
+    assert refused and len(some) == len(whole)
+    # The curve from moment to angle has one point less.
+    assert [r.level for r in some] == pytest.approx([r.level for r in whole], rel=0.2)
+
+
 def test_runs_lie_in_the_band_and_the_grid_is_three_by_three():
-    runs, grid = candidates(LAWS[:2], LAWS[0], Actuator("angle", (2.0, 8.0)), 10.0, "rad")
+    offered, grid = candidates(LAWS[:2], LAWS[0], Actuator("angle", (2.0, 8.0)), 10.0, "rad")
     assert {run.frequency for run in grid} == {2.0, 5.0, 8.0} and len(grid) == 9
-    assert all(2.0 <= run.frequency <= 8.0 for run in runs)
+    assert all(2.0 <= run.frequency <= 8.0 for run in offered)
     top = max(run.level for run in grid)
     assert {round(run.level / top, 2) for run in grid} == set(POLICY.grid_levels)
 
