@@ -238,3 +238,16 @@ def test_damping_that_is_negative_in_a_joint_that_dissipates_is_pointed_at():
         found = discover(made, library="paper")
         assert sum(warning.startswith(said) for warning in found.warnings) == expected
         assert not any("gives off energy in every run" in warning for warning in found.warnings)
+
+
+# A twentieth of the paper's quadratic stiffness carries 0.05 % of the moment: it is there, and is not chosen.
+@pytest.mark.parametrize(("part", "verdict"), [(0.0, "refuted"), (0.05, "undecided")])
+def test_a_small_term_is_not_denied_where_it_stands_out_of_the_noise(part, verdict):
+    law = replace(INTER_PANEL, k2=part * INTER_PANEL.k2)
+    found = discover(
+        virtual_campaign(
+            law, noise=0.005, frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, random_state=1
+        )
+    )
+    assert (found.verdict.verdict, found.verdict.missing) == (verdict, ("quadratic_stiffness",))
+    assert ("stands out of the noise" in found.verdict.reason) == (verdict == "undecided")
