@@ -8,7 +8,7 @@ import pytest
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.actuator import tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
-from sindyjoint.planning import runs
+from sindyjoint.planning import runs as planned_runs
 from sindyjoint.planning.information import Information, Sensors, run_information
 from sindyjoint.planning.joints import like_law, like_model
 from sindyjoint.planning.plan_file import play
@@ -44,7 +44,7 @@ def test_a_rough_idea_becomes_a_range():
 def test_waveforms_of_several_tones_are_offered_within_the_limits(drive):
     actuator = Actuator(drive, (2.0, 16.0), rate=0.01)
     few = replace(POLICY, frequencies=2)
-    offered, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", few, ("two-tone-3", "sweep"))
+    runs, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", few, ("two-tone-3", "sweep"))
     # Every tone within the band: the second one has three times the frequency, the last of a sweep eight times.
     assert {(run.waveform, run.frequency) for run in runs} == {
         ("two-tone-3", 2.0), ("two-tone-3", 5.33), ("sweep", 2.0)
@@ -125,7 +125,7 @@ def test_a_level_at_which_the_joint_does_not_repeat_is_passed_over(monkeypatch):
             raise SimulationError("the joint does not repeat")
         return motion(law, drive, frequency, level, *given, **options)
 
-    monkeypatch.setattr(runs, "motion", sometimes)
+    monkeypatch.setattr(planned_runs, "motion", sometimes)
     some, _ = candidates([INTER_PANEL], INTER_PANEL, actuator, 5.0, "N*m")
     assert refused and len(some) == len(whole)
     # The curve from moment to angle has one point less.
