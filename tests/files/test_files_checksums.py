@@ -173,15 +173,17 @@ def test_old_and_new_files_are_never_taken_for_a_result(tmp_path, at):
 
 
 def test_a_first_result_appears_in_one_step(tmp_path):
-    seen = []
+    seen, looked = [], threading.Event()
 
     def look():
         while not seen or seen[-1] != 43:
             seen.append(len(list((tmp_path / "out").rglob("*.*"))) if (tmp_path / "out").exists() else 0)
+            looked.set()
             time.sleep(0)
 
     watcher = threading.Thread(target=look, daemon=True)
     watcher.start()
+    assert looked.wait(timeout=20)  # a thread may start late: the empty folder is seen before the writing
     write(tmp_path / "out", count=41)
     watcher.join(timeout=20)
     assert set(seen) == {0, 43}
