@@ -6,16 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.accelerometer.fused import Fusion
 from sindyjoint.accelerometer.noise import moving_size, rough_noise, sensor_noise
 from sindyjoint.accelerometer.smoother import integrated_twice, slow_correction
-from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.source import SensorNoise
 from sindyjoint.text import Quantities, list_some
-
-Array = NDArray[np.float64]
 
 # Noise below this share of a channel's RMS counts as so much: beyond, rounding decides.
 LEAST_NOISE = 1e-3

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.accelerometer.smoother import integrated_twice
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # A line of a spectrum this many times above the noise is motion.
 LINE = 25.0

@@ -16,11 +16,9 @@ tells the noise of both.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.accelerometer.fused import Fusion
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Of the slow correction, radians of the frequency at which the sensors weigh alike, per step of its grid.
 STEP = 0.03

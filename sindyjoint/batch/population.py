@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.batch.policy import POLICY
 from sindyjoint.errors import InputError
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 EFFICIENCY = 0.37
 ROUNDING = 1e-12

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.batch.policy import POLICY
 from sindyjoint.batch.population import Population, Scatter, next_joint, population
@@ -17,11 +16,10 @@ from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import finite
+from sindyjoint.numeric import Array, finite
 from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
 
-Array = NDArray[np.float64]
 TEMPERATURE, SERIAL = "temperature", "serial number"
 
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.mask import moving_mask
 from sindyjoint.states.policy import POLICY as STATES
 
-Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
 
 

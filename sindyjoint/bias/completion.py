@@ -12,17 +12,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.bias.periodic import PeriodicReplicate
 from sindyjoint.bias.policy import POLICY
 from sindyjoint.bias.replicates import make_replicates
 from sindyjoint.mechanics.laws import Law
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, Harmonics
 from sindyjoint.states.harmonics import HarmonicBasis
-
-Array = NDArray[np.float64]
 
 
 def completed_states(

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY
 from sindyjoint.bias.replicates import Replicate, make_replicates
@@ -23,15 +22,13 @@ from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.response.law_in_run import held_laws
 from sindyjoint.states import ForceStates
 from sindyjoint.states.noise import WIDEST
 from sindyjoint.states.periodic import BAND_SHARE
 from sindyjoint.states.rows import group_labels
-
-Array = NDArray[np.float64]
 
 PAIRS = 4
 # Where sampling cuts the motion, bias is large and depends on the law: it is measured so often again, of the corrected

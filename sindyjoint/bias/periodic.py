@@ -17,6 +17,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.response.run import span_of
 from sindyjoint.states import ForceStates, Harmonics
@@ -25,7 +26,6 @@ from sindyjoint.states.mask import moving_mask
 from sindyjoint.states.periodic import BAND_SHARE
 from sindyjoint.states.policy import POLICY as STATES
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 LEAST_POINTS = 256  # per period: a mask of one sample less than a real run has does not matter then

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.bias.broadband import make_broadband_replicate
 from sindyjoint.bias.periodic import Spectrum, estimate_exciter_inertia, make_periodic_replicate
 from sindyjoint.mechanics.laws import Law
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
-
-Array = NDArray[np.float64]
 
 
 class Replicate(Protocol):

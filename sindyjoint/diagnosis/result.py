@@ -6,19 +6,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.in_place import InPlace
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

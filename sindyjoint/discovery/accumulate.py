@@ -16,13 +16,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import DEPENDENT, Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Rows worked on at once: twenty columns of these are two thirds of a megabyte.
 TILE = 4096

@@ -21,10 +21,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import chunks
+from sindyjoint.numeric import Array, chunks
 from sindyjoint.parallel import side_by_side
-
-Array = NDArray[np.float64]
 
 # The search is exact and its worst case is 2^p: beyond this many columns it is refused.
 MOST_COLUMNS = 40

@@ -22,14 +22,13 @@ from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
-from sindyjoint.numeric import delayed, scaled_least_squares
+from sindyjoint.numeric import Array, delayed, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import aligned_run
 from sindyjoint.states.record import ForceStates
 from sindyjoint.text import quantities
 
-Array = NDArray[np.float64]
 # Gauss–Newton steps, and evenly spaced rows that suffice for them.
 STEPS, ROWS = 4, 40_000
 

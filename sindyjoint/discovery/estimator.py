@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
@@ -26,10 +26,9 @@ from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input, reference_values
+from sindyjoint.numeric import Array
 from sindyjoint.record import Joint, Motion
 from sindyjoint.threads import single_threaded
-
-Array = NDArray[np.float64]
 
 
 class JointRegressor(RegressorMixin, BaseEstimator):

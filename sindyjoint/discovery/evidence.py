@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import Factor, merge
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True, eq=False)

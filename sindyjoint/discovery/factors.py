@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Numbers of a matrix below which what NumPy does about its decomposition takes longer than the decomposition.
 SMALL = 10_000

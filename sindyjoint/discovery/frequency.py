@@ -17,13 +17,12 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.errors import InputError
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True)

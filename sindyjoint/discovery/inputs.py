@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sindyjoint.discovery.rows import RowLabels
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.dependences import dependences
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, levels
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 def input_names(inputs: Sequence[str | Input]) -> tuple[str, ...]:

@@ -15,14 +15,13 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.discovery.selection import backward_path, elimination_path
 from sindyjoint.errors import InputError, MissingExtraError, UnknownNameError
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Path = list[tuple[int, ...]]
 
 # Thresholds on scaled coefficients, as shares of the target's RMS.

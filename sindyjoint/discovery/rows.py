@@ -16,9 +16,9 @@ from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 from sindyjoint.threads import on_threads
 
-Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]
 
 # Without replicate blocks, a run is cut into this many segments of consecutive rows.

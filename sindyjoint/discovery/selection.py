@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import (
     Evidence,
@@ -29,8 +28,8 @@ from sindyjoint.discovery.evidence import (
 )
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Parents = Mapping[int, tuple[int, ...]]
 
 # Exchanging terms is worth its time only where the model is small enough to be chosen.

@@ -7,7 +7,7 @@ from copy import copy
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pysindy import SINDy
 
 from sindyjoint.discovery.estimator import JointRegressor
@@ -15,8 +15,8 @@ from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Simulator = Callable[[Array, Array, Array], Array]
 
 

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.best_subset import replicate_subsets
 from sindyjoint.discovery.evidence import Evidence, Fit, block_scores, fit_columns, small_sample
 from sindyjoint.discovery.policy import POLICY
+from sindyjoint.numeric import Array
 from sindyjoint.text import spelled
-
-Array = NDArray[np.float64]
 
 # Of unit columns, the residual of one on the others: below the square root of the precision nothing in a Gram matrix.
 ALIKE = 1e-7

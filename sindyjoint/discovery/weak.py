@@ -21,10 +21,10 @@ from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
 from sindyjoint.states.rows import group_labels
 
-Array = NDArray[np.float64]
 # Degree of pysindy's test functions (1 − s²)ᵖ, its default.
 DEGREE = 4
 

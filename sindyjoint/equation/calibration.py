@@ -10,12 +10,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import INERTIA, ModelTerm
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 def with_gain_uncertainty(model: JointModel, gains: Mapping[str, float]) -> JointModel:

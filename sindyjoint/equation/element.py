@@ -9,14 +9,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.equation.formula import compile_terms, parse_formula, variable_symbols
+from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
     import sympy
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.operations import program, run_lanes
 from sindyjoint.equation.pointers import pointer, shifted
+from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
     from sindyjoint.equation.evaluation import TermFunction
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 

@@ -9,11 +9,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sindyjoint.equation.pointers import shifted
+from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
     from sindyjoint.equation.evaluation import TermFunction
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 CODES = {

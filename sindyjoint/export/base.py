@@ -21,13 +21,13 @@ from sindyjoint.equation.element import states_along
 from sindyjoint.errors import InputError
 from sindyjoint.export.parts import contribution
 from sindyjoint.files.atomic import output_folder, write_bytes
+from sindyjoint.numeric import Array
 from sindyjoint.states.policy import POLICY as STATES
 
 if TYPE_CHECKING:
     from sindyjoint.equation.element import JointElement
     from sindyjoint.equation.model import JointModel, ModelTerm
 
-Array = NDArray[np.float64]
 ALL_TERMS = "all terms"
 LEVELS, PHASES = 10, 720
 # A cycle is gone through so often, or until its internal states repeat.

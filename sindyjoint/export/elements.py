@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.export.base import Cycles, column_moments
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 # Two numbers are one where they differ by less.
 SAME = 1e-9
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.export.base import Cycles, Represented
 from sindyjoint.export.parts import RAMP, Curve, Parts, contribution, piecewise, total
 from sindyjoint.export.text import words_of
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 def elastic_curve(parts: Parts, count: int) -> Curve:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel, ModelTerm
@@ -22,8 +21,8 @@ from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, kind_
 from sindyjoint.export.parts import Parts, steepness
 from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 # Largest impedance of a constraint that MuJoCo allows (mjMAXIMP): the closer to one, the less friction creeps.
 IMPEDANCE = 0.9999
 # A step as a share of the fastest time constant, and the longest one, s.

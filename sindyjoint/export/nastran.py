@@ -12,11 +12,12 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import lumped
-from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.elements import Gap, Maxwell, Slider, kind_of
 from sindyjoint.export.parts import GIVE, Curve, Parts, total
 from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, preamble, words_of
+from sindyjoint.numeric import Array
 
 POINTS = 41
 # Numbers that a model rarely uses; the notes say to change them where they are taken.

@@ -9,7 +9,9 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
     import sympy
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel, ModelTerm
     from sindyjoint.inputs import Input
 
-Array = NDArray[np.float64]
 # Full friction is reached at this share of the tested rate where a target has no set-valued friction.
 RAMP = 1e-3
 # A spring that stands for sticking gives way by this share of the tested angle at full friction.

@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.batch.population import next_joint, population
 from sindyjoint.batch.record import CampaignRecord
@@ -20,8 +19,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.export.base import Export, Fidelity
 from sindyjoint.files.units import parse_quantity
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 FILE = "samples.csv"
 COUNT = 1000

@@ -9,9 +9,10 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import lumped
-from sindyjoint.export.base import Array, Cycles, Export, Represented, fidelity_table
+from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.parts import RAMP, Curve, Parts
 from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
+from sindyjoint.numeric import Array
 
 POINTS = 41
 NAME = "sindyjoint_elements"

@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.export.base import Cycles, Represented
 from sindyjoint.export.elements import Kind, Slider
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 # Deflections at which fitted sliders may yield, as shares of the tested angle; the last one never does.
 DEFLECTIONS = np.append(np.geomspace(0.01, 1.0, 19), 3.0)
 # Pairs that carry less than this share of all are left out; a fit that misses more of an element than that is none.

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.channels import KEYS
@@ -22,10 +22,9 @@ from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import with_range
 from sindyjoint.measured import measured_run, travelled_run
+from sindyjoint.numeric import Array
 from sindyjoint.options import refuse_unknown
 from sindyjoint.record import Campaign, Joint, Motion, Use
-
-Array = NDArray[np.float64]
 
 # quantity -> what a person calls its array, for either kind of motion
 CHANNELS = {

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
@@ -22,11 +21,10 @@ from sindyjoint.files.timeaxis import (
     with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
 from sindyjoint.source import ColumnUnit, FileUnit
-
-Array = NDArray[np.float64]
 
 # quantity -> (key in [channels], SI unit), by motion
 KEYS: dict[Motion, dict[str, tuple[str, str]]] = {

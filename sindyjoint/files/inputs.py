@@ -7,14 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.manifest import InputTable, Manifest, RunTable
 from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
 from sindyjoint.inputs import Input, lagged, with_range
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 def value_in(each: Input, given: str | float, where: str) -> float:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import line_spectrum
+from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.record import Motion
-
-Array = NDArray[np.float64]
 
 # Fewer periods do not part neighbouring lines.
 FEWEST_PERIODS = 3

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 IRREGULARITY = 0.01
 # Across a longer gap, in sampling steps, interpolation would invent data.
 LONGEST_GAP = 5.0

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.bias.replicates import Replicate
@@ -23,6 +22,7 @@ from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.second_search import campaign_model
 from sindyjoint.judgement.verdict import Verdict, judge
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.response.model_law import model_law
@@ -36,8 +36,6 @@ from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, find_slow, with_slow
 from sindyjoint.substructure.update import Update, with_numbers
-
-Array = NDArray[np.float64]
 
 # What no sensor of the structure tells from the angle at which the joint rests.
 UNSEEN = "constant_moment"

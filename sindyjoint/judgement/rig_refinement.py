@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.structure.output_error import Fit, fit
 from sindyjoint.diagnosis.structure.runs import RunsProblem
@@ -16,8 +15,6 @@ from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.update import Update
-
-Array = NDArray[np.float64]
 
 # Fits to the response, residuals whitened anew before each.
 ROUNDS = 2

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 def element_stiffness(bending_stiffness: float, length: float) -> Array:

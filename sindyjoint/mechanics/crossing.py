@@ -13,8 +13,7 @@ from sindyjoint.mechanics import transient_kernel as kernel
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import as_compiled
 from sindyjoint.mechanics.structure import Structure
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 class Stepper:

@@ -11,11 +11,11 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Interpolation = Literal["cubic", "linear", "hold"]
 
 #: Pieces per period of a pure tone: the spline is then within 1e-8 of the sine.

@@ -15,15 +15,14 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.errors import FormulaError, InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
+from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
     import sympy
-
-Array = NDArray[np.float64]
 
 
 @runtime_checkable

@@ -19,8 +19,8 @@ from sindyjoint.equation.operations import operated, program
 from sindyjoint.equation.pointers import integer_at, shifted, stacked
 from sindyjoint.mechanics.compiled import CompiledLaw
 from sindyjoint.mechanics.kernels import LAW_SIGNATURE
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.beam import Beam
@@ -15,8 +14,7 @@ from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Hinge
 from sindyjoint.mechanics.transient import Response
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.structure import Item, Structure, assemble
+from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES, Motion, Use
 
-Array = NDArray[np.float64]
 Quantity = Literal["acceleration", "velocity", "displacement"]
 
 #: How often each quantity is differentiated from a displacement.

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
@@ -40,8 +39,7 @@ from sindyjoint.mechanics.rigs import RIG_FOLDER, build_item, shipped_rigs
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.mechanics.virtual_rig import Drive, Recorder
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 UNITS = {
     "acceleration": "m/s**2",

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 from sindyjoint.rig import SensorRig
-
-Array = NDArray[np.float64]
 
 # The additional beam is a 20 mm high aluminium section and the joint 60 mm long, of the size of a solar panel hinge;
 # the paper prints neither, and Eqs. 1–3 read backwards and forwards give the same moment and angle for any of them.

@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import CompiledLaw, Law, as_compiled, softening_limit
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,14 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.beam import Beam, element_mass, element_stiffness, hermite_shapes
 from sindyjoint.mechanics.laws import Law
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True)

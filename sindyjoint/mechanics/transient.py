@@ -19,8 +19,7 @@ from sindyjoint.mechanics.crossing import Crossing, Stepper, not_converged, side
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import softening_limit
 from sindyjoint.mechanics.structure import Structure, craig_bampton
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Steps per period of the first mode below which the motion is not resolved: its period is then 0.8 % wrong.
 _STEPS_PER_PERIOD = 20

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.measured import measured_run
@@ -15,9 +14,9 @@ from sindyjoint.mechanics.excitation import Excitation, harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Run
 
-Array = NDArray[np.float64]
 Drive = Literal["moment", "rig", "displacement"]
 
 JOINTS: dict[str, Law] = {"inter-panel": INTER_PANEL, "panel-root": PANEL_ROOT}

@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
@@ -16,9 +15,9 @@ from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, Sensor, load_ro
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.transient import Response, respond
+from sindyjoint.numeric import Array
 from sindyjoint.record import Use
 
-Array = NDArray[np.float64]
 Shape = Literal["sine", "multisine", "sweep", "impact"]
 
 # Samples of the simulation for one of the record, at least; what lies above half its rate a filter takes out, as that

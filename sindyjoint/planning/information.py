@@ -20,6 +20,7 @@ from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import POINTS, PlannedRun, motion
 from sindyjoint.response.model_law import model_law
@@ -28,8 +29,6 @@ from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import BAND_SHARE, MAXIMUM_HARMONICS, REPLICATES, reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
-
-Array = NDArray[np.float64]
 
 STEP = 1e-5  # of the largest angle or rate, for the slopes of the moment
 

@@ -7,18 +7,16 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.numeric import Array
 from sindyjoint.paper import PARAMETERS
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.record import Joint
 from sindyjoint.response.model_law import with_coefficients
-
-Array = NDArray[np.float64]
 
 MOST_CORNERS = 64
 LEAST_INERTIA = 0.1  # of the identified one: without any a joint under a moment does not move as a body

@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, block_scores
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 from sindyjoint.planning.information import Information, Sensors, stacked
 from sindyjoint.planning.joints import JointRange, like_model
 from sindyjoint.states import ForceStates
 from sindyjoint.text import spelled
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

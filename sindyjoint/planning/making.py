@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.actuator import SINE
+from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
     Information,
     Sensors,
@@ -27,7 +27,6 @@ from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, 
 from sindyjoint.response.model_law import model_law
 from sindyjoint.text import list_some, percent, spelled
 
-Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
 WORDS = {

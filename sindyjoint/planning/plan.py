@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import finite
+from sindyjoint.numeric import Array, finite
 from sindyjoint.planning.apart import Apart
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
 from sindyjoint.shown import Shown
-
-Array = NDArray[np.float64]
 
 BAND90 = (0.05, 0.5, 0.95)
 DRAWS = 40  # of what the scatter of a test makes of an interval, for each joint

@@ -8,15 +8,14 @@ from math import inf, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.actuator import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.numeric import Array
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 
-Array = NDArray[np.float64]
 POINTS = 400  # samples per period, at least
 PERIODS, MOST_PERIODS = 3, 48
 STEPS = 16  # of the bisection for the highest level

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
     Information,
     changes_over_band,
@@ -18,7 +18,6 @@ from sindyjoint.planning.information import (
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.planning.runs import PlannedRun
 
-Array = NDArray[np.float64]
 # What is made small, and how much each counts.
 Goals = tuple[tuple[str, float], ...]
 WIDTHS, FREQUENCY, PAPER = "widths", "frequency", "paper"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, make_headline
 from sindyjoint.judgement.over_inputs import OverInput
+from sindyjoint.numeric import Array
 from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from sindyjoint.judgement.discovery import Discovery
     from sindyjoint.states import ForceStates
 
-Array = NDArray[np.float64]
 
 MAP_CELLS = 24
 SHEET_NODES = 17

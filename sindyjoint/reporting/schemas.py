@@ -38,32 +38,42 @@ def record_names() -> tuple[str, ...]:
 def _records() -> dict[str, type[BaseModel]]:
     from sindyjoint.equation.model_record import ModelRecord
     from sindyjoint.files.manifest import Manifest
-    from sindyjoint.reporting import record_curves as curves
-    from sindyjoint.reporting import record_exports as exports
-    from sindyjoint.reporting import record_tables as tables
-    from sindyjoint.reporting import records as single
-    from sindyjoint.reporting.record_plan import PlanRecord
+    from sindyjoint.reporting.records import (
+        batch,
+        changed,
+        check,
+        comparison,
+        curves,
+        diagnosis,
+        discovery,
+        export,
+        plan,
+        reproduction,
+        rig,
+        structure,
+        verification,
+    )
     from sindyjoint.response.nuisances import TestRecord
 
     return {
         "campaign": Manifest,
         "model": ModelRecord,
         "test": TestRecord,
-        "plan": PlanRecord,
-        "check": single.CheckRecord,
-        "discovery": single.DiscoveryRecord,
-        "comparison": tables.ComparisonRecord,
-        "verification": single.VerificationRecord,
-        "diagnosis": single.DiagnosisRecord,
-        "rig": single.RigRecord,
+        "plan": plan.PlanRecord,
+        "check": check.CheckRecord,
+        "discovery": discovery.DiscoveryRecord,
+        "comparison": comparison.ComparisonRecord,
+        "verification": verification.VerificationRecord,
+        "diagnosis": diagnosis.DiagnosisRecord,
+        "rig": rig.RigRecord,
         "joint-curves": curves.JointCurvesRecord,
         "structure-curves": curves.StructureCurvesRecord,
-        "export": exports.ExportRecord,
-        "simulation": single.SimulationRecord,
-        "batch": tables.BatchRecord,
-        "joint": tables.JointRecord,
-        "changed": exports.ChangeRecord,
-        "structure": exports.StructureRecord,
-        "reproduction": tables.ReproductionRecord,
-        "tables": tables.PrintedTablesRecord,
+        "export": export.ExportRecord,
+        "simulation": rig.SimulationRecord,
+        "batch": batch.BatchRecord,
+        "joint": batch.JointRecord,
+        "changed": changed.ChangeRecord,
+        "structure": structure.StructureRecord,
+        "reproduction": reproduction.ReproductionRecord,
+        "tables": reproduction.PrintedTablesRecord,
     }

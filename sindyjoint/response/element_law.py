@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.element import Form, JointElement
 from sindyjoint.mechanics.laws import FormulaLaw
+from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
-
-Array = NDArray[np.float64]
 
 CLOCK = "clock"  # the state that tells a law the time
 #: What a moment of one test may depend on beside the joint's own motion.

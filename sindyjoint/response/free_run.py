@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, simulate, transfer_moment
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.response.drive import choose_drive
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import RTOL, SimulatedRun, angle_limits, cut_states, span_of
 from sindyjoint.states import ForceStates, force_states
-
-Array = NDArray[np.float64]
 
 # Step of the differences by an initial angle or rate, in RMS of the signal.
 STEP = 1e-4

@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import Law, SumLaw, softening_limit
+from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

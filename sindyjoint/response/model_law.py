@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.numeric import Array
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.response.element_law import parts_of, sum_law
 from sindyjoint.text import in_words_of
-
-Array = NDArray[np.float64]
 
 # The softening limit of a general law is searched up to this multiple of the largest angle tested.
 LIMIT_REACH = 3.0

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.numeric import main_frequency
+from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.response.policy import POLICY
-
-Array = NDArray[np.float64]
 
 # Span of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
 CUBIC_SPAN = 0.35

@@ -14,7 +14,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.laws import LawWithNumbers, as_compiled
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import Motion, simulate_many, transfer_moment
-from sindyjoint.numeric import rms
+from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import law_terms, with_coefficients
 from sindyjoint.response.nuisances import TestNuisances
@@ -29,7 +29,6 @@ from sindyjoint.response.output_error_parts import (
 from sindyjoint.response.output_error_runs import Record, initial_parameters, record_of
 from sindyjoint.states import ForceStates
 
-Array = NDArray[np.float64]
 RTOL = 1e-7
 # Step of the differences, in units of a parameter's scale: far above the integrator's tolerance.
 STEP = 2e-4

@@ -15,7 +15,7 @@ from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, PaperLaw, as_compiled
 from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
-from sindyjoint.numeric import rms
+from sindyjoint.numeric import Array, rms
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Motion, Run
 from sindyjoint.response.drive import Drive, choose_drive, prescribed
@@ -27,8 +27,6 @@ from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import along_motion, angle_limits, measured_drive, settling, span_of
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
-
-Array = NDArray[np.float64]
 
 # Periods that are simulated, and not compared, of a run that repeats; and from how many on one is simulated for all.
 SETTLED = 3

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
+from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error import OutputError, without_negative_friction
@@ -18,8 +18,6 @@ from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.refine_starts import spread_starts
 from sindyjoint.states import ForceStates, campaign_states
-
-Array = NDArray[np.float64]
 
 MOST_EVALUATIONS = 40
 # Of another start, before it is followed or left.

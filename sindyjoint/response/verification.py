@@ -7,17 +7,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import rms
+from sindyjoint.numeric import Array, rms
 from sindyjoint.response.model_law import draw_models
 from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, pooled_nrmse
 from sindyjoint.shown import Shown
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import finite
+from sindyjoint.numeric import Array, finite
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import compare_run, compared_states
 from sindyjoint.response.drive import prescribed
@@ -31,8 +30,6 @@ from sindyjoint.response.verification import (
 from sindyjoint.states import ForceStates
 from sindyjoint.states.campaigns import with_lags
 from sindyjoint.text import Quantities, in_words_of, quantities
-
-Array = NDArray[np.float64]
 
 
 def verify_campaign(

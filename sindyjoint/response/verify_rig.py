@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.mechanics.rigs import Rig
-from sindyjoint.numeric import main_frequency, rms
+from sindyjoint.numeric import Array, main_frequency, rms
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import (
     Oscillation,
@@ -24,8 +23,6 @@ from sindyjoint.response.oscillation import (
 )
 from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
-
-Array = NDArray[np.float64]
 
 # Placeholder in a rig for the joints whose law is "model" until a model replaces it.
 MODEL_PLACEHOLDER = PaperLaw(k1=1.0, name="model")

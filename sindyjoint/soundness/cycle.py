@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.profile import Profile
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 POINTS = 128
 MOST_HARMONICS = 40

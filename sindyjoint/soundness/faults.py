@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.cycle import cycles_of, spectra_of
 from sindyjoint.soundness.detectors.accelerometer import find_disagreement
@@ -35,7 +35,6 @@ from sindyjoint.soundness.profile import Profile, profile_of
 from sindyjoint.soundness.spans import bridged
 from sindyjoint.soundness.words import Words, words_of
 
-Array = NDArray[np.float64]
 ORDER = {"stops": 0, "biases": 1, "note": 2}
 
 

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import main_frequency
+from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states.noise import difference_noise
 from sindyjoint.text import list_some
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SATURATION = "saturation"

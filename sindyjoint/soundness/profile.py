@@ -8,11 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import main_frequency
+from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import Run
 from sindyjoint.soundness.policy import POLICY
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.accelerometer import Fusion
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit, within
 from sindyjoint.states.noise import (
@@ -20,8 +20,6 @@ from sindyjoint.states.noise import (
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 from sindyjoint.states.smoothing import filtered_inputs, smoothing_kernels
-
-Array = NDArray[np.float64]
 
 BLOCKS = 32
 # A signal far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import chunks
+from sindyjoint.numeric import Array, chunks
 from sindyjoint.states.policy import POLICY
-
-Array = NDArray[np.float64]
 
 CHUNK = 4096
 

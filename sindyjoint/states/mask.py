@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.states.policy import POLICY
-
-Array = NDArray[np.float64]
 
 
 def rate_limit(rate: Array, noise: float, share: float) -> float:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sindyjoint.numeric import Array
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
-
-Array = NDArray[np.float64]
 
 # Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
 WIDEST = 0.38

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states.harmonics import (
     HarmonicBasis,
@@ -21,8 +22,6 @@ from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 from sindyjoint.states.smoothing import filtered_inputs
-
-Array = NDArray[np.float64]
 
 REPLICATES = 8
 # Harmonics above this share of the sampling rate are never used: anti-alias filters live there.

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.accelerometer import Fusion
+from sindyjoint.numeric import Array
 
 Method = Literal["periodic", "broadband", "path"]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

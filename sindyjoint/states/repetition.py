@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states.policy import POLICY
-
-Array = NDArray[np.float64]
 
 
 def repetition(run: Run) -> int | None:

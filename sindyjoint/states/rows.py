@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

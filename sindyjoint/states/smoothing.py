@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
 # Above this share of the sampling rate a kernel has too few samples to be one.

@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import SimulationError
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 System = Callable[[Array], tuple[Array, Array]]
 
 # Relative step of derivatives by a frequency.

@@ -22,8 +22,8 @@ from scipy.linalg import eigh
 
 from sindyjoint.mechanics.rig_test import ORDER, Sensor, sensor_rows
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Modes up to so many times the highest frequency: the static part of those above is left out.

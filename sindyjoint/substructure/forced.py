@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.continuation import FREQUENCY_SHARE, STEP, Solution, follow
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.modes import sizes_of_unknowns
 from sindyjoint.substructure.varied import Varied
-
-Array = NDArray[np.float64]
 
 # Where a force begins to rise that arrives at the first point of a curve, as a share of it.
 FIRST_FORCE = 0.02

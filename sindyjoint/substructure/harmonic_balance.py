@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure, craig_bampton
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.harmonics import analysis, differentiation, real_blocks, synthesis
 from sindyjoint.substructure.period import PeriodMoment, period_moment
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SAMPLES_PER_HARMONIC = 16

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 @lru_cache(maxsize=16)

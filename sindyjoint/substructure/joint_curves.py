@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.policy import POLICY
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.period import steady_states
-
-Array = NDArray[np.float64]
 
 # Samples per period; reversals fall on samples, where friction is taken in the middle of its interval.
 SAMPLES = 720

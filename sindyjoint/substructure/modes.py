@@ -10,11 +10,10 @@ from scipy.linalg import eigh
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.continuation import FREQUENCY_SHARE, STEP, Solution, follow
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.varied import Varied
-
-Array = NDArray[np.float64]
 
 # A curve begins at this share of the amplitude at which the first joint slips, or of the angles at which it ends.
 BEGIN_STUCK, BEGIN_FREE = 0.5, 0.02

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.recovery import Recovery, solve_channels
 from sindyjoint.substructure.spectra import strongest
-
-Array = NDArray[np.float64]
 
 # Harmonics of each run from which the worth of sensors is told.
 HARMONICS = 8

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.laws import as_compiled
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Runge–Kutta steps of internal states per sample of a period, and periods until they repeat within the tolerance.
 SUBSTEPS = 4

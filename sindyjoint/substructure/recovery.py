@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.ends import Ends, find_ends, jump_columns
 from sindyjoint.substructure.spectra import Spectra, channel_spectra
 from sindyjoint.substructure.transfer import Transfer, open_joints
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Of unit columns: directions of the unknowns that sensors show weaker than this are not solved for.

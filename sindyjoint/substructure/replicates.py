@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.mechanics.laws import Law
+from sindyjoint.numeric import Array
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.mask import moving_mask
 from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.states import kept_of, record_motion, record_series, slow_orders
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 POINTS = 512  # of a period with few harmonics; with more, so many for each

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun
+from sindyjoint.numeric import Array
 from sindyjoint.states.harmonics import HarmonicBasis, local_noise, refine_frequency, steady_start
 from sindyjoint.states.noise import signal_end
 from sindyjoint.states.periodic import REPLICATES
 from sindyjoint.states.policy import POLICY
 from sindyjoint.substructure.policy import POLICY as LIMITS
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.

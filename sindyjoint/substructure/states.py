@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.states.broadband import BLOCKS, dwells
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
 from sindyjoint.states.mask import moving_mask, rate_limit
@@ -16,7 +16,6 @@ from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.unseen import Slow
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Orders = NDArray[np.bool_]
 

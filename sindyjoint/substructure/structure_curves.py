@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sindyjoint.numeric import finite
+from sindyjoint.numeric import Array, finite
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.forced import ForcedResponse
 from sindyjoint.substructure.modes import ModeCurve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

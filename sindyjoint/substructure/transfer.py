@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
-from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 ROUNDS = 20

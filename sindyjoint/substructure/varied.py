@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import varied_laws
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

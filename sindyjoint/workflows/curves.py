@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
@@ -16,6 +15,7 @@ from sindyjoint.mechanics.laws import softening_limit
 from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.numeric import Array
 from sindyjoint.options import checks_options
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PlacedModels
@@ -27,7 +27,6 @@ from sindyjoint.substructure.structure_curves import StructureCurves
 from sindyjoint.substructure.varied import Varied
 from sindyjoint.threads import single_threaded
 
-Array = NDArray[np.float64]
 Say = Callable[[str], None]
 Model = JointModel | str | Path
 

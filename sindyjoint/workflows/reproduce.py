@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
@@ -15,6 +14,7 @@ from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import with_coefficients
@@ -23,8 +23,6 @@ from sindyjoint.response.verification import Verification
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states
 from sindyjoint.workflows.verify import verify
-
-Array = NDArray[np.float64]
 
 NOISE = 0.01
 MAP_CELLS = 24

@@ -8,17 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
 from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
+from sindyjoint.numeric import Array
 from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PlacedModels, joint_range_warnings
 from sindyjoint.shown import Shown
-
-Array = NDArray[np.float64]
 
 MODES = 4
 

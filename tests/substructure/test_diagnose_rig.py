@@ -8,7 +8,7 @@ import pytest
 
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.reporting.output import write_results
-from sindyjoint.reporting.records import DiagnosisRecord
+from sindyjoint.reporting.records.diagnosis import DiagnosisRecord
 from sindyjoint.workflows.diagnose import diagnose_rig
 
 from .test_refine_rig import K3, C, K, few_harmonics, model  # noqa: F401

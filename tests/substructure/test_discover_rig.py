@@ -10,7 +10,7 @@ from sindyjoint.cli import main
 from sindyjoint.files.writers import ENCODERS
 from sindyjoint.judgement.joint_laws import within_the_states
 from sindyjoint.reporting.output import write_results
-from sindyjoint.reporting.record_exports import StructureRecord
+from sindyjoint.reporting.records.structure import StructureRecord
 from sindyjoint.substructure.states import joint_states, slow_part
 from sindyjoint.substructure.unseen import find_slow
 from sindyjoint.workflows.discover import discover_rig

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import sindyjoint
 from sindyjoint.cli.app import app
 from sindyjoint.errors import InputError
-from sindyjoint.reporting.record_curves import JointCurvesRecord, StructureCurvesRecord
+from sindyjoint.reporting.records.curves import JointCurvesRecord, StructureCurvesRecord
 from sindyjoint.reporting.saved import load_results
 from tests.made_models import paper_model
 

@@ -7,15 +7,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.numeric import Array
 from sindyjoint.parallel import side_by_side
-
-Array = NDArray[np.float64]
 
 # Per number of nonlinear parameters: points of a grid, and from how many of the best a search starts.
 GRID = {1: (17,), 2: (8, 5), 3: (5, 3, 3)}

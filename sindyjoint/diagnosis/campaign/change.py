@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.errors import SindyJointError
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
-
-Array = NDArray[np.float64]
 
 SEGMENTS = 4
 FEWEST = 3

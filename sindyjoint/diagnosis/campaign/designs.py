@@ -11,21 +11,20 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import constant
 from sindyjoint.mechanics.actuator import TONES, Actuator, driven_at
+from sindyjoint.numeric import Array
 from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import NoiseFloor
-
-Array = NDArray[np.float64]
 
 #: Waveforms of an angle in words, and what a plan calls them.
 PLANNED: dict[str, str] = {

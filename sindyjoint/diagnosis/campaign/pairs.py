@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 def hidden_pair(

@@ -12,8 +12,7 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.result import RunGap
 from sindyjoint.equation.model import JointModel
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 MOST_RUNS = 12
 # Of a long run one stretch, of which curves are drawn, and evenly some of the other rows, for maps.

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.diagnosis.campaign.repair import modelled
@@ -22,11 +21,10 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.broadband import smoothing_kernels
-
-Array = NDArray[np.float64]
 
 # Standard deviations by which a misfit may grow by chance.
 SURE = 2.0

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import (
     GapRegression,
@@ -25,8 +24,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
 from sindyjoint.equation.model import JointModel
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.excerpt import excerpt
@@ -26,8 +25,7 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 MEASUREMENT = "measurement"  # the family of what is wrong with a channel
 # Steps of integration over all runs for one trial of nonlinear parameters.

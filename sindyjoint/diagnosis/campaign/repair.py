@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
@@ -15,9 +14,8 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import with_coefficients
-
-Array = NDArray[np.float64]
 
 FRICTION = "friction"  # the family
 MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out

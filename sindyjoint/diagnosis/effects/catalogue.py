@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
@@ -20,8 +19,8 @@ from sindyjoint.equation.element import Column, Form, State
 from sindyjoint.equation.formula import compile_terms, formula_pretty, parse_formula
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 Enters = Literal["moment", "time shift", "angle zero", "angle drift"]
 
 #: Signals that a column may use beside θ, θ̇ and θ̈, with their units.

@@ -6,19 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.numeric import Array
 from sindyjoint.response.element_law import Instant, Part, sum_law
 from sindyjoint.response.law_in_run import LawInRun, law_in_run, with_added
 from sindyjoint.states import ForceStates
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.laws import FormulaLaw
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 FRICTION = "coulomb_friction"
 # Points of a search over the nonlinear parameters, by their number.

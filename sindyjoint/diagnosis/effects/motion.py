@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # A motion that repeats is run through at most this often until its states repeat.
 PASSES = 20

@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.catalogue import read_entries
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.structure import Item, LumpedMass
+from sindyjoint.numeric import Array
 
-Array = NDArray[np.float64]
 ActsOn = Literal[
     "loss factor", "bending stiffness", "mass per length", "point mass", "clamp compliance", "force scale",
     "sensor delay", "sensor gain", "sensor zero", "sensor drift",

@@ -6,16 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.localisation import Place, Regions
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
-from sindyjoint.numeric import main_frequency, rms
+from sindyjoint.numeric import Array, main_frequency, rms
 from sindyjoint.response.oscillation import hilbert_envelope
-
-Array = NDArray[np.float64]
 
 
 def record_gaps(problem: PulseProblem, best: Fit, others: Sequence[PulseProblem]) -> tuple[RecordGap, ...]:

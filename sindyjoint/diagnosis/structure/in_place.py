@@ -32,9 +32,9 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.simulated.runs import SteadyRun
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Accelerometers see neither; the others act on what every sensor shows.

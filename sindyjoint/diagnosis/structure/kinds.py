@@ -12,9 +12,8 @@ from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.diagnosis.structure.result import assemble_model
 from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import model_law
-
-Array = NDArray[np.float64]
 
 # No positive number of an element falls below this share of it.
 LEAST = 0.02

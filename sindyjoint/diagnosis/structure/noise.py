@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.numeric import main_frequency
+from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.response.oscillation import white_noise
-
-Array = NDArray[np.float64]
 
 # The late part of a record is explained window by window, each of so many main periods, by so many lines.
 WINDOW_PERIODS = 3.0

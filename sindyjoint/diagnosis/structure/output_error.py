@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.joint import JointLaws, place_of
 from sindyjoint.diagnosis.effects.structure import Change, Setup
@@ -23,8 +22,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
 STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4

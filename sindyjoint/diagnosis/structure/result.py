@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.parts import parts_of_law
@@ -14,9 +13,8 @@ from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, prior_root
 from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import with_coefficients
-
-Array = NDArray[np.float64]
 
 # Step of the differences, in the scaled numbers of the fit.
 STEP = 1e-4

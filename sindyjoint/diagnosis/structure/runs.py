@@ -22,12 +22,12 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Hinge, Structure
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
 from sindyjoint.substructure.simulated.steady import Condensed, Steady
 from sindyjoint.substructure.update import Update, with_numbers
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Step of the differences, in the scaled numbers of the fit.

@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.numeric import Array
 from sindyjoint.parallel import side_by_side
-
-Array = NDArray[np.float64]
 
 # All candidates get so many steps of the fit; those that then lie among the first get the rest.
 SCREEN_STEPS, SCREENED = 2, 12

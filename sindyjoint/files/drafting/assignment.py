@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.bundles import Bundle, Column, is_clock
 from sindyjoint.files.drafting.doubts import Doubts
 from sindyjoint.files.units import unit_ratio
+from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
-
-Array = NDArray[np.float64]
 
 ROLES: dict[Motion, dict[str, str]] = {
     "rotation": {"moment": "moment", "angle": "angle", "rate": "angular rate"},

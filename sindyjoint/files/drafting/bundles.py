@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.files.drafting.roles import SI_UNITS, WORDS, role_of, role_of_words, unit_in_words
 from sindyjoint.files.drafting.survey import DataFile
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 LOADS = {"moment", "force"}
 MOTIONS = {"angle", "displacement", "position"}

@@ -6,13 +6,10 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.spectrum import FEWEST_PERIODS, check_frequency
-from sindyjoint.numeric import main_frequency
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array, main_frequency
 
 # Share of its power by which a motion may change from one period to the next.
 REPEATS = 0.03

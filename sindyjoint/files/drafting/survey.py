@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.files.blocks import open_blocks
 from sindyjoint.files.manifest import natural_order
 from sindyjoint.files.readers import READERS, read_table
 from sindyjoint.files.readers.table import Table
+from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES
 from sindyjoint.text import control_character
-
-Array = NDArray[np.float64]
 
 # Of a larger file only so many rows are looked at.
 LARGE, ROWS = 1 << 26, 1 << 18

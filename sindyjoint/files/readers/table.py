@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
 from sindyjoint.files.stated_units import unit_in_name
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # What a file of a virtual test says about itself; its columns are in SI units.
 SIMULATED = "simulated by sindyjoint"

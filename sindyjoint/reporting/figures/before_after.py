@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.reporting.figures.kind import Panel, spread
 from sindyjoint.reporting.figures.labels import rate_label, time_label
 from sindyjoint.reporting.figures.layout import colour_scale
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from sindyjoint.diagnosis.result import Diagnosis, RunGap
 
-Array = NDArray[np.float64]
 
 CELLS = 24
 SHOWN = 2  # runs

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE
 from sindyjoint.reporting.figures.kind import Kind, by_name, each
 from sindyjoint.reporting.figures.labels import time_label
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from sindyjoint.soundness.check import Check
     from sindyjoint.soundness.finding import Finding
 
-Array = NDArray[np.float64]
 
 RUNS_PER_FIGURE = 6
 # Of the least and the largest value of so many segments the picture of a channel is made.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.reporting.figures.kind import Kind, Panel, by_name, each
 from sindyjoint.reporting.style import (
     DASHES,
@@ -25,7 +26,6 @@ from sindyjoint.substructure.structure_curves import StructureCurves
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 UNITS = {"rotation": ("rad", "N*m/rad"), "translation": ("m", "N/m")}
 

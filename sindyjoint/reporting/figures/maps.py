@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.reporting.data import ReportData
 from sindyjoint.reporting.figures.labels import rate_label
 from sindyjoint.reporting.figures.layout import colour_scale
@@ -24,8 +25,6 @@ from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 
 def map_moment(data: ReportData, ax: Axes) -> Axes:

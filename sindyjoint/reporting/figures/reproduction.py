@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.paper import PULSE
 from sindyjoint.reporting.figures.kind import Kind, Panel, by_name, fixed
 from sindyjoint.reporting.figures.verification import amplitude, period, thinned
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from sindyjoint.states import ForceStates
     from sindyjoint.workflows.reproduce import Reproduction
 
-Array = NDArray[np.float64]
 
 TRUTHS = {"plain": "truth: only the model's terms", "richer": "truth: friction that first gives way"}
 # What one panel shows of a response.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.reporting.figures.kind import Kind, bars, by_name, fixed
 from sindyjoint.reporting.style import DASHES, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from sindyjoint.workflows.rig import RigMotion
 
-Array = NDArray[np.float64]
 
 # What a picture shows of a curve.
 DRAWN_SAMPLES = 4000

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.reporting.figures.kind import Kind, by_name, each, fixed
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 # Loss of a sensor at which the scale of the picture ends.
 MOST = 10.0

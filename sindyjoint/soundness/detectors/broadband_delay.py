@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from sindyjoint.discovery.delay import estimate_delay, law_of_channels, reference_of, shifted
 from sindyjoint.equation.catalogue import term_columns
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import SindyJointError
-from sindyjoint.numeric import scaled_least_squares
+from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
@@ -20,7 +19,6 @@ from sindyjoint.soundness.words import Words
 from sindyjoint.states.build import force_states
 from sindyjoint.states.record import ForceStates
 
-Array = NDArray[np.float64]
 # Reaches of memory that are tried, in parts of the swing or of the time in which it is swept.
 MEMORIES = (0.03, 0.1, 0.3, 1.0)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import SindyJointError
+from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.detectors.kin import Rows, find_odd_runs, rows_of_motions, scale_of, solve
 from sindyjoint.soundness.finding import Finding
@@ -17,7 +18,6 @@ from sindyjoint.soundness.words import Words
 from sindyjoint.states.build import force_states
 from sindyjoint.states.record import ForceStates
 
-Array = NDArray[np.float64]
 # Samples of each run that are compared, evenly spread, and the parts of a run whose mean residuals are followed.
 SAMPLES = 2_400
 PARTS = 24

@@ -8,12 +8,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile
 from sindyjoint.soundness.words import Words
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Samples that the search for scaled copies looks at.
 LOOKED_AT = 4096

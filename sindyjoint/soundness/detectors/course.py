@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile
 from sindyjoint.soundness.words import Words
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 # Periods on either side of a step that are compared; the one that holds it is left out.
 SIDE = 4

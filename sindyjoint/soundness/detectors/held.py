@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Channel, Profile
 from sindyjoint.soundness.spans import Spans, spans_of
 from sindyjoint.soundness.words import Words
 
-Array = NDArray[np.float64]
 # Share of its range within which the angle of a joint that sticks stays.
 STANDSTILL = 1e-2
 

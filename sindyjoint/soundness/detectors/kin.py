@@ -9,14 +9,13 @@ from itertools import combinations
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
 
-Array = NDArray[np.float64]
 Columns = Callable[[Array, Array], list[Array]]
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile
 from sindyjoint.soundness.words import Words
-
-Array = NDArray[np.float64]
 
 
 def find_lines(profile: Profile, words: Words) -> Iterator[Finding]:

@@ -7,13 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Channel, Profile
 from sindyjoint.soundness.spans import spans_of
 from sindyjoint.soundness.words import Words
-
-Array = NDArray[np.float64]
 
 
 def saturated_samples(channel: Channel, sign: float) -> NDArray[np.bool_] | None:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
 from sindyjoint.soundness.detectors.kin import (
     Columns,
@@ -23,7 +23,6 @@ from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
 
-Array = NDArray[np.float64]
 Filter = Callable[[Array, float], Complex]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.cycle import Cycles, synthesise
 from sindyjoint.soundness.detectors.kin import CommonLaw, rows_of, scale_of, solve
@@ -14,8 +14,6 @@ from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile
 from sindyjoint.soundness.words import Words
-
-Array = NDArray[np.float64]
 
 
 def find_sizes(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:

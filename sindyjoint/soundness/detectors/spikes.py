@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Channel, Profile
 from sindyjoint.soundness.spans import spans_of
 from sindyjoint.soundness.words import Words
 
-Array = NDArray[np.float64]
 # Neighbours on either side: a step between two of them is kept by their median, a spike of up to three is not.
 REACH = 3
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.steady import (
     Condensed,
@@ -31,7 +32,6 @@ from sindyjoint.substructure.simulated.steady import (
 )
 from sindyjoint.substructure.states import kept_orders
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Harmonics that are compared, at least, or as multiples of the highest one of the drive.

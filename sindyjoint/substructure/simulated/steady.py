@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.numeric import Array
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
 from sindyjoint.substructure.harmonics import analysis, rates, real_blocks, synthesis
 from sindyjoint.substructure.period import period_moment
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Factors = tuple[Array, NDArray[np.int32]]
 

@@ -26,8 +26,7 @@ from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.formula import formula_text
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Beyond this share of a number and so many of its standard errors the processing is not known to move it so.
 LARGEST, LARGEST_SIGMAS = 0.5, 2.0

@@ -10,21 +10,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.rows.build import along_replicate
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
+from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.run import SimulatedRun, span_of
 from sindyjoint.states import ForceStates
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics, replicate_states
-
-Array = NDArray[np.float64]
 
 # Steps of internal states per sample: what a slider overruns its limit by would be taken for the processing's.
 SUBSTEPS = 64

@@ -24,14 +24,12 @@ from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import rms
+from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import with_coefficients
 from sindyjoint.response.run import SimulatedRun, pooled_nrmse
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
-
-Array = NDArray[np.float64]
 
 DRAWS = 3  # of numbers and noise, by which the response is simulated again
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift
 from sindyjoint.diagnosis.campaign.regression import stack
@@ -25,10 +24,9 @@ from sindyjoint.diagnosis.effects.parts import element_of, parts_of_law
 from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import with_coefficients
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
-
-Array = NDArray[np.float64]
 
 # Step of the differences by a nonlinear parameter, relative to it.
 STEP = 1e-3

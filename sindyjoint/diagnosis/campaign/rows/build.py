@@ -21,12 +21,11 @@ from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.response.run import settling
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.mask import rate_limit
-
-Array = NDArray[np.float64]
 
 PHASES = 240
 FEWEST_PHASES = 12

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 SERIES = 1e-4  # sinh q/q by its series, which then errs by q⁴/120
 

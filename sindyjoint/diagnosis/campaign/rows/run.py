@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.terms import Reference
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
 STRETCHES = 20

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import WIDEST, smoothing_kernels
-
-Array = NDArray[np.float64]
 
 # How far beyond the bandwidth of a smoothed angle its unknown rest is accounted for.
 BEYOND = 2.0

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.equation.terms import Reference
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # Knots of the surface: of each sheet over (|θ̇|, θ), and of what changes quickly along θ or along |θ̇| alone.
 SHEET = (9, 5)

@@ -11,15 +11,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.unnamed.families import hats
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 # A moment that no law of the joint's own frequencies makes differs between frequencies in these ways.
 OF_FREQUENCY = ("inertia_error", "frequency_dependent_stiffness", "maxwell_branch", "fractional_damping")

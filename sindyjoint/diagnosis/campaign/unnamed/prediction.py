@@ -18,8 +18,7 @@ from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.campaign.unnamed import families
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-
-Array = NDArray[np.float64]
+from sindyjoint.numeric import Array
 
 SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0)
 SHRINKAGE = (1e-6, 1e-4, 1e-2)

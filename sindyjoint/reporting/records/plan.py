@@ -1,10 +1,10 @@
-"""What the result file of a plan holds; see ``records``."""
+"""``plan.json``: runs to be made, and what they will tell."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-from sindyjoint.reporting.records import Known, Maybe, Part, Version
+from sindyjoint.reporting.records.parts import Known, Maybe, Part, Version
 
 
 class PlannedRunPart(Part):

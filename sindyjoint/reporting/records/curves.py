@@ -1,8 +1,8 @@
-"""JSON records of curves of a joint and of a structure."""
+"""``curves.json``: curves of a joint and of a structure."""
 
 from __future__ import annotations
 
-from sindyjoint.reporting.records import Joint, Known, Maybe, Part, Version
+from sindyjoint.reporting.records.parts import Joint, Known, Maybe, Part, Version
 
 
 class CurvesJoint(Part):
