@@ -193,7 +193,8 @@ def diagnose_structure(
     rig : Rig, path of a rig's TOML file, or name of a shipped rig
         Its ``[measured]`` records. Without one: a virtual pulse test in which ``random_state`` hides an effect.
     model : JointModel, optional
-        Default: the law that the rig gives for its joint, each term known to 0.5 %.
+        Default: the law that the rig gives for its joint, each term known to 0.5 %; of a joint without one
+        (``law = "unknown"``) the law that :func:`~sindyjoint.discover_rig` finds in the same pulse.
     library : sequence of str or Path
         Further TOML files of effects of the joint.
     effects : sequence of Effect, optional
@@ -231,9 +232,41 @@ def diagnose_structure(
 
     say = progress or (lambda stage: None)
     known = _known_effects(library, effects, max_effects)
+    keep = before_advice or (lambda result: None)
+    found: tuple[str, ...] = ()
+    if model is None and isinstance(rig, str | Path):
+        model = _law_in_pulse(rig, random_state, say)
+        found = () if model is None else (LAW_OF_PULSE,)
+
+    def told(result: Diagnosis) -> Diagnosis:
+        return replace(result, warnings=(*found, *result.warnings))
+
     with spread(jobs, workers, cluster):
         problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
-        return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
+        return told(explain_gap(problem, max_effects, say, advise, lambda result: keep(told(result))))
+
+
+LAW_OF_PULSE = (
+    "no model was given: the law was found in the same pulse, and what it took up of a gap is not seen"
+)
+
+
+def _law_in_pulse(rig: str | Path, random_state: Any, say: Callable[[str], None]) -> JointModel | None:
+    """Return the law that a rig's pulse shows of its joints where the file gives none and a response was measured."""
+    from sindyjoint.diagnosis.structure.start import open_rig
+    from sindyjoint.mechanics.pulse_test import hinges
+    from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
+    from sindyjoint.workflows.discover import discover_rig
+
+    opened = open_rig(rig)
+    sought = any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(opened))
+    if opened.measured is None or not sought:
+        return None
+    laws = discover_rig(rig, random_state=random_state, progress=say).laws
+    if len(laws) > 1 or not laws[0].found or laws[0].discovery is None:
+        words = f"{len(laws)} kinds of joints" if len(laws) > 1 else laws[0].reason or "no law was found"
+        raise InputError(f"{rig}: {words}; give the model that stands for the joint (--model)")
+    return laws[0].discovery.model
 
 
 @checks_options()
