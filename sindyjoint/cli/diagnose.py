@@ -23,6 +23,8 @@ from sindyjoint.cli.progress import Progress, Quiet, Verbose
 from sindyjoint.errors import InputError
 
 MOST = default_of("workflows.diagnose:diagnose", "max_effects")
+# Where the candidates of a campaign are tried, and what that is by itself.
+ELSEWHERE = {"jobs": JOBS, "workers": None, "cluster": None}
 MOST_OF_RIG = default_of("workflows.diagnose:diagnose_structure", "max_effects")
 
 if TYPE_CHECKING:
@@ -143,6 +145,11 @@ def _diagnosed(
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
         return of_campaign(campaign, start, **given(base=base), **options)
+    elsewhere = [name for name, usual in ELSEWHERE.items() if options.pop(name) != usual]
+    if elsewhere:
+        raise InputError(
+            f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
+        )
     if options.pop("accept"):
         raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
     if options.pop("align"):

@@ -177,9 +177,6 @@ def diagnose_structure(
     before_advice: Callable[[Diagnosis], None] | None = None,
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
-    jobs: int = 1,
-    workers: int | None = None,
-    cluster: str | None = None,
     policy: DiagnosisPolicy = STRUCTURE,
 ) -> Diagnosis:
     """Find where a model in the joint of a rig and the rig's pulse record disagree, and name what is missing.
@@ -212,10 +209,6 @@ def diagnose_structure(
         Of the virtual pulse test.
     progress : callable, optional
         Called with the name of each stage.
-    jobs, workers, cluster
-        Where candidates and runs to advise are tried, by default on threads of this process; see
-        :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
-
     policy : DiagnosisPolicy
         The limits that decide the answer.
 
@@ -241,9 +234,8 @@ def diagnose_structure(
     def told(result: Diagnosis) -> Diagnosis:
         return replace(result, warnings=(*found, *result.warnings))
 
-    with spread(jobs, workers, cluster):
-        problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
-        return told(explain_gap(problem, max_effects, say, advise, lambda result: keep(told(result))))
+    problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
+    return told(explain_gap(problem, max_effects, say, advise, lambda result: keep(told(result))))
 
 
 LAW_OF_PULSE = (
@@ -282,9 +274,6 @@ def diagnose_rig(
     before_advice: Callable[[Diagnosis], None] | None = None,
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
-    jobs: int = 1,
-    workers: int | None = None,
-    cluster: str | None = None,
     policy: DiagnosisPolicy = STRUCTURE,
 ) -> Diagnosis:
     """Find what the laws of the joints in a structure lack, against what the structure lacks, from its sensors.
@@ -301,7 +290,7 @@ def diagnose_rig(
     models : JointModel or mapping of str to JointModel, optional
         For every joint, or by kind of joint: from tests of the joint alone; numbers keep to their covariance. Default:
         the laws that :func:`~sindyjoint.discover_rig` finds in the same runs, with free numbers.
-    library, effects, max_effects, advise, before_advice, random_state, progress, jobs, workers, cluster, policy
+    library, effects, max_effects, advise, before_advice, random_state, progress, policy
         As in :func:`diagnose_structure`; runs are not advised.
 
     Returns
@@ -346,9 +335,8 @@ def diagnose_rig(
     )
     if fitted is None:
         raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
-    with spread(jobs, workers, cluster):
-        problem = RunsDiagnosis.of(fitted, kept, known_effects)
-        return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
+    problem = RunsDiagnosis.of(fitted, kept, known_effects)
+    return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
 
 
 def _known_effects(
