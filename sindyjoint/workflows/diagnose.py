@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
-from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.discovery.delay import delay_to_remove, without_delay
 from sindyjoint.equation.catalogue import Catalogue
@@ -269,12 +269,12 @@ def diagnose_rig(
     *,
     library: Sequence[str | Path] = (),
     effects: Sequence[Effect] | None = None,
-    max_effects: int = STRUCTURE.most_effects,
+    max_effects: int = IN_PLACE.most_effects,
     advise: bool = True,
     before_advice: Callable[[Diagnosis], None] | None = None,
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
-    policy: DiagnosisPolicy = STRUCTURE,
+    policy: DiagnosisPolicy = IN_PLACE,
 ) -> Diagnosis:
     """Find what the laws of the joints in a structure lack, against what the structure lacks, from its sensors.
 
@@ -302,7 +302,7 @@ def diagnose_rig(
     InputError
         For runs that cannot be used, or joints in which no law is found.
     """
-    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis
+    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis, divide_runs
     from sindyjoint.diagnosis.structure.runs import RunsProblem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test import RigTest
@@ -314,27 +314,25 @@ def diagnose_rig(
     known_effects = _known_effects(library, effects, max_effects)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
     given = models is not None
+    own, others = divide_runs(test)
     if models is None:
-        found = discover_rig(test, random_state=random_state, progress=say)
+        # Laws that have seen the runs kept out would be judged by what they know.
+        found = discover_rig(replace(test, runs=tuple(own)), random_state=random_state, progress=say)
         lacking = [law for law in found.laws if not law.found]
         if lacking:
             raise InputError(
                 f"no law was found of {lacking[0].kind}: give a model, or see what discover says"
             )
-        test = described(found)
+        test = replace(described(found), runs=test.runs)
         models = {law.kind: law.discovery.model for law in found.laws if law.discovery is not None}
     elif isinstance(models, JointModel):
         models = dict.fromkeys(test.kinds, models)
     say("the steady motion with the models")
-    recoveries = {run: recover(test, run) for run in test.runs}
     fitted, kept = (
-        RunsProblem.of(test, own, models, given, policy) if own else None
-        for own in (
-            [r for run, r in recoveries.items() if run.use == use] for use in ("identify", "validate")
-        )
+        RunsProblem.of(test, [recover(test, run) for run in runs], models, given, policy) if runs else None
+        for runs in (own, others)
     )
-    if fitted is None:
-        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    assert fitted is not None
     problem = RunsDiagnosis.of(fitted, kept, known_effects)
     return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
 
