@@ -237,7 +237,8 @@ def _chain(
                 f"{name!r}: {min(wrong)}_uncertainty is of a beam; expected mass_uncertainty at most"
             )
     chain = Chain(items, stiffness, stations, structure.loss_frequency)
-    return structure, kinds, uncertain_numbers(items, stiffness, stated), chain
+    uncertain = uncertain_numbers(items, stiffness, stated, given.base.clamp_uncertainty)
+    return structure, kinds, uncertain, chain
 
 
 def _matrices(

@@ -64,6 +64,7 @@ def worth(data: StructureFigures, ax: Axes) -> Axes:
             )
     ax.set_xticks(range(len(data.sensors)), list(data.sensors), rotation=30, ha="right")
     ax.set_yticks(range(len(data.joints)), list(data.joints))
+    ax.grid(False)
     ax.set_title("Growth of the moment's error without the sensor")
     return ax
 
