@@ -62,7 +62,7 @@ FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
 
 
 # What a virtual test of a rig takes; its runs and noise stand in the rig's file.
-OF_A_RIG = {"rig", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
+OF_A_RIG = {"rig", "model", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
 
 
 def simulate(
@@ -84,7 +84,7 @@ def simulate(
         Path | None,
         typer.Option(
             help="model.json, or a folder with one: the joint to test instead. Levels are then fractions of the "
-            "largest angle that it was fitted to."
+            "largest angle that it was fitted to. Of a RIG: the law of its joints that give it as 'model'."
         ),
     ] = None,
     at: AtOption = None,
@@ -144,7 +144,7 @@ def simulate(
         from sindyjoint.cli.structure import simulate_structure
 
         written, listed_runs = simulate_structure(
-            rig, out, format.value, random_state, force, Progress(quiet, verbose)
+            rig, model, out, format.value, random_state, force, Progress(quiet, verbose)
         )
         typer.echo(
             json.dumps(listed_runs)

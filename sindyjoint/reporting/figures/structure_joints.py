@@ -85,7 +85,8 @@ KINDS = by_name(
         "recovered",
         "Recovered loops",
         "Moment of each joint over its angle, recovered from the structure's sensors, in a period of the run that "
-        "moves it most; dots: the moment of the law that was found, where the joint moves.",
+        "moves it most, or in the first second of one that does not repeat; dots: the moment of the law found, "
+        "where the joint moves.",
         each(lambda data: data.loops, _loop),
     ),
     Kind(
