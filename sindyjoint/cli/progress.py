@@ -42,9 +42,10 @@ class Progress:
         If both are given.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False):
+    def __init__(self, quiet: Quiet = False, verbose: Verbose = False):
         if quiet and verbose:
             raise typer.BadParameter("contradicts --quiet; choose one of them", param_hint="--verbose")
+        self.quiet = quiet
         self._verbose, self._stage = verbose, ""
         self._spins = not quiet and not verbose and sys.stderr.isatty()
         self._lines = not quiet and not self._spins
