@@ -55,7 +55,6 @@ class Recovered:
     recovery: Recovery
     joint: int
     states: ForceStates
-    mean_moment: float
     unseen: Array = field(default_factory=lambda: np.zeros(1))
     weight: float = 1.0
 
@@ -149,7 +148,7 @@ def _recovered(test: RigTest, recovery: Recovery, joint: int) -> Recovered | Non
     mean = static_moments(test.structure, test.at, float(recovery.spectra.mean[0]))
     name = f"{recovery.run.name} · {test.structure.hinges[joint].name}"
     moment = 0.0 if mean is None else float(mean[joint])
-    return Recovered(recovery, joint, joint_states(recovery, joint, name, moment), moment)
+    return Recovered(recovery, joint, joint_states(recovery, joint, name, moment))
 
 
 def _find_law(

@@ -206,12 +206,10 @@ def _record(each: Prediction) -> dict[str, Any]:
     }
 
 
-def predictions(
-    model: JointModel, information: Information, coefficients: Array, random_state: int = 0
-) -> tuple[Prediction, ...]:
+def predictions(model: JointModel, information: Information, coefficients: Array) -> tuple[Prediction, ...]:
     """Return what runs are expected to tell of each coefficient; axes of the information are (runs, joints)."""
     chosen = chosen_terms(information, coefficients).mean(axis=0)
-    rng = np.random.default_rng(random_state)
+    rng = np.random.default_rng(0)
     widths = half_widths(information, rng, DRAWS).reshape(-1, len(model.terms))
     ends = np.quantile(widths, BAND90, axis=0, method="nearest")
     return tuple(
