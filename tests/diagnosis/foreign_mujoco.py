@@ -87,7 +87,9 @@ def _model(name, rng):
     elif name == "spring_limit":
         reach, spring = rng.uniform(0.05, 0.07), rng.uniform(1.5, 4.0) * STIFFNESS
         reference = spring * (1 - IMPEDANCE) / INERTIA
-        limit = f'limited="true" range="{-np.degrees(reach)} {np.degrees(reach)}" solreflimit="{-reference} -1" '
+        limit = (
+            f'limited="true" range="{-np.degrees(reach)} {np.degrees(reach)}" solreflimit="{-reference} -1" '
+        )
         limit += f'solimplimit="{IMPEDANCE} {IMPEDANCE} 0.001"'
     elif name == "viscous_fluid":
         fluid = f'density="{rng.uniform(2.5e4, 6e4)}"'

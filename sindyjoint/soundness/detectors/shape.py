@@ -157,22 +157,31 @@ def _find_delay(cycles: Cycles, scale: Scale, inertia: float | None) -> Undone |
     fits = [Fit(cycles, scale, inertia, plain_columns, slowest) for slowest in rates]
     tried = [fit.best(DELAY) for fit in fits]
     # A law that is not the plain one finds another delay in other rows.
-    first = tried[0].parameter
-    if not _agree(first, tried[1].parameter):
+    fast = tried[0].parameter
+    if not _agree(fast, tried[1].parameter):
         return None
-    return next(
-        (
-            best
-            for fit, best in zip(fits, tried, strict=True)
-            if _agree(first, best.parameter) and _is_delay(fit, best) and _is_one_time(fit, best)
-        ),
-        None,
-    )
+    for fit, best in zip(fits, tried, strict=True):
+        if not _is_delay(fit, best):
+            continue
+        if _agree(fast, best.parameter) and _is_one_time(fit, best):
+            return best
+        if _may_be_rounded(fast, best.parameter) and _is_one_time(fits[0], tried[0]):
+            return tried[0]
+    return None
 
 
-def _agree(first: float, second: float) -> bool:
+def _agree(fast: float, slow: float) -> bool:
     """Return whether delays from rows of faster and of slower motion are one."""
-    return abs(first - second) <= max(POLICY.delay_agreement * abs(first), POLICY.least_delay)
+    return abs(fast - slow) <= max(POLICY.delay_agreement * abs(fast), POLICY.least_delay)
+
+
+def _may_be_rounded(fast: float, near: float) -> bool:
+    """Return whether rows close to the reversals may show the delay of faster rows.
+
+    Where friction bends the motion, the series of the angle rounds the bend, and turns too late: the moment then seems
+    to lead by more than it does.
+    """
+    return abs(fast) > POLICY.least_delay and (near > 0 if fast > 0 else near < fast)
 
 
 def _is_one_time(fit: Fit, best: Undone) -> bool:
