@@ -219,6 +219,12 @@ class SoundnessPolicy:
     delay_agreement: float = limit(
         0.3, "relative difference of a delay from rows of faster and of slower motion", source=CALIBRATED
     )
+    delay_levels: int = limit(
+        3, "groups of levels over which the scatter of a delay is looked at", source="time"
+    )
+    delay_contrast: float = limit(
+        4.0, "delay in standard errors by its scatter over frequencies and levels", source="convention"
+    )
     rival_gain: float = limit(
         0.95, "share of a delay's gain that no single other term may have", source=CALIBRATED
     )
