@@ -46,7 +46,7 @@ def answer(
         except UnsoundError as error:
             result, stopped = error.check, True
         place = write(result, out, progress, seed, files, output.force)
-        progress.tell(result)
+        progress.show_details(result)
     if output.as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

@@ -77,7 +77,7 @@ def batch(
             random_state=random_state,
             **finding.arguments(),
         )
-        _tell_faults(faults, out, output.as_json)
+        _print_faults(faults, out, output.as_json)
         raise typer.Exit(1 if faults else 0)
     check_place(out, output.force)
     with progress:
@@ -110,7 +110,7 @@ def batch(
             raise Interrupted("the same command goes on where this one stopped") from None
         progress.say("writing the page")
         write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, force=output.force)
-        progress.tell(result)
+        progress.show_details(result)
     if output.as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
@@ -119,7 +119,7 @@ def batch(
     raise typer.Exit(0 if result.complete else 1)
 
 
-def _tell_faults(faults: Sequence[tuple[str, str]], out: Path, as_json: bool) -> None:
+def _print_faults(faults: Sequence[tuple[str, str]], out: Path, as_json: bool) -> None:
     """Print what of a batch is not as it was written."""
     if as_json:
         record = {"schema": 1, "faults": [{"campaign": id, "fault": fault} for id, fault in faults]}

@@ -94,7 +94,7 @@ class Progress:
         seconds = (now - since) / (done - first) * (planned - done)
         return f", about {max(seconds, 1):.0f} s more"
 
-    def tell(self, result: Any) -> None:
+    def show_details(self, result: Any) -> None:
         """Show the numbers behind a result, where that was asked for."""
         if self._verbose:
             from sindyjoint.reporting.registry import details

@@ -205,7 +205,7 @@ def simulate(
         progress.say("writing the files")
         sensors = SENSOR_RIG if channels else None
         manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
-        progress.tell(campaign)
+        progress.show_details(campaign)
     if known is not None:
         for one in campaign.runs:
             rate = np.gradient(one.angle, 1 / one.sample_rate)

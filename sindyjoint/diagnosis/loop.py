@@ -245,7 +245,7 @@ def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P
     again = problem.ranked_again(member.name, [each.name for each in ranking.members])
     led = led if again is None or again.fitted[0].name != member.name else again
     later = [_step(problem, led, step.gap_before, problem.gap), *here.steps[place + 1 :]]
-    steps = (*here.steps[:place], *_told_anew(later, step.gap_before, problem))
+    steps = (*here.steps[:place], *_with_gaps_renewed(later, step.gap_before, problem))
     rankings = {name: each for name, each in here.rankings.items() if name != step.effect}
     return Progress(problem, problem.gap, steps, {**rankings, member.name: led})
 
@@ -260,7 +260,7 @@ def without_needless_delay(here: Progress[P]) -> Progress[P]:
     if cost_of(problem.gap, problem, policy) > cost_of(here.gap, here.problem, policy) + policy.number_cost:
         return here
     place = next((i for i, step in enumerate(here.steps) if step.effect == name), len(here.steps))
-    later = _told_anew(
+    later = _with_gaps_renewed(
         here.steps[place + 1 :],
         here.steps[place].gap_before if place < len(here.steps) else here.gap,
         problem,
@@ -276,7 +276,7 @@ def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:
     return misfit + policy.number_cost * problem.numbers
 
 
-def _told_anew(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
+def _with_gaps_renewed(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
     """Return the last steps of a problem with the gaps that it has without those after each."""
     now, later = {f.name: f.parameters for f in problem.found}, list[Step]()
     for place, step in enumerate(steps, 1):

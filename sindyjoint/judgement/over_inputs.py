@@ -78,7 +78,7 @@ class OverInput:
             row["bound"] = row["bound"] if np.isfinite(row["bound"]) else None
         return record
 
-    def told(self, row: CoefficientOver) -> str:
+    def dependence(self, row: CoefficientOver) -> str:
         """Return the answer to whether a coefficient depends on the input, with its figure; empty where unknown."""
         independent = row.answer.startswith("independent")
         return f"independent of {self.label} within {100 * row.bound:.2g} %" if independent else row.answer

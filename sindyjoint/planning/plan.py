@@ -9,9 +9,9 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, finite
-from sindyjoint.planning.apart import Apart
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
+from sindyjoint.planning.separation import Separation
 from sindyjoint.shown import Shown
 
 BAND90 = (0.05, 0.5, 0.95)
@@ -129,7 +129,7 @@ class Plan(Shown):
     warnings : tuple of str
     now : Now, optional
         What the runs of a campaign have reached.
-    apart : Apart, optional
+    apart : Separation, optional
         How surely given effects are told apart.
     """
 
@@ -149,7 +149,7 @@ class Plan(Shown):
     stop: str
     warnings: tuple[str, ...] = ()
     now: Now | None = None
-    apart: Apart | None = None
+    apart: Separation | None = None
 
     @property
     def goal(self) -> str:

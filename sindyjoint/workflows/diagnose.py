@@ -156,10 +156,10 @@ def diagnose(
             max_effects,
             say,
             advise,
-            lambda result: keep(tested.told(result)),
+            lambda result: keep(tested.complete(result)),
             refined if refine else lambda last: (last, ()),
         )
-        return tested.told(result)
+        return tested.complete(result)
 
 
 @checks_options()

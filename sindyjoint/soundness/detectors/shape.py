@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
-from sindyjoint.soundness.detectors.kin import (
+from sindyjoint.soundness.detectors.common_law import (
     Columns,
     CommonLaw,
     Scale,
