@@ -68,7 +68,8 @@ def explain_gap(
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given found a zero error, it is made again from the joint's own zero, and
-    where something is left unexplained, from the best other start that the problem knows; the best end is used. Unless
+    where something is left unexplained, from the best other start that the problem knows, or else from the channels
+    aligned, should they have a delay that explains as much; the best end is used. Unless
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
     before that begins. ``refined`` may give the last problem other numbers, and notes on that.
     """
@@ -120,8 +121,9 @@ def _best_search(
     if clock.seconds < most_seconds:
         zero = first.zero_start(straight, given.progress.problem, say)
         best = _better(first, given, zero, most, say, clock)
-    if not best.whole and clock.seconds < most_seconds:
-        starts = first.other_starts(straight, given.progress.problem, say)
+    if clock.seconds < most_seconds:
+        last = best if best.whole else given
+        starts = first.other_starts(straight, last.progress.problem, say, best.whole)
         start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
         best = _better(first, best, start, most, say, clock)
     late = clock.seconds >= most_seconds and not best.whole
