@@ -278,7 +278,7 @@ def _judged(
     campaign = recovered_campaign(test, kind, states)
     counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
     model = campaign_model(regressor, campaign, states, counts)
-    verdict = judge(regressor, model)
+    verdict = of_one_run(judge(regressor, model), len({each.recovery.run.name for each in recovered}))
     if rows is not None and errors is not None:
         verdict = within_the_states(verdict, errors.angle_share)
         model = model.with_numbers(rows.coefficients, errors.covariance)
@@ -304,6 +304,14 @@ def _judged(
         campaign=campaign,
         bias=fixed.bias,
     )
+
+
+def of_one_run(verdict: Verdict, runs: int) -> Verdict:
+    """Return a verdict that refutes nothing by one run: what the recovery does to it, no other run tells."""
+    if runs > 1 or verdict.verdict != "refuted":
+        return verdict
+    reason = f"one run of the structure refutes no term; others at other levels would tell: {verdict.reason}"
+    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def within_the_states(verdict: Verdict, share: float) -> Verdict:

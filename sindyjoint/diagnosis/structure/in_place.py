@@ -74,6 +74,8 @@ class RunsDiagnosis(StructureProblem):
             # Laws that were found in the same runs: weighed, and searched from, where they fit best.
             problem = problem.whitened(best.x)
             best = fit(problem, best.x, problem.duration) or best
+        # Laws with effects are known to the kinds of the fitted runs.
+        kept = None if kept is None else replace(kept, kinds=problem.kinds, _kept={})
         return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept)
 
     @cached_property
