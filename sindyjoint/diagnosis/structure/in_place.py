@@ -31,6 +31,7 @@ from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.substructure.simulated.runs import SteadyRun
 
@@ -185,6 +186,23 @@ class RunsDiagnosis(StructureProblem):
             records=self.records,
             in_place=InPlace(lead, models, problem.update(x, covariance)),
         )
+
+
+def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
+    """Return the runs that are fitted and those that are kept out: as they are marked, or every third one.
+
+    Raises
+    ------
+    InputError
+        Without a run for identification.
+    """
+    runs = list(test.identification_runs)
+    if not runs:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    marked = [run for run in test.runs if run.use == "validate"]
+    if marked or len(runs) < FEW:
+        return runs, marked
+    return [run for i, run in enumerate(runs) if i % 3 != 1], runs[1::3]
 
 
 def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tuple[Change, ...]:
