@@ -125,19 +125,19 @@ def load_rig_test(rig: str | Path) -> RigTest:
                 "no [[run]] has a file and no [[measured]] stands beside a [pulse]; expected a record, or a virtual "
                 "test by simulate"
             )
-        runs = tuple(_read_run(table, given, path, test) for table in files)
+        runs = tuple(_read_run(table, given, path) for table in files)
         marked = any(SIMULATED_KEY in (path.parent / str(table.file)).name for table in files)
         return replace(test, runs=runs, simulated=test.simulated or marked)
 
     return _with_path(build, path)
 
 
-def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
+def load_rig_plan(rig: str | Path) -> RigPlan:
     """Read a rig whose joints have laws, with the runs that a virtual test shall make."""
     path, given = _read(rig)
 
     def build() -> RigPlan:
-        test = _build_test(given, path, {**JOINTS, **(laws or {})})
+        test = _build_test(given, path, JOINTS)
         drives = tuple(
             _drive_of(table, number, given.drive) for number, table in enumerate(given.run, 1) if table.shape
         )
@@ -357,7 +357,7 @@ def _different(names: Sequence[str]) -> list[str]:
     ]
 
 
-def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> RigRun:
+def _read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     file = path.parent / str(table.file)
     channels: list[DriveTable | SensorTable] = [given.drive, *given.sensor]
     factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]

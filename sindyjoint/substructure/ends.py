@@ -129,7 +129,9 @@ def jump_columns(
     if only_displacement(sensors):
         smooth *= 0  # These sensors show them.
     sizes = expected_jumps(sensors, amplitudes, angular, np.sqrt(np.maximum(squared, 0)))
-    return channels * sizes, (coordinates[:, :joints] - smooth) * sizes
+    shown_channels: Complex = np.asarray(channels * sizes, dtype=np.complex128)
+    angles: Complex = (coordinates[:, :joints] - smooth) * sizes
+    return shown_channels, angles
 
 
 def find_ends(

@@ -108,8 +108,8 @@ def curves(
     rig = subject if isinstance(subject, Rig) else load_rig(subject, PLACEHOLDERS)
     given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
     placed = PlacedModels.in_rig(rig, list(map(as_model, given_models)))
-    making = _Making(placed, at or rig.at, point or at or rig.points[0], harmonics, say)
-    return making.curves(levels, band, modes)
+    maker = _CurveMaker(placed, at or rig.at, point or at or rig.points[0], harmonics, say)
+    return maker.curves(levels, band, modes)
 
 
 def _names_model(subject: str | Path) -> bool:
@@ -161,8 +161,8 @@ def _softens(law: object) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Making:
-    """The making of a structure's curves."""
+class _CurveMaker:
+    """Makes a structure's curves."""
 
     placed: PlacedModels
     at: str

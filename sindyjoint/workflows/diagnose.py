@@ -103,7 +103,6 @@ def diagnose(
     jobs, workers, cluster
         Where candidates and runs to advise are tried, by default on threads of this process; see
         :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
-
     policy : DiagnosisPolicy
         The limits that decide the answer.
 
@@ -157,10 +156,10 @@ def diagnose(
             max_effects,
             say,
             advise,
-            lambda result: keep(tested.told(result)),
+            lambda result: keep(tested.complete(result)),
             refined if refine else lambda last: (last, ()),
         )
-        return tested.told(result)
+        return tested.complete(result)
 
 
 @checks_options()
@@ -192,25 +191,13 @@ def diagnose_structure(
     model : JointModel, optional
         Default: the law that the rig gives for its joint, each term known to 0.5 %; of a joint without one
         (``law = "unknown"``) the law that :func:`~sindyjoint.discover_rig` finds in the same pulse.
-    library : sequence of str or Path
-        Further TOML files of effects of the joint.
-    effects : sequence of Effect, optional
-        Candidates in the joint; default: all shipped ones and those of ``library``.
-    max_effects : int
-        Most effects that are added.
     hold_out : sequence of Rig or path
-        Other pulses of the same structure, which no fit sees; the gaps are told on them. Default: the second half of
+        Other pulses of the same structure, which no fit sees; the gaps are those of them. Default: the second half of
         the time in which the record stands out of its noise.
-    advise : bool
-        Whether records are sought that would tell rivals apart; ends early as that of runs does.
-    before_advice : callable, optional
-        Called with the diagnosis, complete but for advice, before records are sought.
     random_state : int, Generator or None
         Of the virtual pulse test.
-    progress : callable, optional
-        Called with the name of each stage.
-    policy : DiagnosisPolicy
-        The limits that decide the answer.
+    library, effects, max_effects, advise, before_advice, progress, policy
+        As in :func:`diagnose`; records are advised, not runs.
 
     Returns
     -------
@@ -285,7 +272,7 @@ def diagnose_rig(
     Parameters
     ----------
     rig : RigTest or path of a rig.toml
-        With sensors and recorded runs that repeat. The gaps are told on runs that no fit sees: those marked
+        With sensors and recorded runs that repeat. The gaps are those of runs that no fit sees: those marked
         ``use = "validate"``, or every third one.
     models : JointModel or mapping of str to JointModel, optional
         For every joint, or by kind of joint: from tests of the joint alone; numbers keep to their covariance. Default:

@@ -138,11 +138,11 @@ def verify(
                 raise InputError(f"align: {NO_DELAY}" if align else f"free_run: {NO_RESPONSE}")
             model, untimed = without_rate(model)
         usable, applied, note = put_right(checked.usable, against, test)
-        usable = align_channels(usable) if align else usable
+        late, usable = usable, align_channels(usable) if align else usable
         result = verify_campaign(model, usable, settings, say, applied)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
         lacking = (untimed,) if against.quasi_static and untimed else ()
-        known["warnings"] = (*checked.warnings, *note, *lacking, *result.warnings)
+        known["warnings"] = (*checked.warned(usable is not late), *note, *lacking, *result.warnings)
         return CampaignVerification(**known, soundness=checked.soundness)
     if free_run is not None:
         raise InputError(
