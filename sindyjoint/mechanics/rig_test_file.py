@@ -132,12 +132,12 @@ def load_rig_test(rig: str | Path) -> RigTest:
     return _with_path(build, path)
 
 
-def load_rig_plan(rig: str | Path) -> RigPlan:
-    """Read a rig whose joints have laws, with the runs that a virtual test shall make."""
+def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
+    """Read a rig whose joints have laws, shipped or given, with the runs that a virtual test shall make."""
     path, given = _read(rig)
 
     def build() -> RigPlan:
-        test = _build_test(given, path, JOINTS)
+        test = _build_test(given, path, {**JOINTS, **(laws or {})})
         drives = tuple(
             _drive_of(table, number, given.drive) for number, table in enumerate(given.run, 1) if table.shape
         )
