@@ -77,8 +77,9 @@ def cycles(record: RecordGap, ax: Axes) -> Axes:
     for label, signal, look in _curves(record):
         ax.plot(record.time[kept], signal[kept] * factor, label=label, **look)
     ax.set_xlabel("Time (s)")
-    ax.set_ylabel(f"{record.quantity.capitalize()}: {plain(shortened(record.name, 24))} ({unit})")
-    legend_above(ax, 3, columns=2)
+    ax.set_ylabel(f"{record.quantity.capitalize()} ({unit})")
+    ax.set_title(plain(shortened(record.name)))
+    legend_above(ax, 4, columns=1)
     return ax
 
 
@@ -129,12 +130,18 @@ def envelope(record: RecordGap, ax: Axes) -> Axes:
     ax.set_yscale("log")
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"Envelope ({unit})")
-    legend_above(ax, 4, columns=2)
+    ax.set_title(plain(shortened(record.name)))
+    legend_above(ax, 5, columns=1)
     return ax
 
 
 def _records(result: Diagnosis) -> tuple[RecordGap, ...]:
     return result.records[:MOST_PANELS]
+
+
+def _decays(result: Diagnosis) -> tuple[RecordGap, ...]:
+    """Return the records of a pulse; a steady motion has an envelope without shape."""
+    return _records(result) if result.in_place is None else ()
 
 
 KINDS = DIAGNOSIS | by_name(
@@ -148,8 +155,8 @@ KINDS = DIAGNOSIS | by_name(
     Kind(
         "overlay",
         "Before and after",
-        "Measured displacement, and the residual of the simulations with the model alone and with the effects. "
-        "What lies behind the line was kept out of the fit that is drawn.",
+        "Measured response, and the residual of the simulations with the model alone and with the effects. "
+        "What lies behind a line was kept out of the fit that is drawn.",
         each(_records, overlay),
         wide=True,
     ),
@@ -164,7 +171,7 @@ KINDS = DIAGNOSIS | by_name(
         "envelope",
         "Envelope",
         "Envelope of the measured and the simulated displacement, with the noise.",
-        each(_records, envelope),
+        each(_decays, envelope),
         wide=True,
     ),
     Kind(
