@@ -37,7 +37,7 @@ from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, find_slow, with_slow
 from sindyjoint.substructure.update import Update, with_numbers
 
-# What no sensor of the structure tells from the angle at which the joint rests.
+# What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
 RECOVERED = (
     "angle and moment were recovered from the structure's sensors; where these show no constant, the angle at which "

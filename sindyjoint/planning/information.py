@@ -1,4 +1,4 @@
-"""What a run would tell of the coefficients: its part of the expected covariance, by the processing that awaits it.
+"""The information of a run on the coefficients: its part of the expected covariance, by the processing that awaits it.
 
 A discovery fits the pooled moving samples by least squares and reads the errors from the scatter of replicate blocks.
 The expectation of that covariance is B⁻¹ S B⁻¹ with B = Σ XᵀX and S = Σ Xᵀ cov(e) X over the runs, both of which add.
@@ -80,7 +80,7 @@ class Sensors:
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What runs tell of the coefficients of joints; shapes have a leading axis for each run and joint.
+    """Information of runs on the coefficients of joints; shapes have a leading axis for each run and joint.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def stacked(parts: Sequence[Information]) -> Information:
 
 
 def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Information:
-    """Return what a run would tell of a joint.
+    """Return the information of a run on a joint.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
 
 
 def _nothing(size: int) -> Information:
-    """Return what a run tells in which the joint sticks all the time."""
+    """Return the information of a run in which the joint sticks all the time: none."""
     return Information(np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), np.array(1.0))
 
 

@@ -13,7 +13,7 @@ from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.recovery import Recovery, solve_channels
 from sindyjoint.substructure.spectra import strongest
 
-# Harmonics of each run from which the worth of sensors is told.
+# Harmonics of each run from which the worth of sensors is computed.
 HARMONICS = 8
 UNSEEN = 1e6  # factor of a variance that leaves a sensor out
 

@@ -87,7 +87,7 @@ def regions_of(
     at: str = "",
     policy: DiagnosisPolicy = STRUCTURE,
 ) -> list[tuple[float, Place]]:
-    """Return the regions that hold more of a record's gap than their share of it, each with how much it tells.
+    """Return the regions that hold more of a record's gap than their share of it, each with its information.
 
     Signals and the RMS of the noise are in m; ``at`` ends the words, with the point where there are several records.
     """
