@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.defaults import given
+from sindyjoint.cli.defaults import constant_of, given
 from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_inputs
 
 if TYPE_CHECKING:
     from sindyjoint.export.base import Export
+
+TARGETS = tuple(constant_of("export.registry:TARGETS"))
 
 
 def export(
@@ -29,7 +31,7 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
-            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex, json or samples.",
+            help=f"{', '.join(TARGETS[:-1])} or {TARGETS[-1]}.",
             show_default=False,
         ),
     ],

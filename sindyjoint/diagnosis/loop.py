@@ -211,11 +211,11 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     rankings[steps[-1].effect] = ranking
     now = {f.name: f.parameters for f in problem.found}
     ends = [here.steps[0].gap_before if here.steps else here.gap, *(s.gap_after for s in steps)]
-    steps = tuple(
+    renewed = tuple(
         replace(s, parameters=now.get(s.effect, s.parameters), gap_before=before)
         for s, before in zip(steps, ends, strict=False)
     )
-    return Progress(problem, after, steps, rankings)
+    return Progress(problem, after, renewed, rankings)
 
 
 def other_members(here: Progress[P]) -> Iterator[tuple[int, Any, P]]:
