@@ -129,6 +129,11 @@ def _diagnosed(
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
         return of_campaign(campaign, start, **given(base=base), **options)
+    elsewhere = [name for name, usual in Work().arguments().items() if options.pop(name) != usual]
+    if elsewhere:
+        raise InputError(
+            f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
+        )
     if options.pop("accept"):
         raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
     if options.pop("align"):

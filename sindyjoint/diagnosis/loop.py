@@ -219,14 +219,18 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
 
 
 def other_members(here: Progress[P]) -> Iterator[tuple[int, Any, P]]:
-    """Yield the places of steps, another member of the class of each, and the problem with that in its place."""
+    """Yield the places of steps, another member of the class of each, and the problem with that in its place.
+
+    What makes another step needless explains more than the one in whose place it would stand, and is no such member.
+    """
+    named = {step.effect for step in here.steps}
     for place, step in enumerate(here.steps):
         ranking = here.rankings.get(step.effect)
         for member in ranking.members if ranking else ():
-            if member.name in {s.effect for s in here.steps} or here.problem.complaint(member):
+            if member.name in named or here.problem.complaint(member):
                 continue
             problem = here.problem.replaced(step.effect, member)
-            if problem is not None and not problem.complaint():
+            if problem is not None and not problem.complaint() and not named & set(problem.dropped):
                 yield place, member, problem
 
 

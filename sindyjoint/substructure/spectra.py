@@ -63,7 +63,7 @@ class Spectra:
         return 2 * np.pi * self.frequency * np.arange(1, self.amplitudes.shape[1] + 1)
 
 
-def channel_spectra(run: RigRun, declared: Array | None = None) -> Spectra:
+def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float | None = None) -> Spectra:
     """Return the Fourier series of all channels of a run: its drive, then its sensors.
 
     Parameters
@@ -72,6 +72,8 @@ def channel_spectra(run: RigRun, declared: Array | None = None) -> Spectra:
     declared : ndarray, shape (1 + sensors,), optional
         Standard deviation of single samples of each channel as declared, NaN where it was not: a floor of what is
         measured.
+    bandwidth : float, optional
+        Highest frequency, Hz. Default: 0.37 of the sampling rate.
 
     Raises
     ------
@@ -79,7 +81,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None) -> Spectra:
         If fewer than three periods are steady.
     """
     if run.frequency is None:
-        return _record_spectra(run, declared)
+        return _record_spectra(run, declared, bandwidth)
     signals = run.signals
     main = signals[np.argmax(signals.std(axis=1) / (np.abs(signals).max(axis=1) + 1e-300))]
     frequency = refine_frequency(main, run.sample_rate, run.frequency)
@@ -96,7 +98,9 @@ def channel_spectra(run: RigRun, declared: Array | None = None) -> Spectra:
     edges = np.round(np.round(np.linspace(0, periods, blocks + 1)) * per).astype(np.intp)
     edges[-1] = stop - first
     time = np.arange(stop - first) / run.sample_rate
-    top = LIMITS.band * run.sample_rate
+    top = (
+        LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
+    )
     count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, (int(np.diff(edges).min()) - 8) // 4)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     means, whole, variance, parts = [], [], [], []
@@ -121,7 +125,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None) -> Spectra:
     )  # fmt: skip
 
 
-def _record_spectra(run: RigRun, declared: Array | None) -> Spectra:
+def _record_spectra(run: RigRun, declared: Array | None, bandwidth: float | None) -> Spectra:
     """Return the Fourier series of a whole record, with its length as the period.
 
     By the trapezoidal rule, half of each end. Noise is white, as it was declared or of the density above which the
@@ -129,7 +133,9 @@ def _record_spectra(run: RigRun, declared: Array | None) -> Spectra:
     """
     signals, n = run.signals, run.drive.size - 1
     frequency = run.sample_rate / n
-    top = LIMITS.band * run.sample_rate
+    top = (
+        LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
+    )
     count = max(1, int(top / frequency))
     jump = signals[:, -1:] - signals[:, :1]
     amplitudes = 2 / n * (np.fft.rfft(signals[:, :-1])[:, 1 : count + 1] + jump / 2)

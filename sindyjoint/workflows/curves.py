@@ -18,7 +18,7 @@ from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.options import checks_options
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PlacedModels
+from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import JointCurves, model_curve
@@ -105,7 +105,7 @@ def curves(
         return _of_joint(as_model(subject), frequencies, amplitudes, say)
     given = {"frequencies": frequencies, "amplitudes": amplitudes}
     _refuse({name: value for name, value in given.items() if value}, "a model", "a rig")
-    rig = subject if isinstance(subject, Rig) else load_rig(subject, {"model": MODEL_PLACEHOLDER})
+    rig = subject if isinstance(subject, Rig) else load_rig(subject, PLACEHOLDERS)
     given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
     placed = PlacedModels.in_rig(rig, list(map(as_model, given_models)))
     maker = _CurveMaker(placed, at or rig.at, point or at or rig.points[0], harmonics, say)

@@ -317,10 +317,12 @@ class CampaignProblem(Problem):
         repaired = from_whole(self.repaired, self.work.rows, whole)
         return replace(self, repaired=repaired, refined=whole)
 
-    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
+    def other_starts(
+        self, straight: Self, last: Self, say: Say, whole: bool = False
+    ) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
         if self.drift is None and self.may_start_anew:
-            for problem, steps, words in other_starts(straight, last.gap.moment, say):
+            for problem, steps, words in other_starts(straight, last, say, whole):
                 yield Start(problem, steps, words, straight)
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:

@@ -31,6 +31,7 @@ from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.substructure.simulated.runs import SteadyRun
 
@@ -74,6 +75,8 @@ class RunsDiagnosis(StructureProblem):
             # Laws that were found in the same runs: weighed, and searched from, where they fit best.
             problem = problem.whitened(best.x)
             best = fit(problem, best.x, problem.duration) or best
+        # Laws with effects are known to the kinds of the fitted runs.
+        kept = None if kept is None else replace(kept, kinds=problem.kinds, _kept={})
         return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept)
 
     @cached_property
@@ -183,6 +186,23 @@ class RunsDiagnosis(StructureProblem):
             records=self.records,
             in_place=InPlace(lead, models, problem.update(x, covariance)),
         )
+
+
+def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
+    """Return the runs that are fitted and those that are kept out: as they are marked, or every third one.
+
+    Raises
+    ------
+    InputError
+        Without a run for identification.
+    """
+    runs = list(test.identification_runs)
+    if not runs:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    marked = [run for run in test.runs if run.use == "validate"]
+    if marked or len(runs) < FEW:
+        return runs, marked
+    return [run for i, run in enumerate(runs) if i % 3 != 1], runs[1::3]
 
 
 def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tuple[Change, ...]:

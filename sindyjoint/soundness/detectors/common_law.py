@@ -30,12 +30,13 @@ class Scale:
 def flexible_columns(a: Array, v: Array) -> list[Array]:
     """Return columns of a flexible law over scaled angle and rate.
 
-    Powers of the angle up to the fifth, viscous, quadratic and angle-dependent damping, friction with its dependence on
-    the angle.
+    Powers of the angle up to the fifth, stiffness that depends on the rate, viscous, quadratic and angle-dependent
+    damping, one of either direction's own, friction with its dependence on the angle.
     """
     sign = np.sign(v)
     return [
-        np.ones_like(a), a, a**2, a**3, a**5, v, v * np.abs(v), a * v, a**2 * v, sign, np.abs(a) * sign, a * sign,
+        np.ones_like(a), a, a**2, a**3, a**5, v, v * np.abs(v), a * v, a**2 * v, np.abs(v), a * v**2,
+        sign, np.abs(a) * sign, a * sign,
     ]  # fmt: skip
 
 

@@ -160,12 +160,27 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     by_noise, scatter = _by_noise(found, fitted, rest, slopes[:, free])
     # One factor for all numbers: a few draws do not give the scatter of each.
     wider = max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
+    covariance[np.ix_(free, free)] *= wider
     values = values.copy()
     values[free] -= by_noise * errors[free]
     most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
     if np.any(np.abs(values - numbers.values) > most):
         return None
-    return _Solved(fitted, values, covariance * wider, best)
+    return _Solved(fitted, values, _with_fixed(covariance, numbers.covariance, free), best)
+
+
+def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array:
+    """Return the covariance of all numbers: the free ones follow a delay within its error, as the regression has it.
+
+    With C of the regression and B = C_fd·C_dd⁻¹: cov_ff = own + B·C_dd·Bᵀ, cov_fd = B·C_dd = C_fd.
+    """
+    fixed = ~free
+    covariance = own.copy()
+    across, between = regression[np.ix_(fixed, fixed)], regression[np.ix_(free, fixed)]
+    covariance[np.ix_(fixed, fixed)] = across
+    covariance[np.ix_(free, fixed)], covariance[np.ix_(fixed, free)] = between, between.T
+    covariance[np.ix_(free, free)] += between @ np.linalg.pinv(across, hermitian=True) @ between.T
+    return covariance
 
 
 def _left(rows: Sequence[GapRun], fitted: Repaired) -> Array:
