@@ -158,6 +158,7 @@ def simulate(
     import numpy as np
 
     from sindyjoint.equation.model_file import read_model
+    from sindyjoint.equation.model_parts import range_warnings
     from sindyjoint.errors import InputError
     from sindyjoint.files import write_campaign
     from sindyjoint.inputs import constant
@@ -166,7 +167,6 @@ def simulate(
     from sindyjoint.planning.plan_file import play, read_plan
     from sindyjoint.record import Campaign
     from sindyjoint.response.model_law import model_law
-    from sindyjoint.response.tested_range import range_warnings
 
     known = None if model is None else read_model(model)
     if known is None and at:
@@ -214,7 +214,7 @@ def simulate(
     if known is not None:
         for one in campaign.runs:
             rate = np.gradient(one.angle, 1 / one.sample_rate)
-            for warning in range_warnings(known, one.angle, rate, one.name):
+            for warning in range_warnings(known.fitted, known.joint.motion, one.angle, rate, one.name):
                 typer.echo(warning, err=True)
     if as_json:
         made_runs = [
