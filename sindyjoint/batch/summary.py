@@ -193,7 +193,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         covariates=covariates,
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
-        notes=tuple(_list_notes(records, found, compared)),
+        notes=tuple(_list_notes(found, compared)),
         covariate_units=units_of_covariates(records),
         calibration=calibration,
     )
@@ -349,9 +349,7 @@ def _list_differences(
     return found
 
 
-def _list_notes(
-    records: Sequence[CampaignRecord], found: Sequence[CampaignRecord], compared: Sequence[CampaignRecord]
-) -> list[str]:
+def _list_notes(found: Sequence[CampaignRecord], compared: Sequence[CampaignRecord]) -> list[str]:
     notes = []
     if any("simulated" in warning for r in found for warning in (r.result or {}).get("warnings", [])[:1]):
         notes.append("some of the campaigns are simulated (virtual tests), not measured")

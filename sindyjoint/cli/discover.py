@@ -11,20 +11,17 @@ from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
     DISCOVER,
-    JOBS,
     AcceptOption,
-    AsJson,
     CampaignPath,
     CandidatesOption,
-    ClusterOption,
     Finding,
-    ForceOption,
-    JobsOption,
     Nuisance,
-    WorkersOption,
-    takes_finding,
+    Output,
+    Work,
+    refuse_other_options,
+    with_blocks,
 )
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.progress import Progress
 from sindyjoint.cli.structure import discover_structure, is_rig
 
 if TYPE_CHECKING:
@@ -43,7 +40,7 @@ OF_A_REFINEMENT = {
 }  # fmt: skip
 
 
-@takes_finding
+@with_blocks
 def discover(
     context: typer.Context,
     campaign: CampaignPath = None,
@@ -52,9 +49,9 @@ def discover(
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
     accept: AcceptOption = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
-    finding: Finding = Finding(),  # noqa: B008
+    *,
+    output: Output,
+    finding: Finding,
     correct: Annotated[
         bool,
         typer.Option(
@@ -82,11 +79,8 @@ def discover(
         bool, typer.Option("--paper", help="Put the question of the paper's five terms first.")
     ] = default_of(DISCOVER, "paper"),
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. [0]")] = None,
-    jobs: JobsOption = JOBS,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    work: Work,
+    progress: Progress,
 ) -> None:
     """Find which terms the joint's equation has, with coefficients and evidence.
 
@@ -106,20 +100,14 @@ def discover(
         )
 
     if campaign is not None and is_rig(campaign):
-        for name in context.params.keys() - OF_A_RIG:
-            source = context.get_parameter_source(name)
-            if source is not None and source.name == "COMMANDLINE":
-                option = f"--{name.replace('_', '-')}"
-                raise typer.BadParameter("is not for the joints of a rig; leave it out", param_hint=option)
+        refuse_other_options(context, OF_A_RIG, "is not for the joints of a rig; leave it out")
         options = {
             **given(library=library),
             **finding.arguments(),
             "random_state": random_state,
             "refine": refine,
         }
-        found = discover_structure(
-            campaign, out, as_json, Progress(quiet, verbose), random_state, force, options
-        )
+        found = discover_structure(campaign, out, output, progress, random_state, options)
         raise typer.Exit(0 if found else 1)
 
     kinds: Any = tuple(dict.fromkeys(kind.value for kind in nuisance or ()))
@@ -128,16 +116,12 @@ def discover(
             raise typer.BadParameter(
                 "belongs to --refine; add --refine, or leave it out", param_hint="--model"
             )
-        for name in context.params.keys() - OF_A_REFINEMENT:
-            source = context.get_parameter_source(name)
-            if source is not None and source.name == "COMMANDLINE":
-                raise typer.BadParameter(
-                    "belongs to a search for terms; with --model none are sought",
-                    param_hint=f"--{name.replace('_', '-')}",
-                )
+        refuse_other_options(
+            context, OF_A_REFINEMENT, "belongs to a search for terms; with --model none are sought"
+        )
         given_model: Path = model
 
-        def find_refined(progress: Progress) -> RefinedModel:
+        def find_refined() -> RefinedModel:
             from sindyjoint.workflows.refine import refine as run
 
             return run(
@@ -151,12 +135,10 @@ def discover(
             )
 
         files = [path for path in (model, campaign) if path is not None and path.exists()]
-        answered = answer(
-            find_refined, out, as_json, Progress(quiet, verbose), random_state, files, force=force
-        )
+        answered = answer(find_refined, out, output, progress, random_state, files)
         raise typer.Exit(0 if answered.refined else 1)
 
-    def find(progress: Progress) -> Discovery:
+    def find() -> Discovery:
         from sindyjoint.workflows.discover import discover as run
 
         result = run(
@@ -167,9 +149,7 @@ def discover(
             paper=paper,
             random_state=random_state,
             progress=progress.say,
-            jobs=jobs,
-            workers=workers,
-            cluster=cluster,
+            **work.arguments(),
             **finding.arguments(),
         )
         if refine:
@@ -179,5 +159,5 @@ def discover(
             result = refined(result, kinds)
         return result
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), force=force)
+    result = answer(find, out, output, progress)
     raise typer.Exit(0 if result.found else 1)

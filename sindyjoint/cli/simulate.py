@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AtOption, ForceOption, given_inputs
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, refuse_other_options, with_blocks
+from sindyjoint.cli.progress import Progress
 
 
 class _Joint(StrEnum):
@@ -65,6 +65,7 @@ FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
 OF_A_RIG = {"rig", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
 
 
+@with_blocks
 def simulate(
     context: typer.Context,
     out: Annotated[Path, typer.Option("--out", help="Folder to write campaign.toml and the run files to.")],
@@ -128,24 +129,18 @@ def simulate(
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    *,
+    progress: Progress,
 ) -> None:
     """Make a virtual test: simulate runs of a joint, with sensors and noise, and write them to files.
 
     Example: sindyjoint simulate --frequencies 3,4.5,6 --noise 0.02 --out virtual
     """
     if rig is not None:
-        for name in context.params.keys() - OF_A_RIG:
-            source = context.get_parameter_source(name)
-            if source is not None and source.name == "COMMANDLINE":
-                option = f"--{name.replace('_', '-')}"
-                raise typer.BadParameter("stands in the file of a rig; leave it out", param_hint=option)
+        refuse_other_options(context, OF_A_RIG, "stands in the file of a rig; leave it out")
         from sindyjoint.cli.structure import simulate_structure
 
-        written, listed_runs = simulate_structure(
-            rig, out, format.value, random_state, force, Progress(quiet, verbose)
-        )
+        written, listed_runs = simulate_structure(rig, out, format.value, random_state, force, progress)
         typer.echo(
             json.dumps(listed_runs)
             if as_json
@@ -190,7 +185,7 @@ def simulate(
         accelerometer="" if accelerometer is None else accelerometer.value,
         angle_drift=drift,
     )
-    with Progress(quiet, verbose) as progress:
+    with progress:
         count = len(test.frequencies) * len(test.levels) if listed is None else len(listed.runs)
         progress.say(f"simulating {count} runs")
         channels = None
@@ -210,7 +205,7 @@ def simulate(
         progress.say("writing the files")
         sensors = SENSOR_RIG if channels else None
         manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
-        progress.tell(campaign)
+        progress.show_details(campaign)
     if known is not None:
         for one in campaign.runs:
             rate = np.gradient(one.angle, 1 / one.sample_rate)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.cli.answer import answer
+from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -28,21 +29,20 @@ def is_rig(path: Path) -> bool:
 def discover_structure(
     rig: Path,
     out: Path | None,
-    as_json: bool,
+    output: Output,
     progress: Progress,
     seed: int | None,
-    force: bool,
     options: Mapping[str, Any],
 ) -> bool:
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
 
-    def find(progress: Progress) -> RigDiscovery:
+    def find() -> RigDiscovery:
         from sindyjoint.workflows.discover import discover_rig
 
         chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
         return discover_rig(rig, progress=progress.say, **chosen)
 
-    result = answer(find, out, as_json, progress, seed, [rig], force=force)
+    result = answer(find, out, output, progress, seed, [rig])
     if out is not None:
         from sindyjoint.reporting.output import write_results
         from sindyjoint.reporting.results.structure_joints import place_of_law
@@ -50,7 +50,7 @@ def discover_structure(
         for law in result.laws:
             if law.discovery is not None:
                 command = ["sindyjoint", *sys.argv[1:]]
-                write_results(law.discovery, out / place_of_law(law), command, seed, force=force)
+                write_results(law.discovery, out / place_of_law(law), command, seed, force=output.force)
     return result.found
 
 

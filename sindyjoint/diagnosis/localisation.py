@@ -53,7 +53,7 @@ class Regions:
             self.found.append((telling, Place(axis, span, share, words)))
 
 
-def most_telling(
+def most_informative(
     regions: Iterable[tuple[float, Place]], policy: DiagnosisPolicy, one_per_axis: bool = False
 ) -> tuple[Place, ...]:
     """Return the regions that tell most; of one axis bands that do not overlap, or the first one only."""

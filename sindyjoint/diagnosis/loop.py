@@ -219,14 +219,18 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
 
 
 def other_members(here: Progress[P]) -> Iterator[tuple[int, Any, P]]:
-    """Yield the places of steps, another member of the class of each, and the problem with that in its place."""
+    """Yield the places of steps, another member of the class of each, and the problem with that in its place.
+
+    What makes another step needless explains more than the one in whose place it would stand, and is no such member.
+    """
+    named = {step.effect for step in here.steps}
     for place, step in enumerate(here.steps):
         ranking = here.rankings.get(step.effect)
         for member in ranking.members if ranking else ():
-            if member.name in {s.effect for s in here.steps} or here.problem.complaint(member):
+            if member.name in named or here.problem.complaint(member):
                 continue
             problem = here.problem.replaced(step.effect, member)
-            if problem is not None and not problem.complaint():
+            if problem is not None and not problem.complaint() and not named & set(problem.dropped):
                 yield place, member, problem
 
 
@@ -245,7 +249,7 @@ def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P
     again = problem.ranked_again(member.name, [each.name for each in ranking.members])
     led = led if again is None or again.fitted[0].name != member.name else again
     later = [_step(problem, led, step.gap_before, problem.gap), *here.steps[place + 1 :]]
-    steps = (*here.steps[:place], *_told_anew(later, step.gap_before, problem))
+    steps = (*here.steps[:place], *_with_gaps_renewed(later, step.gap_before, problem))
     rankings = {name: each for name, each in here.rankings.items() if name != step.effect}
     return Progress(problem, problem.gap, steps, {**rankings, member.name: led})
 
@@ -260,7 +264,7 @@ def without_needless_delay(here: Progress[P]) -> Progress[P]:
     if cost_of(problem.gap, problem, policy) > cost_of(here.gap, here.problem, policy) + policy.number_cost:
         return here
     place = next((i for i, step in enumerate(here.steps) if step.effect == name), len(here.steps))
-    later = _told_anew(
+    later = _with_gaps_renewed(
         here.steps[place + 1 :],
         here.steps[place].gap_before if place < len(here.steps) else here.gap,
         problem,
@@ -276,7 +280,7 @@ def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:
     return misfit + policy.number_cost * problem.numbers
 
 
-def _told_anew(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
+def _with_gaps_renewed(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
     """Return the last steps of a problem with the gaps that it has without those after each."""
     now, later = {f.name: f.parameters for f in problem.found}, list[Step]()
     for place, step in enumerate(steps, 1):

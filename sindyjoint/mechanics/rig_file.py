@@ -227,7 +227,10 @@ class RigFile(StrictTable):
     )
     drive: DriveTable = Field(default=DriveTable(), description="In the files of the runs.")
     sensor: list[SensorTable] = Field(default=[], description="In the files of the runs.")
-    run: list[RunTable] = Field(default=[], description="Runs from which the law of the joints is sought.")
+    run: list[RunTable] = Field(
+        default=[],
+        description="Runs from which the joints' law is sought; without any: the pulse.",
+    )
     recorder: RecorderTable = Field(default=RecorderTable(), description="Of virtual runs.")
     output: OutputTable = Field(default=OutputTable(), description="What is simulated.")
     measured: list[MeasuredTable] = Field(

@@ -24,8 +24,9 @@ from sindyjoint.response.oscillation import (
 )
 from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
 
-# Placeholder in a rig for the joints whose law is "model" until a model replaces it.
+# Placeholder in a rig for the joints whose law is "model", or sought, until a model replaces it.
 MODEL_PLACEHOLDER = PaperLaw(k1=1.0, name="model")
+PLACEHOLDERS = {"model": MODEL_PLACEHOLDER, "unknown": MODEL_PLACEHOLDER}
 
 
 def verify_rig(

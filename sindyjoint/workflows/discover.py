@@ -160,7 +160,7 @@ def discover(
         found=bool(model.terms),
         reason=best.regressor.selection_result_.reason,
         skew=prepared.delay,
-        warnings=(*checked.warnings, *warnings, *filter(None, left)),
+        warnings=(*checked.warned(prepared.lag != 0.0), *warnings, *filter(None, left)),
         states=best.states,
         regressor=best.regressor,
         campaign=prepared.campaign,
@@ -168,6 +168,7 @@ def discover(
         soundness=checked.soundness,
         measured=campaign,
         paper=paper,
+        lag=prepared.lag,
     )
 
 

@@ -19,7 +19,7 @@ from sindyjoint.planning.joints import like_law
 from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
-from sindyjoint.planning.tell_apart import rivals_of
+from sindyjoint.planning.separating_runs import rivals_of
 from sindyjoint.reporting.schemas import record_schema
 from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide

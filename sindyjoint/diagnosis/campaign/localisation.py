@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.localisation import Place, Regions, most_telling
+from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
 from sindyjoint.text import in_words_of
 
 
@@ -48,7 +48,7 @@ def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place,
         regions.add(axis, span, words, mask)
     for axis, label, rows in _labelled(problem.runs):
         regions.add(axis, label, f"{axis} {label}", rows)
-    return most_telling(regions.found, problem.policy)
+    return most_informative(regions.found, problem.policy)
 
 
 def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:

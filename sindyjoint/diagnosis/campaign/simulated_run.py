@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
-from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
@@ -24,7 +23,6 @@ def simulated(
     states: ForceStates,
     model: JointModel,
     effects: Sequence[FittedEffect],
-    policy: DiagnosisPolicy = CAMPAIGN,
     substeps: int = SUBSTEPS,
     response_only: bool = False,
     spurious: bool = False,

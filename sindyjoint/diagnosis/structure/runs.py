@@ -293,11 +293,6 @@ class RunsProblem:
         own = covariance[: self.numbers, : self.numbers] * np.outer(prior, prior)
         return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
 
-    @property
-    def threads(self) -> bool:
-        """One after the other: side by side on threads, memory was freed twice."""
-        return False
-
     def near(self, x: Array) -> RunsProblem:
         """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look."""
         answers = tuple(self.answer(place, x) for place in range(len(self.runs)))

@@ -9,7 +9,7 @@ from typing import Any
 
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files.atomic import write_text
-from sindyjoint.files.drafting.doubts import Question
+from sindyjoint.files.drafting.dialogue import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
 from sindyjoint.files.manifest import MANIFEST_NAME

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from sindyjoint.planning.apart import TELL_APART
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
 from sindyjoint.planning.search import PAPER
+from sindyjoint.planning.separation import TELL_APART
 from sindyjoint.reporting.figures.plan import GOALS, KINDS, PlanFigures, figures_of
 from sindyjoint.reporting.page import number
 from sindyjoint.reporting.style import prefixed, pretty_unit

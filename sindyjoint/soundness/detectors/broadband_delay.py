@@ -81,19 +81,26 @@ def _measure(runs: Sequence[Run], inertia: float | None) -> tuple[float, float] 
 def _memories(states: Sequence[ForceStates]) -> Iterator[Sequence[Array]]:
     """Yield the states of laws with memory, an array for each of the states given.
 
-    Relaxation, ż = ω − z/τ, over times about that of the motion, and presliding, dz/dθ = 1 − sgn(ω)·z/θ_y (Dahl 1968),
-    over angles below the largest.
+    Relaxation, ż = ω − z/τ, and friction that comes late, τ·ż = sgn ω − z, over times about that of the motion, and
+    presliding, dz/dθ = 1 − sgn(ω)·z/θ_y (Dahl 1968), over angles below the largest.
     """
     swing = max(float(np.max(np.abs(s.angle))) for s in states)
     fastest = max(float(np.max(np.abs(s.rate))) for s in states)
     for share in MEMORIES:
-        yield [_relaxed(s.angle, 1 / s.sample_rate, share * swing / fastest) for s in states]
+        time = share * swing / fastest
+        yield [_relaxed(s.angle, 1 / s.sample_rate, time) for s in states]
+        yield [_late(np.sign(s.rate), 1 / s.sample_rate, time) for s in states]
         yield [_along_path(s.angle, share * swing) for s in states]
 
 
 def _relaxed(angle: Array, step: float, time: float) -> Array:
     forget = np.exp(-step / time)
     return np.asarray(lfilter([1.0], [1.0, -forget], np.diff(angle, prepend=angle[0])))
+
+
+def _late(sign: Array, step: float, time: float) -> Array:
+    forget = np.exp(-step / time)
+    return np.asarray(lfilter([1.0 - forget], [1.0, -forget], sign))
 
 
 def _along_path(angle: Array, reach: float) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, solve_factored
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.steady import (
     Condensed,
@@ -68,9 +68,7 @@ class Answer:
 
     def moved(self, out: Array) -> Array:
         """Return how the angles move where the balance is out by so much, to first order."""
-        from scipy.linalg import lu_solve
-
-        return -np.asarray(lu_solve(self.factors, out, check_finite=False))
+        return -solve_factored(self.factors, out)
 
 
 @dataclass(frozen=True, eq=False)

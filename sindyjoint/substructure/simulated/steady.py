@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, solve_factored
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
 from sindyjoint.substructure.harmonics import analysis, rates, real_blocks, synthesis
 from sindyjoint.substructure.period import period_moment
@@ -194,8 +194,6 @@ class Steady:
 
     def _by_chords(self, angles: Array, factors: Factors, size: float) -> tuple[Array, bool]:
         """Return angles nearer to the balance, and whether they are in it."""
-        from scipy.linalg import lu_solve
-
         before = np.inf
         for _ in range(CHORDS):
             out, _ = self.residual(angles, slopes=False)
@@ -204,7 +202,7 @@ class Steady:
                 return angles, True
             if not worst < LEADS_ON * before:
                 break
-            before, angles = worst, angles - lu_solve(factors, out, check_finite=False)
+            before, angles = worst, angles - solve_factored(factors, out)
         return angles, False
 
     def shown(self, angles: Array, drive: Complex | None = None) -> Complex:

@@ -63,7 +63,6 @@ class Replicates:
                 state,
                 repaired.model,
                 repaired.effects,
-                work.policy,
                 SUBSTEPS,
                 response_only=True,
                 spurious=True,

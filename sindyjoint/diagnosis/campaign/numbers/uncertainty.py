@@ -139,7 +139,7 @@ def _simulations(work: Work, model: JointModel, effects: Sequence[FittedEffect])
     if work.campaign.validation_runs:
         return {each.run: each for each in kept_runs(work, model, effects)}
     pairs = zip(work.runs, work.states, strict=True)
-    made = [simulated(run, states, model, effects, work.policy) for run, states in pairs]
+    made = [simulated(run, states, model, effects) for run, states in pairs]
     return {each.run: each for each in made if each is not None}
 
 

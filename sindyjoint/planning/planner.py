@@ -1,4 +1,4 @@
-"""The making of a plan: which runs could be made, what each would tell, which are chosen, and what they buy."""
+"""Planning: which runs could be made, how informative each would be, which are chosen, and what they give."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from sindyjoint.planning.information import (
     run_information,
     stacked,
 )
-from sindyjoint.planning.known import Known
 from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
 from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.prior import Prior
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, motion
 from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
 from sindyjoint.response.model_law import model_law
@@ -39,10 +39,10 @@ PREDICTED = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Making:
-    """The making of a plan."""
+class Planner:
+    """Makes a plan from what is known, what the actuator can do and what is asked."""
 
-    known: Known
+    known: Prior
     actuator: Actuator
     sensors: Sensors
     matter: tuple[int, ...]
