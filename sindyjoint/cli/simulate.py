@@ -230,11 +230,11 @@ def _warn_of_range(model: JointModel, campaign: Campaign) -> None:
     """Print where the simulated runs leave the range that the model was fitted to."""
     import numpy as np
 
-    from sindyjoint.response.tested_range import range_warnings
+    from sindyjoint.equation.model_parts import range_warnings
 
     for run in campaign.runs:
         rate = np.gradient(run.angle, 1 / run.sample_rate)
-        for warning in range_warnings(model, run.angle, rate, run.name):
+        for warning in range_warnings(model.fitted, model.joint.motion, run.angle, rate, run.name):
             typer.echo(warning, err=True)
 
 
