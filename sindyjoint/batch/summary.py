@@ -243,7 +243,7 @@ def _get_coefficients(
         evidence = read_evidence(folder / record.id / FACTORS_FILE)
     except InputError:
         return {}
-    # A term that these runs cannot tell from others is no candidate here: the others then mean something else.
+    # A term that these runs cannot distinguish from others is no candidate here: the others then mean something else.
     if not common or not set(common) <= set(evidence.ids):
         return {}
     here = _fit_terms(evidence, common)
@@ -280,7 +280,7 @@ def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
         columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
-    # Of two that tell the same, what is declared is the reason, not the order of the joints.
+    # Of two that mean the same, what is declared is the reason, not the order of the joints.
     columns[SERIAL] = _parse_serials([record.joint.get("serial") for record in records])
     arrays = {
         name: np.array([np.nan if value is None else value for value in column], dtype=float)

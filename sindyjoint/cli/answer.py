@@ -1,4 +1,4 @@
-"""What every command does with its result: find it, write it, tell of it, print it."""
+"""What every command does with its result: find it, write it, print it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COMMON = ("report.html", "model.json", "figures/data.json")
 
 
 class Interrupted(Exception):
-    """Ctrl-C in a command that has more to tell than that."""
+    """Ctrl-C in a command that has more to say than that."""
 
 
 def answer(
@@ -31,7 +31,7 @@ def answer(
     seed: object = None,
     files: Sequence[Path | str] = (),
 ) -> R:
-    """Find a result, write it into a folder if one is given, print it, and tell where its page lies.
+    """Find a result, write it into a folder if one is given, print it, and say where its page lies.
 
     Where the data are too much at fault to go on, that is done with their check, and the exit status is 1.
     """

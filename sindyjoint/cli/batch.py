@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,11 @@ from sindyjoint.cli.defaults import given
 from sindyjoint.cli.options import AcceptOption, CandidatesOption, Finding, Output, Work, with_blocks
 from sindyjoint.cli.progress import Progress
 from sindyjoint.text import printable
+
+if TYPE_CHECKING:
+    from sindyjoint.batch.record import CampaignRecord
+    from sindyjoint.batch.summary import Batch
+    from sindyjoint.reporting.output import CampaignFiles
 
 
 @with_blocks
@@ -59,55 +64,29 @@ def batch(
 
     Example: sindyjoint batch virtual --out joints --jobs 2
     """
+    if verify_only and (work.workers is not None or work.cluster is not None):
+        raise typer.BadParameter(
+            "the check runs in this process; leave out --workers and --cluster", param_hint="--verify-only"
+        )
+    options = {
+        **given(library=library),
+        **finding.arguments(),
+        "accept": tuple(accept or ()),
+        "random_state": random_state,
+    }
     if verify_only:
-        if work.workers is not None or work.cluster is not None:
-            raise typer.BadParameter(
-                "the check runs in this process; leave out --workers and --cluster",
-                param_hint="--verify-only",
-            )
-        from sindyjoint.reporting.output import CampaignFiles
         from sindyjoint.workflows.batch import verify_batch
 
-        faults = verify_batch(
-            campaigns,
-            out,
-            write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
-            **given(library=library),
-            accept=tuple(accept or ()),
-            random_state=random_state,
-            **finding.arguments(),
-        )
+        faults = verify_batch(campaigns, out, write=_files(reports, diagnose), **options)
         _print_faults(faults, out, output.as_json)
         raise typer.Exit(1 if faults else 0)
     check_place(out, output.force)
     with progress:
-        from sindyjoint.batch.record import CampaignRecord
-        from sindyjoint.reporting.output import CampaignFiles, write_results
-        from sindyjoint.reporting.places import place_of
+        from sindyjoint.reporting.output import write_results
         from sindyjoint.reporting.registry import show
-        from sindyjoint.workflows.batch import batch as run
 
-        place_of("batch", out)
-
-        def tell(record: CampaignRecord) -> None:
-            if record.status == "broken" and not progress.quiet:
-                typer.echo(printable(f"sindyjoint: {record.id}: {record.reason}"), err=True)
-
-        try:
-            result = run(
-                campaigns,
-                out,
-                **work.arguments(),
-                write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
-                progress=progress.say,
-                on_record=tell,
-                **given(library=library),
-                accept=tuple(accept or ()),
-                random_state=random_state,
-                **finding.arguments(),
-            )
-        except KeyboardInterrupt:
-            raise Interrupted("the same command goes on where this one stopped") from None
+        options["write"] = _files(reports, diagnose)
+        result = _run(campaigns, out, progress, {**options, **work.arguments()})
         progress.say("writing the page")
         write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, force=output.force)
         progress.show_details(result)
@@ -117,6 +96,30 @@ def batch(
         show(result)
         typer.echo(f"\nreport: {out / 'report.html'}")
     raise typer.Exit(0 if result.complete else 1)
+
+
+def _files(reports: bool, diagnose: bool) -> CampaignFiles | None:
+    """Return what writes the files of each campaign."""
+    from sindyjoint.reporting.output import CampaignFiles
+
+    return CampaignFiles(reports, diagnose) if reports or diagnose else None
+
+
+def _run(campaigns: list[str], out: Path, progress: Progress, options: dict[str, Any]) -> Batch:
+    """Discover the joints of all campaigns; what is broken is reported at once."""
+    from sindyjoint.reporting.places import place_of
+    from sindyjoint.workflows.batch import batch
+
+    place_of("batch", out)
+
+    def report(record: CampaignRecord) -> None:
+        if record.status == "broken" and not progress.quiet:
+            typer.echo(printable(f"sindyjoint: {record.id}: {record.reason}"), err=True)
+
+    try:
+        return batch(campaigns, out, progress=progress.say, on_record=report, **options)
+    except KeyboardInterrupt:
+        raise Interrupted("the same command goes on where this one stopped") from None
 
 
 def _print_faults(faults: Sequence[tuple[str, str]], out: Path, as_json: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -94,70 +95,62 @@ def discover(
 
     Example: sindyjoint discover virtual --out results
     """
-    if nuisance and not refine:
-        raise typer.BadParameter(
-            "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
-        )
-
+    if nuisance:
+        _require_refine(refine, "--nuisance")
+    search = {**given(library=library), **finding.arguments(), "random_state": random_state}
     if campaign is not None and is_rig(campaign):
         refuse_other_options(context, OF_A_RIG, "is not for the joints of a rig; leave it out")
-        options = {
-            **given(library=library),
-            **finding.arguments(),
-            "random_state": random_state,
-            "refine": refine,
-        }
-        found = discover_structure(campaign, out, output, progress, random_state, options)
+        found = discover_structure(
+            campaign, out, output, progress, random_state, {**search, "refine": refine}
+        )
         raise typer.Exit(0 if found else 1)
 
     kinds: Any = tuple(dict.fromkeys(kind.value for kind in nuisance or ()))
+    accepted = tuple(accept or ())
     if model is not None:
-        if not refine:
-            raise typer.BadParameter(
-                "belongs to --refine; add --refine, or leave it out", param_hint="--model"
-            )
+        _require_refine(refine, "--model")
         refuse_other_options(
             context, OF_A_REFINEMENT, "belongs to a search for terms; with --model none are sought"
         )
-        given_model: Path = model
+        options = {
+            "nuisance": kinds, "accept": accepted, "align": finding.align, "random_state": random_state,
+        }  # fmt: skip
+        refined = answer(
+            partial(_refine_model, model, campaign, progress, options), out, output, progress, random_state,
+            [path for path in (model, campaign) if path is not None and path.exists()],
+        )  # fmt: skip
+        raise typer.Exit(0 if refined.refined else 1)
 
-        def find_refined() -> RefinedModel:
-            from sindyjoint.workflows.refine import refine as run
-
-            return run(
-                given_model,
-                campaign,
-                nuisance=kinds,
-                accept=tuple(accept or ()),
-                align=finding.align,
-                random_state=random_state,
-                progress=progress.say,
-            )
-
-        files = [path for path in (model, campaign) if path is not None and path.exists()]
-        answered = answer(find_refined, out, output, progress, random_state, files)
-        raise typer.Exit(0 if answered.refined else 1)
-
-    def find() -> Discovery:
-        from sindyjoint.workflows.discover import discover as run
-
-        result = run(
-            campaign,
-            **given(library=library),
-            accept=tuple(accept or ()),
-            correct=correct,
-            paper=paper,
-            random_state=random_state,
-            progress=progress.say,
-            **work.arguments(),
-            **finding.arguments(),
-        )
-        if refine:
-            from sindyjoint.judgement.refined import refined
-
-            progress.say("refining on the simulated response")
-            result = refined(result, kinds)
-        return result
-
-    result = answer(find, out, output, progress)
+    options = {**search, **work.arguments(), "accept": accepted, "correct": correct, "paper": paper}
+    result = answer(
+        partial(_find_terms, campaign, progress, options, kinds if refine else None), out, output, progress
+    )
     raise typer.Exit(0 if result.found else 1)
+
+
+def _require_refine(refine: bool, option: str) -> None:
+    if not refine:
+        raise typer.BadParameter("belongs to --refine; add --refine, or leave it out", param_hint=option)
+
+
+def _refine_model(
+    model: Path, campaign: Path | None, progress: Progress, options: dict[str, Any]
+) -> RefinedModel:
+    from sindyjoint.workflows.refine import refine
+
+    return refine(model, campaign, progress=progress.say, **options)
+
+
+def _find_terms(
+    campaign: Path | None, progress: Progress, options: dict[str, Any], refined_with: Any
+) -> Discovery:
+    """Return the discovery of a campaign; refined on the simulated response with some nuisances, unless None."""
+    from sindyjoint.workflows.discover import discover
+
+    result = discover(campaign, progress=progress.say, **options)
+    if refined_with is None:
+        return result
+    from sindyjoint.judgement.refined import refined
+
+    progress.say("refining on the simulated response")
+    return refined(result, refined_with)

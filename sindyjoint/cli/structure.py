@@ -69,8 +69,8 @@ def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
 
 def simulate_structure(
     rig: Path, model: Path | None, out: Path, format: str, seed: int, force: bool, progress: Progress
-) -> tuple[Path, dict[str, Any]]:
-    """Make and write a virtual test of a rig; return its manifest and what was written.
+) -> dict[str, Any]:
+    """Make and write a virtual test of a rig; return what was written.
 
     A model stands in the joints whose law is "model".
     """
@@ -91,4 +91,4 @@ def simulate_structure(
         {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.drive.size}
         for run in test.runs
     ]
-    return manifest, {"schema": 1, "manifest": str(manifest), "joint": test.name, "runs": runs}
+    return {"schema": 1, "manifest": str(manifest), "joint": test.name, "runs": runs}

@@ -174,7 +174,7 @@ def campaign_from_frames(
     units : mapping of str to str, optional
         Unit of each column by its name; where the name states it (``"angle [mrad]"``) it may be left out.
     columns : mapping of str to str, optional
-        Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``. An acceleration
+        Which column is which channel, where names do not say: ``{"moment": "ch1", "angle": "ch2"}``. An acceleration
         beside an angle is used where it is named here.
     motion : {"rotation", "translation"}, optional
     rate, frequency, level, use, name, inertia, simulated, inputs, references

@@ -15,7 +15,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.inputs import Input, run_levels
 from sindyjoint.states import ForceStates
 
-# Estimates at so many levels tell a trend from scatter.
+# Estimates at so many levels separate a trend from scatter.
 FEWEST_LEVELS = 3
 
 

@@ -1,4 +1,4 @@
-"""The plan of a test: its runs, what they are expected to tell, and what the plain grid of the same duration would."""
+"""The plan of a test: its runs, the precision expected of them, and of the plain grid of the same duration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DRAWS = 40  # of what the scatter of a test makes of an interval, for each joint
 
 @dataclass(frozen=True)
 class Prediction:
-    """What runs are expected to tell of a coefficient.
+    """The precision of a coefficient that is expected of runs.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def _record(each: Prediction) -> dict[str, Any]:
 
 
 def predictions(model: JointModel, information: Information, coefficients: Array) -> tuple[Prediction, ...]:
-    """Return what runs are expected to tell of each coefficient; axes of the information are (runs, joints)."""
+    """Return the precision of each coefficient that is expected of runs; axes of the information are (runs, joints)."""
     chosen = chosen_terms(information, coefficients).mean(axis=0)
     rng = np.random.default_rng(0)
     widths = half_widths(information, rng, DRAWS).reshape(-1, len(model.terms))

@@ -76,7 +76,7 @@ def prior_of_runs(
     seconds: float,
     before: JointRange | None = None,
 ) -> Prior:
-    """Return what runs tell of the terms of a model that was found in them.
+    """Return the information of runs on the terms of a model that was found in them.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from sindyjoint.substructure.recovery import Recovery, solve_channels
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.states import kept_of, record_series
 
-# Harmonics of each run from which the worth of sensors is told.
+# Harmonics of each run from which the worth of sensors is computed.
 HARMONICS = 8
 UNSEEN = 1e6  # factor of a variance that leaves a sensor out
 

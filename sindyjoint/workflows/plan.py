@@ -71,7 +71,7 @@ def plan(
     random_state: int = 0,
     progress: Say | None = None,
 ) -> Plan:
-    """Plan the runs that tell most of a joint's coefficients.
+    """Plan the runs that are most informative of a joint's coefficients.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def plan(
         A model of the joint instead: each coefficient within three standard errors. Its elements with a memory are in
         every simulation, with the numbers that they have.
     campaign : Campaign or path, optional
-        Runs that were made: a model is discovered from them, and what they tell is added. The terms of ``like`` or
+        Runs that were made: a model is discovered from them, and their information is added. The terms of ``like`` or
         ``model``, where one is given, are then kept in that model, and their ranges hold as well.
     ranges : mapping of str to (float, float), optional
         Of coefficients by term, SI, instead of these.

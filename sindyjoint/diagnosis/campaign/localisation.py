@@ -16,8 +16,8 @@ from sindyjoint.text import in_words_of
 def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place, ...]:
     """Return the regions that hold most of the gap beyond noise, compared with their share of the samples.
 
-    Of bands that overlap the one that tells most is named; words speak of the kind of motion, axes are called ``angle``
-    and ``rate`` for both.
+    Of bands that overlap the most informative one is named; words speak of the kind of motion, axes are called
+    ``angle`` and ``rate`` for both.
     """
     sides = in_words_of(motion, "angles")
     excess = np.maximum(problem.residual**2 - 1.0, 0.0)

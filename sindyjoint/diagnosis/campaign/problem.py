@@ -160,7 +160,7 @@ class CampaignProblem(Problem):
 
     @property
     def is_noise(self) -> bool:
-        """Whether what runs left out keep is within their floor: where nothing repeats no more can be told."""
+        """Whether what runs left out keep is within their floor: where nothing repeats no more can be known."""
         return not self.noise_measured and not is_free(self.work.campaign) and self.within_floor(self.gap)
 
     def within_floor(self, gap: Gap) -> bool:
@@ -186,7 +186,7 @@ class CampaignProblem(Problem):
 
     @property
     def noise_floor(self) -> Gap:
-        """Noise of the runs of which the gap is told; NaN where it is not known."""
+        """Noise of the runs of which the gap is reported; NaN where it is not known."""
         return noise_floor(self.work)
 
     @cached_property

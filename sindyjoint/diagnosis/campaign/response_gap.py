@@ -33,7 +33,7 @@ def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect])
     return pooled_nrmse(errors)
 
 
-# Runs whose simulations tell what the processing leaves, at most.
+# Runs whose simulations show what the processing leaves, at most.
 MOST_SIMULATED = 4
 
 

@@ -30,9 +30,9 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
     roles = [column.role for bundle in bundles for column in bundle.columns]
     counts = {motion: sum(role in known.values() for role in roles) for motion, known in ROLES.items()}
     guess: Motion = "translation" if counts["translation"] > counts["rotation"] else "rotation"
-    told = counts["translation"] != counts["rotation"]
-    answer = dialogue.answers.get("motion") if told else None
-    if not told:
+    decided = counts["translation"] != counts["rotation"]
+    answer = dialogue.answers.get("motion") if decided else None
+    if not decided:
         answer = dialogue.ask("motion", "does the joint rotate or slide (rotation, translation)?", guess)
     if answer not in (None, "rotation", "translation"):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")

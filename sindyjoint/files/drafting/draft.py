@@ -61,7 +61,7 @@ class Draft:
         What the first run's channels are, as the manifest writes them.
     runs : tuple of DraftedRun
     questions : tuple of Question
-        What could not be told; the text holds the guesses, marked.
+        What the files leave open; the text holds the guesses, marked.
     left_out : tuple of (str, str)
         Files that are no runs, and why.
     simulated : bool

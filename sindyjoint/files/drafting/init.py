@@ -89,7 +89,7 @@ def init(
     ----------
     folder : path-like
     answers : mapping of str to str, optional
-        What the files do not tell, or tell otherwise: ``{"angle.unit": "mrad", "rate": "1 kHz"}``.
+        What the files do not say, or say otherwise: ``{"angle.unit": "mrad", "rate": "1 kHz"}``.
     ask : callable, optional
         Called with each question that is left; returns the answer.
     guess : bool

@@ -1,4 +1,4 @@
-"""The figures of a plan: its runs, what they are expected to tell, and what each further run buys."""
+"""The figures of a plan: its runs, the precision expected of them, and what each further run gives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plan: its runs and what they are expected to tell, on a terminal, as a page, as files."""
+"""A plan: its runs and the precision expected of them, on a terminal, as a page, as files."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class PlanView(View[Plan, PlanFigures]):
         return texts
 
     def show(self, result: Plan) -> None:
-        """Print the runs, what they are expected to tell, and when to stop."""
+        """Print the runs, the precision expected of them, and when to stop."""
         from rich.markup import escape
 
         console = terminal()

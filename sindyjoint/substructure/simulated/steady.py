@@ -2,8 +2,8 @@
 
 M·q̈ + C·q̇ + K·q + m(θ, θ̇, z) = b·f with the joint angles θ among the coordinates. At every harmonic of the drive the
 coordinates between the joints are condensed, S_h·θ_h + m_h = g_h·f_h, S_h being the dynamic stiffness at the joints; no
-mode is left out. Where the structure can move freely with its joints open S_0 vanishes: the law alone then tells the
-mean angle.
+mode is left out. Where the structure can move freely with its joints open S_0 vanishes: the law alone then gives
+the mean angle.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A mean period rounds off the corners of a slider, so that numbers fitted to it a
 should be: they snap to where corners meet the grid. What a fit leaves is therefore held beside what the same law, with
 the same numbers, leaves of synthetic replicates of a model; the numbers of that model are fitted until both are alike
 (indirect inference by the residuals of an auxiliary model; Gourieroux, Monfort and Renault, J. Applied Econometrics 8,
-S85, 1993). Replicates with noise tell what that adds on average (parametric bootstrap; Efron and Tibshirani 1993,
+S85, 1993). Replicates with noise show what that adds on average (parametric bootstrap; Efron and Tibshirani 1993,
 section 6.5).
 """
 
@@ -158,7 +158,7 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
         errors[free], errors[free]
     )
     by_noise, scatter = _by_noise(found, fitted, rest, slopes[:, free])
-    # One factor for all numbers: a few draws do not tell the scatter of each.
+    # One factor for all numbers: a few draws do not give the scatter of each.
     wider = max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
     covariance[np.ix_(free, free)] *= wider
     values = values.copy()

@@ -135,7 +135,7 @@ def response_error(work: Work, model: JointModel, effects: Sequence[FittedEffect
 
 
 def _simulations(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> dict[str, SimulatedRun]:
-    """Return the runs of which the response gap is told, simulated, by name."""
+    """Return the runs of which the response gap is reported, simulated, by name."""
     if work.campaign.validation_runs:
         return {each.run: each for each in kept_runs(work, model, effects)}
     pairs = zip(work.runs, work.states, strict=True)
