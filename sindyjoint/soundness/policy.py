@@ -168,22 +168,22 @@ class SoundnessPolicy:
         0.004, "relative error of the declared frequency that is reported", source=CALIBRATED
     )
     moving_rate: float = limit(
-        0.1, "share of the largest rate above which kin are compared", source="reversals hold friction steps"
+        0.1, "share of the largest rate above which runs are compared", source="reversals hold friction steps"
     )
-    ridge: float = limit(1e-9, "ridge of the flexible law that kin share", source="rounding")
-    fewest_kin: int = limit(3, "runs from which one can be held against the others", unit="runs")
-    kin_misfit: float = limit(
+    ridge: float = limit(1e-9, "ridge of the flexible law that runs share", source="rounding")
+    fewest_compared: int = limit(3, "runs from which one can be held against the others", unit="runs")
+    common_misfit: float = limit(
         0.06,
         "RMS that the law of the other runs may leave of them, in parts of the moment's",
         source=CALIBRATED,
     )
-    kin_gain: float = limit(
+    common_gain: float = limit(
         0.6, "what the misfit of the others falls to, at most, without an odd run", source=CALIBRATED
     )
-    kin_departure: float = limit(
+    run_departure: float = limit(
         0.04, "RMS by which a run departs from the law of the others", source=CALIBRATED
     )
-    kin_contrast: float = limit(
+    run_contrast: float = limit(
         3.0, "departure of an odd run over the misfit of the others", source=CALIBRATED
     )
     gain_explains: float = limit(

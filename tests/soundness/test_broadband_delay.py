@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from sindyjoint.soundness.detectors.broadband_kin import find_broadband_kin
 
 from sindyjoint.numeric import delayed
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.soundness.detectors.broadband_delay import find_broadband_delay
-from sindyjoint.soundness.detectors.broadband_kin import find_broadband_kin
 from sindyjoint.soundness.faults import find_faults
 from sindyjoint.soundness.words import words_of
 from tests.diagnosis.hidden_effects import hide_in_noise

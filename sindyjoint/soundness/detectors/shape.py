@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
-from sindyjoint.soundness.detectors.kin import (
+from sindyjoint.soundness.detectors.common_law import (
     Columns,
     CommonLaw,
     Scale,
@@ -146,7 +146,7 @@ def find_filters(cycles: Cycles, inertia: float | None, words: Words) -> Iterato
 def _find_delay(cycles: Cycles, scale: Scale, inertia: float | None) -> Undone | None:
     """Return a delay between the channels that one column more of the plain law does not explain, or None.
 
-    Rows close to the reversals tell a delay best, as the friction steps there; but not where the joint sticks, whose
+    Rows close to the reversals show a delay best, as the friction steps there; but not where the joint sticks, whose
     standstill the series of the angle rounds.
     """
     rate = np.abs(cycles.motion()[1])
