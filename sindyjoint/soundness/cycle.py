@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,7 @@ class Cycles:
     frequency: Array
     moment: Complex
     angle: Complex
+    repeats: ClassVar[bool] = True
 
     def __len__(self) -> int:
         return len(self.names)

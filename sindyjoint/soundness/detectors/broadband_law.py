@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ class Samples:
     acceleration: Array
     moment: Array
     part: NDArray[np.intp]
+    repeats: ClassVar[bool] = False
 
     @classmethod
     def of(cls, states: Sequence[ForceStates]) -> Samples:

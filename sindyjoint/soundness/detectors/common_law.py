@@ -30,14 +30,21 @@ class Scale:
 def flexible_columns(a: Array, v: Array) -> list[Array]:
     """Return columns of a flexible law over scaled angle and rate.
 
-    Powers of the angle up to the fifth, stiffness that depends on the rate, viscous, quadratic and angle-dependent
-    damping, one of either direction's own, friction with its dependence on the angle.
+    Powers of the angle up to the fifth, viscous, quadratic and angle-dependent damping, friction with its dependence on
+    the angle.
     """
     sign = np.sign(v)
     return [
-        np.ones_like(a), a, a**2, a**3, a**5, v, v * np.abs(v), a * v, a**2 * v, np.abs(v), a * v**2,
-        sign, np.abs(a) * sign, a * sign,
+        np.ones_like(a), a, a**2, a**3, a**5, v, v * np.abs(v), a * v, a**2 * v, sign, np.abs(a) * sign, a * sign,
     ]  # fmt: skip
+
+
+def wide_columns(a: Array, v: Array) -> list[Array]:
+    """Return those columns, damping that differs between the directions, and stiffness that depends on the rate.
+
+    A few mean cycles could not tell all of them from the gain of a run.
+    """
+    return [*flexible_columns(a, v), np.abs(v), a * v**2]
 
 
 def plain_columns(a: Array, v: Array) -> list[Array]:
@@ -75,6 +82,10 @@ class Motions(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """Of the runs."""
+
+    @property
+    def repeats(self) -> bool:
+        """Whether they are mean cycles."""
 
     def __len__(self) -> int: ...
 
@@ -124,9 +135,10 @@ def rows_of(
 
 
 def rows_of_motions(motions: Motions, scale: Scale, inertia: float | None) -> Rows:
-    """Return the moving rows of runs that repeat or do not, under the flexible law."""
+    """Return the moving rows of runs under a flexible law: where they do not repeat, a wide one."""
     load = motions.load()
-    return _rows(motions.motion(), load, load, CommonLaw(scale, inertia))
+    columns = flexible_columns if motions.repeats else wide_columns
+    return _rows(motions.motion(), load, load, CommonLaw(scale, inertia, columns))
 
 
 def _rows(motion: tuple[Array, Array, Array], load: Array, measured: Array, law: CommonLaw) -> Rows:
