@@ -101,7 +101,7 @@ def test_the_diagnosis_is_handed_over_whole_before_advice_begins(sought):
 def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_runs(ambiguous, sought):
     campaign, effects = ambiguous
     whole = sought[0]
-    policy = replace(CAMPAIGN, advice_work=2e6)
+    policy = replace(CAMPAIGN, advice_work=5e5)
     short = diagnose(campaign, effects=effects, policy=policy)
     assert short.search.status == "stopped" and short.advice == ()
     assert "ended after as many trials as are allowed" in short.warnings[0]
