@@ -21,9 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
-# Doctests are looked for in modules; several files of this one name would be taken for the same module.
-collect_ignore_glob = ["*conftest.py"]
+# The same examples every time, however long each takes and whatever an earlier run has kept.
+settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
+settings.load_profile("repeatable")
 
 
 TESTS = Path(__file__).resolve().parent

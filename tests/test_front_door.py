@@ -39,7 +39,7 @@ def results(campaign, found):
         "check": sindyjoint.check(campaign),
         "discover": found,
         "verify": sindyjoint.verify(found.model, campaign, draws=2),
-        "diagnose": sindyjoint.diagnose(campaign, found.model, advise=False),
+        "diagnose": sindyjoint.diagnose(campaign, found.model, advise=False, max_effects=1),
     }
 
 

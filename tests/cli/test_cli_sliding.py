@@ -43,7 +43,7 @@ def slide(tmp_path_factory):
     campaign, _ = hidden_campaign(1)
     joint = replace(campaign.joint, motion="translation", name="slide")
     folder = tmp_path_factory.mktemp("slide")
-    write_campaign(replace(campaign, joint=joint), folder)
+    write_campaign(replace(campaign, joint=joint, runs=campaign.runs[::2]), folder)
     return folder
 
 
@@ -70,6 +70,7 @@ def test_no_word_of_rotation(command, slide, tmp_path, monkeypatch):
     # What is read of an advised run is the same, however many were tried.
     monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::15])
     arguments = [command, str(slide), "--out", str(tmp_path / "out"), "--quiet"]
+    arguments += ["--max-effects", "1"] * (command == "diagnose")
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     parts = told(result.stdout, tmp_path / "out")

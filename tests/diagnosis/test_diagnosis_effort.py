@@ -7,6 +7,8 @@ import pytest
 
 from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis import advice, engine
+from sindyjoint.diagnosis.campaign import rivals
+from sindyjoint.diagnosis.campaign.designs import designs
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import CAMPAIGN
@@ -57,10 +59,17 @@ def test_the_estimate_is_of_the_work_ahead_and_never_beyond_the_limit():
 def test_processor_time_holds_what_other_processes_did(jobs):
     with spread(jobs), ProcessorTime() as clock:
         found = side_by_side(square_sum, [2_000_000] * 3)
-        seconds = clock.seconds
     assert found == [square_sum(2_000_000)] * 3
-    # Three sums of some 0.1 s each; the parent waits.
-    assert seconds > 0.1
+    # The parent waits, unless the tasks stay with it.
+    assert clock.seconds > clock.elsewhere and (clock.elsewhere > 0.0) == (jobs == 2)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fewer():
+    """Try a part of the runs that could be made: how many are counted is not how well they separate."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rivals, "designs", lambda *given: designs(*given)[::3])
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +91,7 @@ def sought(ambiguous):
 def test_the_diagnosis_is_handed_over_whole_before_advice_begins(sought):
     result, (before,), said = sought
     assert before.search.status == "not_sought" and before.advice == ()
-    assert result.search.status == "complete" and result.search.tried == result.search.planned > 50
+    assert result.search.status == "complete" and result.search.tried == result.search.planned > 20
     first, last = before.to_dict(), result.to_dict()
     assert {k for k in last if first[k] != last[k]} == {"advice", "advice_search"}
     counts = [stage for stage in said if stage.startswith("advice: ") and " runs tried" in stage]
@@ -92,7 +101,7 @@ def test_the_diagnosis_is_handed_over_whole_before_advice_begins(sought):
 def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_runs(ambiguous, sought):
     campaign, effects = ambiguous
     whole = sought[0]
-    policy = replace(CAMPAIGN, advice_work=2e6)
+    policy = replace(CAMPAIGN, advice_work=5e5)
     short = diagnose(campaign, effects=effects, policy=policy)
     assert short.search.status == "stopped" and short.advice == ()
     assert "ended after as many trials as are allowed" in short.warnings[0]
@@ -104,8 +113,11 @@ def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_r
     assert diagnose(campaign, effects=effects, policy=replace(CAMPAIGN, advice_seconds=0.0)).search.tried == 0
 
 
-def test_an_interruption_of_advice_leaves_the_diagnosis(ambiguous, tmp_path, monkeypatch, sindyjoint):
-    campaign, _ = ambiguous
+def test_an_interruption_of_advice_leaves_the_diagnosis(
+    ambiguous, tmp_path, monkeypatch, sindyjoint, few_effects
+):
+    campaign, effects = ambiguous
+    few_effects(*(effect.id for effect in effects))
 
     def interrupted(*given):
         raise KeyboardInterrupt

@@ -201,7 +201,8 @@ def test_a_model_or_a_chain_that_cannot_be_meant_is_refused():
         diagnose_structure(rig, replace(paper_model(), terms=(), covariance=()))
 
 
-def test_the_command_writes_a_page_and_says_what_the_contract_says(capsys, tmp_path):
+def test_the_command_writes_a_page_and_says_what_the_contract_says(capsys, tmp_path, few_effects):
+    few_effects("quadratic_damping", "dahl_friction", "dead_zone")
     rig = measured_rig(tmp_path)
     out = tmp_path / "out"
     with pytest.raises(SystemExit) as leave:

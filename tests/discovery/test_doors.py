@@ -8,10 +8,9 @@ from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
 from sindyjoint.mechanics.virtual import virtual_campaign
 
-SETS = (
-    "arm-joint", "bouc-wen", "emps", "friction-damper", "friction-damper-36lb", "mr-damper-nees", "mr-damper-utfpr",
-    "pendulum", "screw-tao", "screw-tao-coarse", "silverbox",
-)  # fmt: skip
+SETS = ("arm-joint", "bouc-wen", "emps", "friction-damper", "pendulum", "screw-tao", "silverbox")
+# Of the same kinds.
+FURTHER = ("friction-damper-36lb", "mr-damper-nees", "mr-damper-utfpr", "screw-tao-coarse")
 
 
 def test_a_difference_is_seen():
@@ -35,7 +34,7 @@ def test_doors_differ_where_the_rows_do():
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("name", [*SETS, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
 def test_doors_agree_on_public_data(public_data, name):
     campaign = load_campaign(public_data(name) / "campaign.toml")
     if name == "screw-tao":

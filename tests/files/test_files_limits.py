@@ -2,7 +2,6 @@
 
 import io
 import os
-import time
 import zipfile
 
 import numpy as np
@@ -25,7 +24,6 @@ def test_a_pipe_and_a_device_are_no_run_files(bench, tmp_path):
         pytest.skip("no pipes with names here")
     os.mkfifo(tmp_path / "pipe.csv")
     (tmp_path / "zero.csv").symlink_to("/dev/zero")
-    begun = time.monotonic()
     for name in ("pipe.csv", "zero.csv"):
         for read in (read_table, open_blocks):
             with pytest.raises(InputError, match="is no regular file"):
@@ -33,7 +31,6 @@ def test_a_pipe_and_a_device_are_no_run_files(bench, tmp_path):
         bench.replace("run.csv", name)
         with pytest.raises(InputError, match="is no regular file"):
             load_campaign(tmp_path, longest=100)
-    assert time.monotonic() - begun < 5
 
 
 def header(shape, kind="<f8", fortran=False) -> bytes:

@@ -64,7 +64,7 @@ def test_friction_damper_with_a_wrong_frequency(wrong, tmp_path):
 
 
 def test_twelve_runs_are_read_quickly(tmp_path):
-    # 12 runs of 10 s at 1 kHz from CSV: about 0.3 s on one core; the limit leaves room for a busy machine.
+    # 12 runs of 10 s at 1 kHz from CSV: about 0.3 s on one core; twenty times that where a machine is busy.
     t = np.arange(10_000) / 1000
     rng = np.random.default_rng(0)
     runs = tuple(
@@ -82,7 +82,7 @@ def test_twelve_runs_are_read_quickly(tmp_path):
     load_campaign(tmp_path)  # pint and pydantic are imported once
     start = time.process_time()
     load_campaign(tmp_path)
-    assert time.process_time() - start < 2.0
+    assert time.process_time() - start < 6.0
 
 
 def test_the_door_imports_nothing_heavy_until_it_is_used():

@@ -82,10 +82,11 @@ def test_the_command_reports_a_broken_campaign_and_goes_on(joints, tmp_path, sin
     assert listed.stdout.startswith("joints")
 
 
-def test_diagnoses_are_made_where_the_campaigns_are(joints, tmp_path, sindyjoint):
+def test_diagnoses_are_made_where_the_campaigns_are(joints, tmp_path, sindyjoint, few_effects):
+    few_effects("quadratic_damping", "dead_zone")
     out = tmp_path / "out"
     options = ("--out", out, "-l", "paper", "--diagnose")
-    assert sindyjoint("batch", joints / "joint-0", *options, "--jobs", "2").status == 0
+    assert sindyjoint("batch", joints / "joint-0", *options).status == 0
     (found,) = out.glob("campaigns/*/diagnosis/diagnosis.json")
     assert json.loads(found.read_text())["verdict"]
     # Without it nothing requested is missing; with it, after a batch without, it has to be made.
@@ -120,7 +121,7 @@ def test_names_that_are_cut_are_told_apart_and_stay(tmp_path):
 
 
 def test_reports_of_campaigns_of_which_one_is_called_as_another_begins(joints, tmp_path, sindyjoint):
-    for number, name in enumerate(("j", "j.1", "j.1.2", "joint <3>")):
+    for number, name in enumerate(("j", "j.1", "joint <3>")):
         shutil.copytree(joints / f"joint-{number}", tmp_path / "in" / name)
     out = tmp_path / "out"
     answer = sindyjoint(
@@ -128,9 +129,9 @@ def test_reports_of_campaigns_of_which_one_is_called_as_another_begins(joints, t
     )
     assert answer.status == 0
     page = (out / "report.html").read_text(encoding="utf-8")
-    (odd,) = out.glob("campaigns/joint-3*")
+    (odd,) = (path for path in out.glob("campaigns/*") if path.name not in ("j", "j.1"))
     files = {"factors.npz", "model.json", "record.json", "report.html", "terms.csv"}
-    for name in ("j", "j.1", "j.1.2", odd.name):
+    for name in ("j", "j.1", odd.name):
         folder = out / "campaigns" / name
         assert files <= {path.name for path in folder.iterdir()}
         assert (folder / "report.html").stat().st_size > 100_000

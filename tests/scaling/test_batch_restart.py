@@ -256,7 +256,8 @@ def test_a_failed_attempt_keeps_the_earlier_result(joints, tmp_path, sindyjoint)
     assert content(folder) == before
 
 
-def test_reports_that_hold_outlive_a_batch_without_them(joints, tmp_path, sindyjoint):
+def test_reports_that_hold_outlive_a_batch_without_them(joints, tmp_path, sindyjoint, few_effects):
+    few_effects("quadratic_damping", "dead_zone")
     shutil.copytree(joints / "joint-0", tmp_path / "in" / "joint-0")
     out, folder = tmp_path / "out", tmp_path / "out" / "campaigns" / "joint-0"
     command = ("batch", tmp_path / "in", "--out", out, "-l", "paper")

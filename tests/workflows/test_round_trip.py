@@ -14,6 +14,13 @@ def campaign(name, **fixed):
     return hidden, out
 
 
+@pytest.fixture(autouse=True)
+def few(few_effects):
+    """What is hidden here: what is saved of a find is tested, and not the search."""
+    few_effects("channel_delay", "angle_offset", "constant_moment", "jenkins_element", "bouc_wen_hysteresis",
+                "moment_drift", "frequency_dependent_stiffness", "stiffness_drift")  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("name", "drive"),
     [

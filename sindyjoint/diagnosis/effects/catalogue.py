@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -154,9 +154,16 @@ def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
         The message names file, effect and field.
     """
     effects: dict[str, Effect] = {}
-    for path in [*sorted((library_folder() / "effects").glob("*.toml")), *map(Path, paths)]:
-        effects.update({effect.id: effect for effect in read_effects(path)})
+    shipped = [_read_shipped(path) for path in sorted((library_folder() / "effects").glob("*.toml"))]
+    for read in (*shipped, *(read_effects(Path(path)) for path in paths)):
+        effects.update({effect.id: effect for effect in read})
     return tuple(effects.values())
+
+
+@cache
+def _read_shipped(path: Path) -> tuple[Effect, ...]:
+    """Return the effects of a file that stays as it is, and with them what of their formulas was compiled."""
+    return read_effects(path)
 
 
 def read_effects(path: Path) -> tuple[Effect, ...]:
