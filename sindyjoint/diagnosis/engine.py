@@ -70,7 +70,8 @@ def explain_gap(
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given found a zero error, it is made again from the joint's own zero, and
-    where something is left unexplained, from the best other start that the problem knows; the best end is used. Unless
+    where something is left unexplained, from the best other start that the problem knows, or else from the channels
+    aligned, should they have a delay that explains as much; the best end is used. Unless
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
     before that begins. ``refined`` may give the last problem other numbers, and notes on that.
     """
@@ -124,8 +125,9 @@ def _best_search(
         if zero is not None:
             ends.append(_explain(first, zero, most, say, clock))
             best = _better(best, ends[-1], first.policy)
-    if not best.whole and clock.seconds < most_seconds:
-        starts = first.other_starts(straight, given.progress.problem, say)
+    if clock.seconds < most_seconds:
+        last = best if best.whole else given
+        starts = first.other_starts(straight, last.progress.problem, say, best.whole)
         start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
         if start is not None:
             ends.append(_explain(first, start, most, say, clock))

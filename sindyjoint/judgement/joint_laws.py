@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.terms import Reference, ResolvedTerm
+from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.judgement.discovery import Discovery, fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.second_search import campaign_model
@@ -34,10 +34,11 @@ from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.replicates import recovered_replicate
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
-from sindyjoint.substructure.unseen import LawRows, find_slow, with_slow
+from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, with_slow
 from sindyjoint.substructure.update import Update, with_numbers
+from sindyjoint.text import spelled
 
-# What no sensor of the structure tells from the angle at which the joint rests.
+# What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
 RECOVERED = (
     "angle and moment were recovered from the structure's sensors; where these show no constant, the angle at which "
@@ -46,6 +47,8 @@ RECOVERED = (
 COLUMNS = ("angle", "rate", "moment")
 # Searches for terms, each at the slow angles that the terms found before ask for.
 SEARCHES = 4
+# Terms that may be added one after another for they stand out of the sensors' noise.
+STANDING_OUT = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,6 @@ class Recovered:
     recovery: Recovery
     joint: int
     states: ForceStates
-    mean_moment: float
     unseen: Array = field(default_factory=lambda: np.zeros(1))
     weight: float = 1.0
 
@@ -149,17 +151,57 @@ def _recovered(test: RigTest, recovery: Recovery, joint: int) -> Recovered | Non
     mean = static_moments(test.structure, test.at, float(recovery.spectra.mean[0]))
     name = f"{recovery.run.name} · {test.structure.hinges[joint].name}"
     moment = 0.0 if mean is None else float(mean[joint])
-    return Recovered(recovery, joint, joint_states(recovery, joint, name, moment), moment)
+    return Recovered(recovery, joint, joint_states(recovery, joint, name, moment))
 
 
 def _find_law(
     test: RigTest, kind: str, recovered: tuple[Recovered, ...], options: dict[str, Any]
 ) -> tuple[Discovery, str, tuple[Recovered, ...], LawErrors | None]:
-    """Choose terms and the slow part of the angles in turn; return the discovery and the whole states."""
+    """Return the discovery, why there is none, the whole states, and how the coefficients err.
+
+    A term that stands out of the known noise of the sensors is in the law, however little of the moment it carries.
+    """
     options = {**options, "forbidden": (*options.get("forbidden", ()), UNSEEN)}
     states = tuple(each.states for each in recovered)
     slow = [slow_part(each.recovery, each.joint) for each in recovered]
     weights = run_weights(states)
+    added: tuple[str, ...] = ()
+    for _ in range(1 + STANDING_OUT):
+        found = _search(states, slow, weights, {**options, "forced": (*options.get("forced", ()), *added)})
+        recovered = tuple(
+            replace(each, states=state, unseen=values, weight=float(weight))
+            for each, state, values, weight in zip(
+                recovered, found.states, found.unseen, weights, strict=True
+            )
+        )
+        rows, errors, more = found.rows, None, ""
+        if rows is not None:
+            errors, more = _beyond(found.regressor, rows, recovered, slow)
+        if not more:
+            break
+        added = (*added, more)
+    discovery = _judged(test, kind, recovered, found.regressor, rows, errors)
+    if added:
+        words = (
+            f"{' and '.join(map(spelled, added))}: little of the moment, yet far out of the sensors' noise"
+        )
+        discovery = replace(discovery, warnings=(*discovery.warnings, words))
+    return discovery, "", recovered, errors
+
+
+class _Search(NamedTuple):
+    """Terms, with the slow angles and whole states that go with them."""
+
+    regressor: JointRegressor
+    rows: LawRows | None
+    states: tuple[ForceStates, ...]
+    unseen: Sequence[Array]
+
+
+def _search(
+    states: Sequence[ForceStates], slow: Sequence[Slow], weights: Array, options: dict[str, Any]
+) -> _Search:
+    """Choose terms and the slow part of the angles in turn."""
     # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
     allowed = set(PAPER_TERMS)
     for _ in range(SEARCHES):
@@ -176,16 +218,27 @@ def _find_law(
             break
         allowed = {*PAPER_TERMS, *regressor.selected_}
     found = _terms_of(regressor)
-    rows = find_slow(states, slow, found, weights) if found else None
-    if rows is not None:
-        unseen = rows.unknowns
-        centred = tuple(map(with_slow, states, slow, unseen))
-    recovered = tuple(
-        replace(each, states=state, unseen=values, weight=float(weight))
-        for each, state, values, weight in zip(recovered, centred, unseen, weights, strict=True)
-    )
-    errors = None if rows is None else law_errors(rows, [_source(each) for each in recovered], slow)
-    return _judged(test, kind, recovered, regressor, rows, errors), "", recovered, errors
+    if not found:
+        return _Search(regressor, None, centred, unseen)
+    rows = find_slow(states, slow, found, weights)
+    return _Search(regressor, rows, tuple(map(with_slow, states, slow, rows.unknowns)), rows.unknowns)
+
+
+def _beyond(
+    regressor: JointRegressor, rows: LawRows, recovered: Sequence[Recovered], slow: Sequence[Slow]
+) -> tuple[LawErrors, str]:
+    """Return the errors of a law, and which further term stands furthest out of the sensors' noise; "" if none does."""
+    selected = {*regressor.selected_}
+    rest = [term for term in regressor.terms_ if term.id not in selected]
+    columns = [
+        term_columns(rest, each.states.angle[kept], each.states.rate[kept], each.states.acceleration[kept])
+        for each, kept in zip(recovered, rows.kept, strict=True)
+    ]
+    errors = law_errors(rows, [_source(each) for each in recovered], slow, columns)
+    size = np.where(errors.excess_with < LIMITS.explained, np.abs(errors.others), 0.0)
+    if not rest or size.max() < LIMITS.stands_out:
+        return errors, ""
+    return errors, rest[int(np.argmax(size))].id
 
 
 def _terms_of(regressor: JointRegressor) -> list[ResolvedTerm]:
@@ -232,7 +285,7 @@ def _judged(
     campaign = recovered_campaign(test, kind, states)
     counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
     model = campaign_model(regressor, campaign, states, counts)
-    verdict = judge(regressor, model)
+    verdict = of_one_run(judge(regressor, model), len({each.recovery.run.name for each in recovered}))
     if rows is not None and errors is not None:
         verdict = within_the_states(verdict, errors.angle_share)
         model = model.with_numbers(rows.coefficients, errors.covariance)
@@ -258,6 +311,14 @@ def _judged(
         campaign=campaign,
         bias=fixed.bias,
     )
+
+
+def of_one_run(verdict: Verdict, runs: int) -> Verdict:
+    """Return a verdict that refutes nothing by one run: what the recovery does to it, no other run tells."""
+    if runs > 1 or verdict.verdict != "refuted":
+        return verdict
+    reason = f"one run of the structure refutes no term; others at other levels would tell: {verdict.reason}"
+    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def within_the_states(verdict: Verdict, share: float) -> Verdict:

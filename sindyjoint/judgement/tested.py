@@ -55,7 +55,7 @@ class Tested:
     lags: tuple[InputLag, ...]
     hidden: Any
 
-    def told(self, result: Diagnosis) -> Diagnosis:
+    def complete(self, result: Diagnosis) -> Diagnosis:
         """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
         whole = None if result.whole is None else self._fitted(result.whole)
         test = self.nuisances(result.test or TestNuisances(""))

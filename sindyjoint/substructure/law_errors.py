@@ -49,6 +49,10 @@ class LawErrors:
         RMS of the error of the angle: of the slow part by the covariance, of the rest as the sensors have it; rad.
     excess : float
         Mean square of what is left of the rows, of what noise makes of it.
+    others : ndarray, shape (m,)
+        Coefficients that other terms would have beside the law, in their standard errors.
+    excess_with : ndarray, shape (m,)
+        The excess with each of these.
     """
 
     size: int
@@ -56,6 +60,8 @@ class LawErrors:
     slopes: tuple[Complex, ...]
     angle_error: Array
     excess: float
+    others: Array
+    excess_with: Array
 
     @property
     def covariance(self) -> Array:
@@ -93,11 +99,13 @@ def _covariance(sources: Sequence[Source], slopes: Sequence[Complex]) -> Array:
             if source.recovery is recovery:
                 gathered[:, :, _rows(recovery, source.joint)] += slope
         spread = (gathered.swapaxes(0, 1) @ recovery.covariance).swapaxes(0, 1)
-        total += (spread.reshape(k, -1) @ gathered.reshape(k, -1).conj().T).real
+        total += np.tensordot(spread, gathered.conj(), ((1, 2), (1, 2))).real
     return total
 
 
-def law_errors(rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow]) -> LawErrors:
+def law_errors(
+    rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow], others: Sequence[Array] | None = None
+) -> LawErrors:
     """Return how the coefficients of a law follow errors of the recovered amplitudes.
 
     Parameters
@@ -108,27 +116,37 @@ def law_errors(rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow]) -
         Of its runs, in their order.
     slow : sequence of Slow
         Of each run.
+    others : sequence of ndarray, each of shape (n, m), optional
+        Columns of terms beyond the law at the rows of each run.
     """
     k = rows.coefficients.size
+    others = [np.zeros((kept.size, 0)) for kept in rows.kept] if others is None else others
+    beyond = np.vstack([np.sqrt(w) * columns for w, columns in zip(rows.weights, others, strict=True)])
     counts = np.concatenate([np.zeros(k), rows.said])
     scale = np.sqrt(np.sum(rows.columns**2, axis=0) + counts**2)
     scale[scale == 0] = 1.0
     scaled = rows.columns / scale
     inverse = np.linalg.pinv(scaled.T @ scaled + np.diag((counts / scale) ** 2), rcond=1e-14, hermitian=True)
     inverse = inverse / scale[:, None] / scale
+    # A further term beside the law (Frisch and Waugh 1933): what of its column the law does not follow.
+    followed = inverse @ (rows.columns.T @ beyond)
+    apart = beyond - rows.columns @ followed
+    unique = np.maximum(np.sum(apart * beyond, axis=0), np.finfo(float).tiny)
     starts = np.cumsum([0, *(kept.size for kept in rows.kept)])
     unknowns = k + np.cumsum([0, *(values.size for values in rows.unknowns)])
-    slopes, expected, left = [], 0.0, 0.0
+    slopes, of_others, expected, left = [], [], 0.0, 0.0
     for index, (source, weight) in enumerate(zip(sources, rows.weights, strict=True)):
-        of_rows = inverse @ rows.columns[starts[index] : starts[index + 1]].T * np.sqrt(weight)
+        own = slice(starts[index], starts[index + 1])
+        of_rows = np.vstack([inverse @ rows.columns[own].T, (apart[own] / unique).T]) * np.sqrt(weight)
         errors = _row_errors(source, rows.kept[index], rows.slopes[index])
-        slope = (of_rows @ errors.reshape(len(errors), -1)).reshape(len(inverse), *errors.shape[1:])
+        slope = (of_rows @ errors.reshape(len(errors), -1)).reshape(len(of_rows), *errors.shape[1:])
         orders = slow[index].orders - 1
         # First stand cosines and sines of the slow harmonics, as the sensors show them.
         place = unknowns[index] + np.arange(orders.size)
-        said = inverse * counts**2
+        said = np.vstack([inverse, -(followed / unique).T]) * counts**2
         slope[:, orders, 0] += said[:, place] + 1j * said[:, place + orders.size]
-        slopes.append(slope)
+        slopes.append(slope[: len(inverse)])
+        of_others.append(slope[len(inverse) :])
         expected += weight * _expected(source, errors)
         left += weight * float(np.sum(rows.residual[index] ** 2))
     covariance = _covariance(sources, slopes)
@@ -140,7 +158,15 @@ def law_errors(rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow]) -
         seen = kept_of(source.recovery, source.joint)[0]
         seen[part.orders - 1] = False
         angle.append(np.sqrt(of_slow + np.sum(source.recovery.standard_error[source.joint, seen] ** 2)))
-    return LawErrors(k, tuple(sources), tuple(slopes), np.array(angle), left / expected)
+    would_be = beyond.T @ _weighted(rows) / unique
+    would_leave = (left - would_be**2 * unique) / expected
+    spread = np.sqrt(np.diag(_covariance(sources, of_others)) * np.maximum(would_leave, 1.0))
+    ratios = np.divide(would_be, spread, out=np.zeros_like(spread), where=spread > 0)
+    return LawErrors(k, tuple(sources), tuple(slopes), np.array(angle), left / expected, ratios, would_leave)
+
+
+def _weighted(rows: LawRows) -> Array:
+    return np.concatenate([np.sqrt(w) * left for w, left in zip(rows.weights, rows.residual, strict=True)])
 
 
 def _rows(recovery: Recovery, joint: int) -> list[int]:

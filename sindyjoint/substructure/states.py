@@ -21,9 +21,13 @@ Orders = NDArray[np.bool_]
 
 
 def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Orders:
-    """Return which harmonics stand out of their noise, shape (h,)."""
+    """Return the harmonics up to the last that stands out of its noise, shape (h,).
+
+    None between is left out: what is left out of one side of the law for its noise stands on the other, and biases.
+    """
     size = np.abs(amplitude)
-    return significant_harmonics(size, standard_error) if tone else size > LIMITS.line * standard_error
+    out = significant_harmonics(size, standard_error) if tone else size > LIMITS.line * standard_error
+    return np.logical_or.accumulate(out[::-1])[::-1]
 
 
 def is_tone(drive: Complex) -> bool:
@@ -33,15 +37,19 @@ def is_tone(drive: Complex) -> bool:
 
 
 def kept_of(recovery: Recovery, joint: int) -> tuple[Orders, Orders]:
-    """Return which harmonics of a joint's angle, and of its moment, stand out of their noise."""
+    """Return which harmonics of a joint's angle, and of its moment, are used: none where either has none."""
     joints = recovery.transfer.angles.shape[1]
     values, errors = recovery.values, recovery.standard_error
-    if not recovery.spectra.repeats:
-        angle, moment = (up_to_end(values[row], errors[row]) for row in (joint, joints + joint))
-        return angle | moment, angle | moment
     tone = is_tone(recovery.spectra.amplitudes[0])
-    angle, moment = (kept_orders(values[row], errors[row], tone) for row in (joint, joints + joint))
-    return angle, moment
+
+    def kept(row: int) -> Orders:
+        if not recovery.spectra.repeats:
+            return up_to_end(values[row], errors[row])
+        return kept_orders(values[row], errors[row], tone)
+
+    angle, moment = kept(joint), kept(joints + joint)
+    both = (angle | moment) & angle.any() & moment.any()
+    return both, both
 
 
 def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:

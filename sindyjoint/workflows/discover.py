@@ -151,9 +151,9 @@ def discover(
     model = with_gain_uncertainty(
         best.model if fixed is None else fixed.model, prepared.campaign.gain_uncertainty
     )
-    told = prepared.delay if align else left_in
+    delay = prepared.delay if align else left_in
     left = (best.note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
-    warnings = list_warnings(prepared.campaign, best.states, model, told, align, best.regressor.indistinct_)
+    warnings = list_warnings(prepared.campaign, best.states, model, delay, align, best.regressor.indistinct_)
     return Discovery(
         model=fitted_to(model, campaign),
         verdict=verdict,

@@ -24,7 +24,7 @@ from sindyjoint.response.nuisances import TestNuisances, read_test
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import verify_campaign
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
+from sindyjoint.response.verify_rig import PLACEHOLDERS, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states.campaigns import content_hash
@@ -189,7 +189,7 @@ def _open_input(against: Rig | Campaign | str | Path) -> Rig | Campaign:
             f"of the shipped rigs ({', '.join(shipped_rigs())})"
         )
     if path.is_file() and is_rig(path):
-        return load_rig(path, {"model": MODEL_PLACEHOLDER})
+        return load_rig(path, PLACEHOLDERS)
     return load_campaign(path)
 
 
