@@ -142,7 +142,7 @@ def _lead(start: Start[P], best: Explained[P]) -> float:
 
     The model that is better held out is the base: effects beside a lesser one stand in for what it lacks.
     """
-    if start.problem.complaint():
+    if best.whole or start.problem.complaint():
         return 0.0
     ratio = best.gaps.final.moment / max(start.problem.gap.moment, 1e-300)
     return float(np.log(ratio)) if ratio > 1 else 0.0
