@@ -7,6 +7,7 @@
     python -m benchmarks --only kills --campaigns 60 --kills 20     # killed at random instants, restarted, compared
     python -m benchmarks --only together      # eight processes, then eight threads, on one cache and one parent folder
     python -m benchmarks --only doors         # coefficients by pysindy.SINDy, JointRegressor and discover: 50 joints
+    python -m benchmarks verdicts --data ../shared/data     # public data: verdict, base, gaps, floors, seconds
     python -m benchmarks public --data ../shared/data       # public data in the metric of their owners
     python -m benchmarks round-trip --seeds 0               # a diagnosis saved, read and verified: the same gap
 
@@ -206,6 +207,11 @@ def doors() -> list[dict[str, Any]]:
 
 def main() -> None:
     """Measure, print, write; or make one of the tables that have a name."""
+    if sys.argv[1:2] == ["verdicts"]:
+        from benchmarks import bench_public
+
+        bench_public.main(sys.argv[2:])
+        return
     if sys.argv[1:2] == ["public"]:
         from benchmarks import bench_public_metrics
 

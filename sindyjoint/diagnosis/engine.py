@@ -138,10 +138,12 @@ def _best_search(
 
 
 def _lead(start: Start[P], best: Explained[P]) -> float:
-    """Return what a start is ahead by, in nats of the moment gap, before any effect is added to it.
+    """Return what an admissible start is ahead by, in nats of the moment gap, before any effect is added to it.
 
     The model that is better held out is the base: effects beside a lesser one stand in for what it lacks.
     """
+    if best.whole or start.problem.complaint():
+        return 0.0
     ratio = best.gaps.final.moment / max(start.problem.gap.moment, 1e-300)
     return float(np.log(ratio)) if ratio > 1 else 0.0
 
@@ -186,8 +188,7 @@ def _compare_starts(best: Explained[P], ends: Sequence[Explained[P]]) -> str:
     others = [f"from {_start_of(each)} {_end_of(each)}" for each in ends if each is not best]
     if not others or (best is ends[0] and best.whole):
         return ""
-    end = percent(best.gaps.figures()[1])
-    return f"the search started from {_start_of(best)}, which ends with a gap of {end}; {'; '.join(others)}"
+    return f"the search started from {_start_of(best)}, which ends with {_gaps_of(best)}; {'; '.join(others)}"
 
 
 def _start_of(end: Explained[P]) -> str:
@@ -196,7 +197,13 @@ def _start_of(end: Explained[P]) -> str:
 
 def _end_of(end: Explained[P]) -> str:
     names = ", ".join(_name(step) for step in end.progress.steps) or "no effect"
-    return f"it ends with {percent(end.gaps.figures()[1])} ({end.verdict.replace('_', ' ')}: {names})"
+    return f"it ends with {_gaps_of(end)} ({end.verdict.replace('_', ' ')}: {names})"
+
+
+def _gaps_of(end: Explained[P]) -> str:
+    final = end.gaps.final
+    of_response = f" and {percent(final.response)} of the response" if np.isfinite(final.response) else ""
+    return f"a gap of {percent(end.gaps.figures()[1])}{'' if end.gaps.of_response else of_response}"
 
 
 def _name(step: Step) -> str:

@@ -423,7 +423,7 @@ class Based(Made):
     def zero_start(self, straight, last, say):
         return None
 
-    def other_starts(self, straight, last, say):
+    def other_starts(self, straight, last, say, whole):
         return iter([Start(self.other, (), "another base", self)] if self.other else [])
 
     def residual(self, straight):

@@ -103,8 +103,8 @@ def _replicate(
     # Above the band of the angle the moment's noise is none of the processing's.
     band = min(policy.drive_band * states.bandwidth, 0.45 * run.sample_rate)
     driven = replace(run, moment=_low_passed(run.moment, run.sample_rate, band), source=None)
-    result = simulated(driven, states, model, effects)
-    if result is None or result.drive != "moment" or result.failure or result.simulated_angle is None:
+    result = simulated(driven, states, model, effects, by="moment")
+    if result is None or result.failure or result.simulated_angle is None:
         return None
     with np.errstate(over="ignore"):  # a simulation that runs away is far from the measurement
         apart = float(np.std(result.simulated_angle - result.angle))

@@ -13,7 +13,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array, delayed
 from sindyjoint.record import Run
-from sindyjoint.response.drive import Drive, prescribed
+from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.run import SUBSTEPS, SimulatedRun, simulate_run
 from sindyjoint.states import ForceStates
 
@@ -26,11 +26,13 @@ def simulated(
     substeps: int = SUBSTEPS,
     response_only: bool = False,
     spurious: bool = False,
+    by: Drive | None = None,
 ) -> SimulatedRun | None:
     """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
 
     Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
-    With ``spurious`` a motion whose few harmonics may be noise was the drive, too.
+    With ``spurious`` a motion whose few harmonics may be noise was the drive, too. None also where the drive is
+    another than it has to be.
     """
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
@@ -47,7 +49,9 @@ def simulated(
         states = replace(states, angle=states.angle - drift * _drifting_time(states, states.time))
     law = law_of(model, effects, states)
     try:
-        drive: Drive | None = "motion" if motion else None
+        drive: Drive = "motion" if motion else choose_drive(law, states)
+        if by not in (None, drive):
+            return None
         return simulate_run(law, run, states, drive=drive, substeps=substeps, response_only=response_only)
     except SindyJointError:
         # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
