@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input
@@ -180,8 +181,6 @@ class JointModel:
         InputError
             If the model has elements and no step is given.
         """
-        from sindyjoint.equation.formula import VARIABLES, compile_terms
-
         angle, rate = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
         if self.elements and step is None:
             names = ", ".join(element.id for element in self.elements)
