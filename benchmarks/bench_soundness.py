@@ -120,6 +120,8 @@ def run(args: argparse.Namespace) -> None:
     names = args.names or ["sound", "law", *FAULTS]
     done = done_in(args.out, ("name", "seed"))
     tasks = [(seed, [n for n in names if (n, seed) not in done]) for seed in args.seeds]
+    if args.verdicts:  # a joint takes minutes: what is done of it is kept
+        tasks = [(seed, [name]) for seed, some in tasks for name in some]
     jobs = (delayed(one_joint)(*task, args.verdicts) for task in tasks if task[1])
     for records in Parallel(n_jobs=args.jobs, return_as="generator_unordered")(jobs):
         for record in records:

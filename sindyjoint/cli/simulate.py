@@ -68,7 +68,7 @@ FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
 
 
 # What a virtual test of a rig takes; its runs and noise stand in the rig's file.
-OF_A_RIG = {"rig", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
+OF_A_RIG = {"rig", "model", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
 
 
 @with_blocks
@@ -91,7 +91,7 @@ def simulate(
         Path | None,
         typer.Option(
             help="model.json, or a folder with one: the joint to test instead. Levels are then fractions of the "
-            "largest angle that it was fitted to."
+            "largest angle that it was fitted to. Of a RIG: the law of its joints that give it as 'model'."
         ),
     ] = None,
     at: AtOption = None,
@@ -146,7 +146,7 @@ def simulate(
         refuse_other_options(context, OF_A_RIG, "stands in the file of a rig; leave it out")
         from sindyjoint.cli.structure import simulate_structure
 
-        record = simulate_structure(rig, out, format.value, random_state, force, progress)
+        record = simulate_structure(rig, model, out, format.value, random_state, force, progress)
         _print_record(record, "a structure", as_json)
         return
 
@@ -230,11 +230,11 @@ def _warn_of_range(model: JointModel, campaign: Campaign) -> None:
     """Print where the simulated runs leave the range that the model was fitted to."""
     import numpy as np
 
-    from sindyjoint.response.tested_range import range_warnings
+    from sindyjoint.equation.model_parts import range_warnings
 
     for run in campaign.runs:
         rate = np.gradient(run.angle, 1 / run.sample_rate)
-        for warning in range_warnings(model, run.angle, rate, run.name):
+        for warning in range_warnings(model.fitted, model.joint.motion, run.angle, rate, run.name):
             typer.echo(warning, err=True)
 
 

@@ -68,15 +68,21 @@ def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
 
 
 def simulate_structure(
-    rig: Path, out: Path, format: str, seed: int, force: bool, progress: Progress
+    rig: Path, model: Path | None, out: Path, format: str, seed: int, force: bool, progress: Progress
 ) -> dict[str, Any]:
-    """Make and write a virtual test of a rig; return what was written."""
+    """Make and write a virtual test of a rig; return what was written.
+
+    A model stands in the joints whose law is "model".
+    """
+    from sindyjoint.equation.model_file import read_model
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.rig_test_writing import write_rig_test
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
+    from sindyjoint.response.model_law import model_law
 
     with progress:
-        plan = load_rig_plan(rig)
+        laws = {} if model is None else {"model": model_law(read_model(model))}
+        plan = load_rig_plan(rig, laws)
         progress.say(f"simulating {len(plan.drives)} runs")
         test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed)
         progress.say("writing the files")

@@ -36,6 +36,7 @@ from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, with_slow
 from sindyjoint.substructure.update import Update, with_numbers
+from sindyjoint.text import spelled
 
 # What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
@@ -164,9 +165,9 @@ def _find_law(
     states = tuple(each.states for each in recovered)
     slow = [slow_part(each.recovery, each.joint) for each in recovered]
     weights = run_weights(states)
-    forced = tuple(options.get("forced", ()))
+    added: tuple[str, ...] = ()
     for _ in range(1 + STANDING_OUT):
-        found = _search(states, slow, weights, {**options, "forced": forced})
+        found = _search(states, slow, weights, {**options, "forced": (*options.get("forced", ()), *added)})
         recovered = tuple(
             replace(each, states=state, unseen=values, weight=float(weight))
             for each, state, values, weight in zip(
@@ -178,8 +179,14 @@ def _find_law(
             errors, more = _beyond(found.regressor, rows, recovered, slow)
         if not more:
             break
-        forced = (*forced, more)
-    return _judged(test, kind, recovered, found.regressor, rows, errors), "", recovered, errors
+        added = (*added, more)
+    discovery = _judged(test, kind, recovered, found.regressor, rows, errors)
+    if added:
+        words = (
+            f"{' and '.join(map(spelled, added))}: little of the moment, yet far out of the sensors' noise"
+        )
+        discovery = replace(discovery, warnings=(*discovery.warnings, words))
+    return discovery, "", recovered, errors
 
 
 class _Search(NamedTuple):

@@ -116,6 +116,15 @@ class BaseTable(StrictTable):
     """The base: a rigid clamp unless a stiffness is given."""
 
     clamp_stiffness: str | None = Field(default=None, description="Rotational; omitted: rigid.")
+    clamp_uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Of its stiffness, relative.")
+
+    @model_validator(mode="after")
+    def _known_clamp(self) -> BaseTable:
+        if self.clamp_uncertainty and self.clamp_stiffness is None:
+            raise ValueError(
+                "clamp_uncertainty is of clamp_stiffness, which is missing: a clamp without it is rigid"
+            )
+        return self
 
 
 class StationTable(StrictTable):

@@ -132,12 +132,12 @@ def load_rig_test(rig: str | Path) -> RigTest:
     return _with_path(build, path)
 
 
-def load_rig_plan(rig: str | Path) -> RigPlan:
-    """Read a rig whose joints have laws, with the runs that a virtual test shall make."""
+def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
+    """Read a rig whose joints have laws, shipped or given, with the runs that a virtual test shall make."""
     path, given = _read(rig)
 
     def build() -> RigPlan:
-        test = _build_test(given, path, JOINTS)
+        test = _build_test(given, path, {**JOINTS, **(laws or {})})
         drives = tuple(
             _drive_of(table, number, given.drive) for number, table in enumerate(given.run, 1) if table.shape
         )
@@ -237,7 +237,8 @@ def _chain(
                 f"{name!r}: {min(wrong)}_uncertainty is of a beam; expected mass_uncertainty at most"
             )
     chain = Chain(items, stiffness, stations, structure.loss_frequency)
-    return structure, kinds, uncertain_numbers(items, stiffness, stated), chain
+    uncertain = uncertain_numbers(items, stiffness, stated, given.base.clamp_uncertainty)
+    return structure, kinds, uncertain, chain
 
 
 def _matrices(

@@ -246,7 +246,8 @@ class SoundnessPolicy:
     )
     broadband_memory: float = limit(
         0.9,
-        "misfit of a law with memory, in parts of that with the delay removed, below which it is no delay",
+        "misfit of a law with memory, or of other damping, in parts of that with the delay removed, below which it is "
+        "no delay",
         source=CALIBRATED,
     )
     large_lead: float = limit(15.0, "lead of an AC-coupled channel that stops", unit="deg")

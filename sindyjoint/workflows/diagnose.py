@@ -314,7 +314,9 @@ def diagnose_rig(
         models = dict.fromkeys(test.kinds, models)
     say("the steady motion with the models")
     fitted, kept = (
-        RunsProblem.of(test, [recover(test, run) for run in runs], models, given, policy) if runs else None
+        RunsProblem.of(test, [recover(test, run) for run in runs], models, given, policy, runs is own)
+        if runs
+        else None
         for runs in (own, others)
     )
     assert fitted is not None

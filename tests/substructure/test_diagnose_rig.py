@@ -51,6 +51,8 @@ def test_the_missing_stiffness_is_named_and_measured(found, tmp_path):
     assert step.parameters["k5"] == pytest.approx(FIFTH, rel=0.02)
     assert found.initial.response > 5 * found.noise_floor.response
     assert found.final.response < 1.5 * found.noise_floor.response
+    # The gaps are those of the run that no fit has seen.
+    assert {record.name.split(", ")[1] for record in found.records} == {"2.5 Hz 6 N"}
     terms = {term.id: term for term in found.in_place.models["joint"].terms}
     fifth = terms["quintic_stiffness"]
     assert abs(fifth.coefficient - FIFTH) < 4 * fifth.standard_error

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from sindyjoint.cli import main
+from sindyjoint.equation.terms import term_columns
 from sindyjoint.files.writers import ENCODERS
 from sindyjoint.judgement.joint_laws import within_the_states
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.records.structure import StructureRecord
-from sindyjoint.substructure.states import joint_states, slow_part
+from sindyjoint.substructure.law_errors import Source, law_errors
+from sindyjoint.substructure.policy import POLICY
+from sindyjoint.substructure.states import joint_states, kept_orders, slow_part
 from sindyjoint.substructure.unseen import find_slow
 from sindyjoint.workflows.discover import discover_rig
 
@@ -75,6 +78,44 @@ def test_coefficients_follow_what_was_recovered_as_their_errors_say(found):
     change, said = (fitted(after) - fitted(before)) / errors, law.errors.change(after) / errors
     assert np.abs(said).max() > 0.02
     assert change == pytest.approx(said, abs=0.1 * np.abs(said).max())
+
+
+def test_a_term_left_out_stands_out_of_the_noise_and_no_other_does(found):
+    """What a further term would be is what it is once it is fitted."""
+    (law,) = found.laws
+    ids, resolved = law.discovery.model.ids, {t.id: t for t in law.discovery.regressor.terms_}
+    states, sources = zip(
+        *((e.states, Source(e.recovery, e.joint, e.states)) for e in law.recovered), strict=True
+    )
+    seen = [slow_part(e.recovery, e.joint) for e in law.recovered]
+    slow = [replace(each, amplitudes=0 * each.amplitudes) for each in seen]
+
+    def beside(chosen):
+        rows = find_slow(
+            states, slow, [resolved[i] for i in chosen], np.array([e.weight for e in law.recovered])
+        )
+        rest = [term for term in resolved.values() if term.id not in chosen]
+        columns = [
+            term_columns(rest, s.angle[k], s.rate[k], s.acceleration[k])
+            for s, k in zip(states, rows.kept, strict=True)
+        ]
+        errors = law_errors(rows, sources, slow, columns)
+        own = rows.coefficients / np.sqrt(np.diag(errors.covariance))
+        return own, dict(zip((t.id for t in rest), errors.others, strict=True))
+
+    _, others = beside(ids)
+    assert max(map(abs, others.values())) < POLICY.stands_out
+    for further in ("quadratic_stiffness", "cubic_damping", "coulomb_friction"):
+        own, _ = beside([*ids, further])
+        assert own[-1] == pytest.approx(others[further], rel=0.1, abs=0.05)
+    _, others = beside([i for i in ids if i != "cubic_stiffness"])
+    assert abs(others["cubic_stiffness"]) > POLICY.stands_out
+
+
+def test_no_harmonic_is_left_out_below_the_last_that_stands_out():
+    amplitude = np.array([100, 1, 30, 2, 8, 0.5, 0.3, 0.2, 0.1, 0.1, 0.1, 0.1], dtype=complex)
+    for tone in (True, False):
+        assert kept_orders(amplitude, np.ones(12), tone).tolist() == [True] * 5 + [False] * 7
 
 
 def test_a_verdict_is_no_surer_than_the_angles(found):

@@ -115,7 +115,8 @@ def _search(
     anchor: tuple[Array, Change | None] = (start, None)
     fits: list[tuple[Change, Fit]] = []
     for index, horizon in enumerate(steps):
-        say(f"trying {len({c.effect for c, _ in alive})} effects over {horizon:.3g} s")
+        words = f"over {horizon:.3g} s" if horizon else "in the steady motion"
+        say(f"trying {len({c.effect for c, _ in alive})} effects {words}")
         jacobian = _base_jacobian(problem, anchor, horizon)
         if jacobian is None:
             jacobian = _base_jacobian(problem, (start, None), horizon)

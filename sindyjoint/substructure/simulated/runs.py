@@ -38,6 +38,9 @@ Complex = NDArray[np.complex128]
 COMPARED, COMPARED_ABOVE = 20, 2
 # Harmonics of the balance alike: with 41 of a sine the twentieth is off by half of itself near a lightly damped mode.
 BALANCED, BALANCED_ABOVE = 81, 10
+# Lines of the drive that the count of harmonics follows, of the largest: one of noise would make it
+# thirty times as large.
+STRONG = 0.01
 # Share of the stiffness that is not trusted at the structure's first frequency; it grows with the frequency's square.
 # A simulation by steps of 0.25 ms is 0.7e-5 softer at 4 Hz.
 TRUSTED = 3e-5
@@ -111,7 +114,9 @@ class SteadyRun:
         count = spectra.amplitudes.shape[1]
         error = np.sqrt(spectra.variance)
         driven = kept_orders(spectra.amplitudes[0], error[0], False)
-        top = int(np.flatnonzero(driven)[-1]) + 1 if driven.any() else 1
+        size = np.abs(spectra.amplitudes[0])
+        strong = driven & (size > STRONG * size.max())
+        top = int(np.flatnonzero(strong)[-1]) + 1 if strong.any() else 1
         compared = min(count, max(COMPARED, COMPARED_ABOVE * top))
         harmonics = max(BALANCED, BALANCED_ABOVE * top)
         drive, drive_error = np.zeros(harmonics + 1, dtype=complex), np.zeros(harmonics + 1)

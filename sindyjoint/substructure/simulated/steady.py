@@ -174,20 +174,21 @@ class Steady:
         angles, balanced = (start, False) if factors is None else self._by_chords(start, factors, size)
         if balanced:
             return angles
-        out, jacobian = self.residual(angles)
+        out, _ = self.residual(angles, slopes=False)
         for _ in range(STEPS if factors is None else FURTHER_STEPS):
             worst = float(np.abs(out).max())
             if not np.isfinite(worst):
                 break
             if worst <= size:
                 return angles
-            step = -np.linalg.solve(jacobian, out)
+            step = -np.linalg.solve(self.residual(angles)[1], out)
+            # Derivatives cost twenty times what the balance itself does: only steps that are taken need them.
             for halving in range(HALVINGS + 1):
                 trial = angles + step / 2**halving
-                found = self.residual(trial)
-                if float(np.linalg.norm(found[0])) < float(np.linalg.norm(out)):
+                found, _ = self.residual(trial, slopes=False)
+                if float(np.linalg.norm(found)) < float(np.linalg.norm(out)):
                     break
-            angles, (out, jacobian) = trial, found
+            angles, out = trial, found
         raise SimulationError(
             "no periodic motion of the joints is found near the one that was recovered", time=0.0
         )
