@@ -12,6 +12,7 @@ from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.plan import span
 from sindyjoint.cli.progress import Progress
+from sindyjoint.errors import UnitError
 
 if TYPE_CHECKING:
     from sindyjoint.substructure.joint_curves import JointCurves
@@ -98,8 +99,6 @@ def curves(
 
 def _sizes(text: str) -> tuple[float, float]:
     """Return the ends of amplitudes in rad, or m where the unit is a length."""
-    from sindyjoint.errors import UnitError
-
     try:
         return span(text, "rad", "--amplitudes")
     except UnitError:

@@ -13,6 +13,7 @@ from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.progress import Progress
+from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
     from sindyjoint.planning.plan import Plan
@@ -156,8 +157,6 @@ def plan(
 
 def _share(text: str, where: str) -> float:
     """Return a share written as a number or in per cent."""
-    from sindyjoint.errors import InputError
-
     number, percent, rest = text.strip().partition("%")
     try:
         if rest:
@@ -169,8 +168,6 @@ def _share(text: str, where: str) -> float:
 
 def _goal(text: str) -> str | dict[str, float]:
     """Return a goal, or several with their weights."""
-    from sindyjoint.errors import InputError
-
     if "=" not in text:
         return text.strip()
     goals = {}
@@ -187,7 +184,6 @@ def _goal(text: str) -> str | dict[str, float]:
 
 def span(text: str, unit: str, where: str) -> tuple[float, float]:
     """Return the ends of ``2..8 Hz`` in SI; the unit behind the second end is that of both."""
-    from sindyjoint.errors import InputError
     from sindyjoint.files.units import conversion, split_quantity
 
     low, dots, rest = text.partition("..")
@@ -202,8 +198,6 @@ def span(text: str, unit: str, where: str) -> tuple[float, float]:
 
 
 def _parted(text: str, known: Mapping[str, str] | None, where: str) -> tuple[str, str]:
-    from sindyjoint.errors import InputError
-
     name, sign, value = text.partition("=")
     if not sign or (known is not None and name.strip() not in known):
         names = "NAME" if known is None else " or ".join(known)

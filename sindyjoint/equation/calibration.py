@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import INERTIA, ModelTerm
 from sindyjoint.numeric import Array
@@ -82,7 +83,6 @@ def _degrees(term: ModelTerm, model: JointModel) -> tuple[float, float]:
     """Return the degree of a term in angle, and in rate (with the acceleration): ∂ln f/∂ln x over the tested range."""
     if term.id == INERTIA:
         return 0.0, 1.0
-    from sindyjoint.equation.formula import VARIABLES, compile_terms
 
     fitted = model.fitted
     inputs = {each.name: max(each.tested or (each.reference,), key=abs) for each in model.inputs}

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, range_warnings
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input
@@ -183,8 +184,6 @@ class JointModel:
         InputError
             If the model has elements and no step is given.
         """
-        from sindyjoint.equation.formula import VARIABLES, compile_terms
-
         angle, rate = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
         if self.elements and step is None:
             names = ", ".join(element.id for element in self.elements)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.checksums import refuse_foreign_file
 from sindyjoint.equation.element import states_along
+from sindyjoint.equation.formula import compile_terms, variable_symbols
 from sindyjoint.errors import InputError
 from sindyjoint.export.parts import contribution
 from sindyjoint.files.atomic import output_folder, write_bytes
@@ -130,8 +131,6 @@ class Cycles:
 
     def term(self, term: ModelTerm) -> Array:
         """Moment of one term over the cycles; zero for one in the acceleration or an input, which no cycle defines."""
-        from sindyjoint.equation.formula import variable_symbols
-
         if variable_symbols()[2] in term.expression.free_symbols or term.inputs:
             return np.zeros(self.angle.shape)
         return contribution(term, self.angle, self.rate)
@@ -171,8 +170,6 @@ class Cycles:
 
 def column_moments(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
     """Return the columns of an element at states, shape (..., n_columns)."""
-    from sindyjoint.equation.formula import compile_terms
-
     form = element.form
     columns = compile_terms([column.expression for column in form.columns], form.arguments)
     flat = [angle.ravel(), rate.ravel(), *(state.ravel() for state in states)]

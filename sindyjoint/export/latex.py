@@ -7,6 +7,7 @@ from decimal import Decimal
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.equation_text import latex_symbol, numbered, renamed
+from sindyjoint.equation.formula import formula_latex, parameter_symbol
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
 from sindyjoint.export.text import comment, one_line, preamble, words_of
@@ -62,8 +63,6 @@ def export(model: JointModel) -> Export:
 
 def equation(model: JointModel) -> str:
     """Return what ``model.latex()`` does, with symbols that are no plain names set as text."""
-    from sindyjoint.equation.formula import formula_latex
-
     symbols = [term.symbol for term in model.terms] + [c.name for e in model.elements for c in e.columns]
     if all(_PLAIN.fullmatch(symbol) for symbol in symbols):
         return model.latex()
@@ -119,8 +118,6 @@ def _element_rows(element: JointElement) -> list[str]:
 
 def _parameter(name: str) -> str:
     """Return the name of a nonlinear parameter as formulas have it."""
-    from sindyjoint.equation.formula import formula_latex, parameter_symbol
-
     return formula_latex(parameter_symbol(name)) if _PLAIN.fullmatch(name) else _symbol(name)
 
 

@@ -14,6 +14,7 @@ from math import sqrt
 import numpy as np
 
 from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import lumped
 from sindyjoint.export.base import Cycles, Export, Fidelity, Represented, fidelity_table
@@ -157,8 +158,6 @@ def _basis(variable: str, x: Array) -> Array:
 def _power(term: ModelTerm, variable: str) -> tuple[int, float] | None:
     """Which of the four columns a term is, and how often."""
     import sympy
-
-    from sindyjoint.equation.formula import variable_symbols
 
     theta, omega, _ = variable_symbols()
     powers = (sympy.Integer(1), theta, theta**2, theta**3)

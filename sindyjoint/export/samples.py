@@ -15,6 +15,7 @@ from sindyjoint.batch.population import next_joint, population
 from sindyjoint.batch.record import CampaignRecord
 from sindyjoint.batch.summary import covariates_of, units_of_covariates
 from sindyjoint.documents import LARGEST, parse_json
+from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.export.base import Export, Fidelity
@@ -35,7 +36,6 @@ def export(model: JointModel, count: int = COUNT, random_state: int = 0) -> Expo
 
     _check(count)
     drawn = draw_models(model, count, np.random.default_rng(random_state))
-    from sindyjoint.equation.formula import formula_text
 
     names = [(term.id, term.symbol, term.unit) for term in model.terms]
     names += [(e.id, f"{e.symbol}_{n.name}", n.unit) for e in model.elements for n in e.numbers]

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sindyjoint.equation.formula import formula_text
 from sindyjoint.export.base import Fidelity, not_carried
 
 if TYPE_CHECKING:
@@ -104,7 +105,6 @@ def _rate(model: JointModel) -> str:
 def equation(model: JointModel) -> str:
     """Return the equation in ASCII, with the syntax of the catalogues for formulas."""
     from sindyjoint.equation.equation_text import numbered, renamed
-    from sindyjoint.equation.formula import formula_text
 
     motion = model.joint.motion
     parts = ["I*alpha" if motion == "rotation" else "m*a"] if model.joint.inertia is not None else []

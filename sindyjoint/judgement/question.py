@@ -21,6 +21,7 @@ from sindyjoint.judgement.against_paper import wanted_terms
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, SizeScore
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.parallel import side_by_side
+from sindyjoint.states import regression_rows
 
 # Over the angles of such joints sin θ is θ: no test distinguishes gravity from stiffness.
 NEVER_VISIBLE = ("gravity_moment",)
@@ -184,7 +185,6 @@ def by_library(
 ) -> tuple[tuple[Choice, dict[str, str]], ...]:
     """Fit each library to the force states that are there already; return choices and the units of their terms."""
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.states import regression_rows
 
     found = question.found
     rows = regression_rows(found.states, found.campaign.joint.inertia).fit_arguments()

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.large.segments import SampleCount
-from sindyjoint.equation.model import INERTIA, Fitted, JointModel
+from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.verdict import Verdict
@@ -120,9 +121,6 @@ def _search_from(
 
 def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | None:
     """Return the paper's five terms, and inertia where it is one, fitted to a regressor's data; None if not offered."""
-    from sindyjoint.discovery.evidence import fit_columns
-    from sindyjoint.equation.model import model_terms
-
     ids = regressor.evidence_.ids
     wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
     if regressor.fixed or not set(wanted) <= set(ids):
@@ -225,7 +223,6 @@ def without_bias(found: TermSearch, measured: JointRegressor, campaign: Campaign
     stays uncertain, as of any correction.
     """
     from sindyjoint.bias.correction import corrected_model
-    from sindyjoint.discovery.evidence import fit_columns
 
     regressor, model = found.regressor, found.model
     chosen = [term for term in regressor.terms_ if term.id in model]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.headline import Excitations, Headline, make_headline
 from sindyjoint.judgement.over_inputs import OverInput
@@ -309,7 +310,6 @@ def _over_phase(state: ForceStates, residual: Array) -> Array:
 def _fit_groups(evidence: Evidence, model: JointModel, bias: Bias | None) -> tuple[GroupFit, ...]:
     """Fit the model's terms to each single group where there are several; less its bias where that is known."""
     from sindyjoint.discovery.evidence import Evidence as Problem
-    from sindyjoint.discovery.evidence import fit_columns
 
     if len(evidence.groups) < 2 or not model.terms:
         return ()

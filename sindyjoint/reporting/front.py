@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.record import Campaign
+from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.registry import draw, drawable, kinds_of, show, view_of
+from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.reporting.text_table import TextTable
 from sindyjoint.reporting.trust import NEXT
 from sindyjoint.soundness.check import check_campaign
@@ -57,8 +59,6 @@ def html_of(result: Any) -> str:
     head = f"<p><b>{escape(text_of(result).split(chr(10), 1)[0])}</b></p>"
     model = _model_of(result)
     if model is not None:
-        from sindyjoint.reporting.equation import mathml
-
         head += f"<p>{mathml(model)}</p>"
     tables = view_of(result).tables(result)
     if not tables:
@@ -132,8 +132,6 @@ def _teach_notebook() -> None:
     if shell is None:
         return
     from matplotlib.figure import Figure
-
-    from sindyjoint.reporting.style import figure_bytes
 
     formatter = shell.display_formatter.formatters["image/png"]
     try:

@@ -23,7 +23,7 @@ from sindyjoint.reporting.results.reproduction import ReproductionView
 from sindyjoint.reporting.results.rig import RigView
 from sindyjoint.reporting.results.structure_joints import StructureJointsView
 from sindyjoint.reporting.results.verification import RefinementView, VerificationView
-from sindyjoint.reporting.style import DOUBLE_COLUMN
+from sindyjoint.reporting.style import DOUBLE_COLUMN, figure_bytes
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
 
@@ -136,8 +136,6 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
 
 def draw_all(result: Any) -> dict[str, bytes]:
     """Return every figure that a result can show, as SVG by kind."""
-    from sindyjoint.reporting.style import figure_bytes
-
     data = view_of(result).gather(result)
     return {kind: figure_bytes(draw(kind, data), "svg") for kind in drawable(data)}
 

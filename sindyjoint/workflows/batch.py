@@ -26,6 +26,9 @@ from sindyjoint.batch.record import (
 from sindyjoint.batch.summary import Batch, summarised
 from sindyjoint.batch.tasks import CAMPAIGNS, Task, Writer, extras_of, find_tasks
 from sindyjoint.checksums import SUMS, changed_files, sums_of, sums_text
+from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.evidence_file import evidence_bytes
+from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.errors import InputError, OutputError, SindyJointError
 from sindyjoint.files.atomic import (
     check_output,
@@ -132,7 +135,6 @@ def _only_batch(folder: Path) -> Iterator[None]:
 def _check_options(library: Any, options: Mapping[str, Any]) -> None:
     """Refuse here, once, what would make every campaign a broken one."""
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.equation.catalogue import as_catalogue
 
     catalogue = as_catalogue(library)
     given = {name: options[name] for name in options if name in JointRegressor().get_params()}
@@ -188,9 +190,6 @@ def _record(record: CampaignRecord, folder: Path) -> None:
 
 def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord | None) -> CampaignRecord:
     """Write what was found of a campaign, with what the last result of the same inputs has more; return the record."""
-    from sindyjoint.discovery.evidence import Evidence
-    from sindyjoint.discovery.evidence_file import evidence_bytes
-
     evidence = result.regressor.evidence_ if result.stopped is None else Evidence((), ())
     joint = result.campaign.joint
     with whole_folder(task.folder) as stage:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.model import JointModel, model_terms
@@ -105,8 +106,6 @@ def _read(test: Test) -> Campaign | Discovery | JointModel:
 
 def _refitted(found: Discovery, ids: Sequence[str]) -> JointModel:
     """Return some of the candidates of a discovery, fitted to its runs; those left undetermined are left out."""
-    from sindyjoint.discovery.evidence import fit_columns
-
     evidence = found.regressor.evidence_
     resolved = {term.id: term for term in found.regressor.terms_}
     columns = [evidence.ids.index(name) for name in ids if name in evidence.ids]

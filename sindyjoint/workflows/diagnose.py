@@ -20,12 +20,14 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.tested import Tested, followed, stopped
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign
+from sindyjoint.substructure.recovery import recover
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.discover import discover_rig, the_campaign
 
 if TYPE_CHECKING:
     import numpy as np
@@ -235,7 +237,6 @@ def _law_in_pulse(rig: str | Path, random_state: Any, say: Callable[[str], None]
     from sindyjoint.diagnosis.structure.start import open_rig
     from sindyjoint.mechanics.pulse_test import hinges
     from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
-    from sindyjoint.workflows.discover import discover_rig
 
     opened = open_rig(rig)
     sought = any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(opened))
@@ -292,10 +293,7 @@ def diagnose_rig(
     from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis, divide_runs
     from sindyjoint.diagnosis.structure.runs import RunsProblem
     from sindyjoint.judgement.rig_discovery import described
-    from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.substructure.recovery import recover
-    from sindyjoint.workflows.discover import discover_rig
 
     say = progress or (lambda stage: None)
     known_effects = _known_effects(library, effects, max_effects)

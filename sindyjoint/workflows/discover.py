@@ -18,6 +18,7 @@ from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError
+from sindyjoint.files import load_campaign
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.second_search import (
     TermSearch,
@@ -256,7 +257,6 @@ def the_campaign(
         return virtual_campaign(
             "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
         )
-    from sindyjoint.files import load_campaign
 
     return load_campaign(campaign, longest)
 

@@ -37,6 +37,7 @@ from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
+from sindyjoint.workflows.discover import discover
 
 Say = Callable[[str], None]
 
@@ -314,8 +315,6 @@ def _discovered(
     campaign: Campaign | str | Path, forced: Sequence[str], random_state: int, say: Say
 ) -> tuple[Discovery, float]:
     """Return what was discovered, the terms that the joint was said to have among it, and the time of the runs."""
-    from sindyjoint.workflows.discover import discover
-
     found = discover(campaign, forced=forced, random_state=random_state, progress=say)
     if not found.found:
         raise InputError(f"no model was discovered from the campaign: {found.reason}; plan without it")

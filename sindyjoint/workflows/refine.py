@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
@@ -132,8 +133,6 @@ def refine(
     ------
     InputError, UnknownNameError, UnsoundError
     """
-    from sindyjoint.discovery.delay import align_channels
-
     say = progress or (lambda stage: None)
     if not isinstance(model, JointModel):
         test = read_test(model) if test is None else test

@@ -15,6 +15,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
@@ -178,7 +179,6 @@ def _open_input(against: Rig | Campaign | str | Path) -> Rig | Campaign:
     """Return the rig or campaign that a path means: a TOML file with a chain is a rig."""
     if isinstance(against, Rig | Campaign):
         return against
-    from sindyjoint.files import load_campaign
 
     path = Path(against)
     if str(against) in shipped_rigs() and not path.is_dir():

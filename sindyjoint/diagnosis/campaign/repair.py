@@ -13,6 +13,7 @@ from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import with_coefficients
@@ -118,8 +119,6 @@ def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[Fitt
     Nearest to the middle; zero where there is no such angle, and where it is not known: where no linear stiffness
     stands out of its error about it, or where terms and effects leave much of the moment.
     """
-    from sindyjoint.equation.formula import compile_terms
-
     if "linear_stiffness" not in model.ids:
         return 0.0
 

@@ -20,6 +20,7 @@ from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun
 from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel_noise_factor, slopes
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array
 from sindyjoint.response.run import settling
@@ -302,8 +303,6 @@ def _motion(
 
 def base_columns(model: JointModel, run: GapRun) -> Array:
     """Return the columns of the model's own terms at the kept samples, shape (m, p)."""
-    from sindyjoint.equation.formula import VARIABLES, compile_terms
-
     inputs = model.input_arrays(run.inputs, run.angle.shape)
     function = compile_terms([term.expression for term in model.terms], (*VARIABLES, *inputs))
     return function(run.angle, run.rate, run.acceleration, *inputs.values())
